@@ -1,0 +1,144 @@
+"""Prescribed motion of the glass (MODEL.md section 8), piece by smooth piece.
+
+A belt is smooth between its breaks (corners and reversals). Breaks are known in advance, so the
+engine steps exactly onto them; piece ``k`` ends at ``break_time(k)``. ``velocity(t, k)`` is the
+formula of piece ``k``, continued smoothly past its ends, so that no stage of a step ever sees
+the other side of a corner.
+"""
+
+from abc import abstractmethod
+
+import equinox as eqx
+import jax.numpy as jnp
+
+TURN = 6.283185307179586
+
+
+class AbstractBelt(eqx.Module):
+    """Belt velocity V(t) [m/s] along +x."""
+
+    @abstractmethod
+    def velocity(self, time, piece):
+        """V [m/s] at ``time`` [s] by the formula of piece ``piece``."""
+
+    @abstractmethod
+    def break_time(self, piece):
+        """Time [s] at which piece ``piece`` ends; inf if never."""
+
+    @abstractmethod
+    def first_piece(self, time):
+        """Index of the piece that holds just after ``time``."""
+
+    @abstractmethod
+    def reverses(self, piece):
+        """True where the break that ends ``piece`` is a passage of V through zero."""
+
+    @property
+    @abstractmethod
+    def peak(self):
+        """Largest belt speed [m/s]: the scale of velocities."""
+
+    @property
+    @abstractmethod
+    def rms(self):
+        """Root mean square of V [m/s] over a period."""
+
+
+class SteadyBelt(AbstractBelt):
+    """Constant velocity ``speed`` [m/s]."""
+
+    speed: float = 0.3
+
+    def velocity(self, time, piece):
+        return self.speed
+
+    def break_time(self, piece):
+        return jnp.inf
+
+    def first_piece(self, time):
+        return 0
+
+    def reverses(self, piece):
+        return False
+
+    @property
+    def peak(self):
+        return jnp.abs(self.speed)
+
+    @property
+    def rms(self):
+        return jnp.abs(self.speed)
+
+
+class WipingBelt(AbstractBelt):
+    """``amplitude sin(2 pi frequency t + phase)``; amplitude [m/s], frequency [Hz], phase [rad]."""
+
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+
+    def velocity(self, time, piece):
+        return self.amplitude * jnp.sin(TURN * self.frequency * time + self.phase)
+
+    def break_time(self, piece):
+        return (0.5 * piece - self.phase / TURN) / self.frequency
+
+    def first_piece(self, time):
+        guess = jnp.floor(2 * (self.frequency * time + self.phase / TURN)).astype(int)
+        return guess + (self.break_time(guess) <= time) + (self.break_time(guess + 1) <= time)
+
+    def reverses(self, piece):
+        return True
+
+    @property
+    def peak(self):
+        return jnp.abs(self.amplitude)
+
+    @property
+    def rms(self):
+        return jnp.abs(self.amplitude) / jnp.sqrt(2.0)
+
+
+class TrapezoidBelt(AbstractBelt):
+    """Plateaus of +-``speed`` joined by linear ramps of duration ``ramp`` [s] centred on V = 0.
+
+    With s = frequency t + phase / (2 pi), V rises through 0 at integer s and falls through 0 at
+    s = 1/2 (MODEL.md section 8). Every half period j has three breaks: start of the ramp, V = 0
+    (s = j/2) and end of the ramp; pieces are numbered 3 j + (0: plateau, 1 and 2: ramp).
+    """
+
+    speed: float
+    frequency: float
+    ramp: float
+    phase: float = 0.0
+
+    def _zero(self, half):
+        return (0.5 * half - self.phase / TURN) / self.frequency
+
+    def velocity(self, time, piece):
+        half, part = piece // 3, piece % 3
+        rising = 1.0 - 2.0 * (half % 2)
+        slope = 2.0 * self.speed / self.ramp
+        on_ramp = slope * (time - self._zero(half))
+        return rising * jnp.where(part == 0, -self.speed, on_ramp)
+
+    def break_time(self, piece):
+        return self._zero(piece // 3) + 0.5 * self.ramp * (piece % 3 - 1)
+
+    def first_piece(self, time):
+        half = jnp.floor(2 * (self.frequency * time + self.phase / TURN)).astype(int)
+        start = 3 * half
+        passed = [self.break_time(start + i) <= time for i in range(6)]
+        return start + sum(p.astype(int) for p in passed)
+
+    def reverses(self, piece):
+        return piece % 3 == 1
+
+    @property
+    def peak(self):
+        return jnp.abs(self.speed)
+
+    @property
+    def rms(self):
+        # a ramp holds a third of the plateau's mean square
+        return jnp.abs(self.speed) * jnp.sqrt(1 - 2 * self.frequency * self.ramp * 2 / 3)

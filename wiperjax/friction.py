@@ -1,0 +1,49 @@
+"""Set-valued friction laws: a static limit at rest and a coefficient in slip (MODEL.md section 4)."""
+
+from abc import abstractmethod
+
+import equinox as eqx
+import jax.numpy as jnp
+
+
+class AbstractFriction(eqx.Module):
+    """``|lambda_t| <= static * lambda_n`` in stick, ``lambda_t = -sign(v_t) mu(|v_t|) lambda_n`` in slip."""
+
+    static: eqx.AbstractVar[float]
+
+    @abstractmethod
+    def coefficient(self, speed):
+        """mu at slip speed ``speed = sign * v_t`` [m/s].
+
+        A step that runs past ``v_t = 0`` before the crossing is located evaluates it at slightly
+        negative speeds: it must continue smoothly there.
+        """
+
+
+class Coulomb(AbstractFriction):
+    """Constant coefficient in slip, and one (equal or larger) at rest."""
+
+    static: float
+    dynamic: float
+
+    def coefficient(self, speed):
+        return self.dynamic + 0 * speed
+
+
+class Stribeck(AbstractFriction):
+    """mu(v) = mu_m + (mu_s - mu_m) exp(-(|v|/v_s)^delta) + beta |v|  (wet glass; MODEL.md section 4)."""
+
+    static: float
+    minimum: float
+    stribeck_speed: float
+    shape: float = 1.0
+    viscous_slope: float = 0.0
+
+    def coefficient(self, speed):
+        ratio = speed / self.stribeck_speed
+        if not (isinstance(self.shape, float | int) and self.shape == 1):
+            # |.|^delta has no smooth continuation through zero; the floor keeps its derivative finite
+            ratio = jnp.sign(ratio) * jnp.maximum(jnp.abs(ratio), 1e-30) ** self.shape
+        # the clamp keeps wild trial stages finite; accepted states have speed >= 0
+        decay = jnp.exp(-jnp.maximum(ratio, -2.0))
+        return self.minimum + (self.static - self.minimum) * decay + self.viscous_slope * speed

@@ -1,0 +1,62 @@
+"""The guards of each regime: functions that are positive inside it and vanish where it ends.
+
+Slots are the same for every regime, so that a batch of trajectories in different regimes runs the
+same arithmetic:
+
+| slot | STICK | SLIP_s | FLIGHT |
+|---|---|---|---|
+| FIRST | cone, upper side | s v_t | gap |
+| SECOND | cone, lower side | -b_n (pressing) | - |
+| JAM (coupled systems) | - | D | - |
+| one a switch | side * switch | same | same |
+| limit | the system's own limit | same | same |
+"""
+
+import jax.numpy as jnp
+
+from .regimes import friction_coefficient, slip_sign, stick_forces
+from .results import Regime
+from .system import AbstractSystem, Contact
+
+FIRST, SECOND, JAM = 0, 1, 2
+
+
+def first_switch(system: AbstractSystem) -> int:
+    """Slot of the first switching function."""
+    return 3 if system.coupled else 2
+
+
+def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides):
+    """Return the values of the slots, stacked along a new first axis; unused slots are 1.
+
+    Lift-off is watched through the free acceleration, -b_n, not through the normal force: the
+    force has a pole where D = 0, b_n is regular there (MODEL.md section 7).
+    """
+    one = jnp.ones_like(c.b_t)
+    sign = slip_sign(regime)
+    sticking, flying = regime == Regime.STICK, regime == Regime.FLIGHT
+    frictional, unilateral = system.law is not None, system.unilateral
+
+    first = sign * c.slip_speed if frictional else one
+    second = -c.b_n if unilateral else one
+    if frictional:
+        stick = stick_forces(c, True, unilateral)
+        limit = system.law.static * stick.normal
+        first = jnp.where(sticking, limit - stick.tangential, first)
+        second = jnp.where(sticking, limit + stick.tangential, second)
+    if unilateral:
+        first = jnp.where(flying, c.gap, first)
+        second = jnp.where(flying, one, second)
+    slots = [first, second]
+    if system.coupled:
+        d = (c.w_nn - sign * friction_coefficient(system, c, sign) * c.w_tn) / c.w_nn
+        slots.append(jnp.where(sign == 0, one, d))
+    switches = system.switches(t, q, v)
+    slots += [
+        jnp.asarray(side * s, one.dtype) for side, s in zip(sides, switches, strict=True)
+    ]
+    bound = system.limit(t, q, v)
+    if bound is not None:
+        slots.append(jnp.asarray(bound, one.dtype))
+    return jnp.stack([jnp.broadcast_to(s, one.shape) for s in slots])
+

@@ -1,0 +1,111 @@
+"""What a trial step is worth: accept it, shorten it onto an event, or refuse it.
+
+An event is located in two strokes. The guard's polynomial gives the first zero; the next trial
+step is shortened to end there, so that the state at the event is a full Runge-Kutta result and
+its guard is the true one. Newton on the length of that step (a re-step each time) finishes; the
+last correction, far below the tolerance, is a Taylor step and carries the derivative of the event
+time (implicit function theorem), since step sizes themselves carry none.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+
+from .polynomials import first_root
+from .state import Problem, State
+from .system import Scalar
+from .trial import Trial, pick
+
+MAX_TRIES = 12
+
+
+class Plan(NamedTuple):
+    """Decision about a trial step. At most one of accept, arrive and fire holds."""
+
+    accept: Scalar  # commit the whole step
+    arrive: Scalar  # commit it, and the event of `slot` at its end
+    fire: Scalar  # no motion: the guard of `slot` is violated already
+    slot: Scalar
+    correction: Scalar  # time from the end of the step to the event
+    unproved: Scalar  # accepted although some guard could not be proved free of zeros
+    rejected: Scalar  # nothing committed because of the error estimate
+    step: Scalar  # controller's step for the next trial
+    target: Scalar
+    trial: Scalar
+    tries: Scalar
+
+
+def light(trial: Trial, state: State):
+    """True where the step needs no more thought: accurate, free of events, away from any mark."""
+    calm = trial.ok & ~trial.lands & (state.target < 0)
+    return calm & jnp.all(trial.proved, axis=0)
+
+
+def locate(problem: Problem, state: State, trial: Trial) -> Plan:
+    """Return what to do with ``trial``."""
+    pending = state.target >= 0
+    slots = jnp.arange(trial.proved.shape[0]).reshape((-1,) + (1,) * state.time.ndim)
+    clear = trial.proved | (pending & (state.target == slots))
+    violated = ~clear & jnp.where(state.orders == 0, trial.starts <= 0, trial.starts < -trial.blurs)
+    murky = ~clear & ~violated & (trial.starts <= trial.blurs)
+    roots = first_root(trial.controls)
+    tied = pending & roots.found & (roots.theta > 1 - 1e-6)
+    open_ = ~clear & ~roots.free & ~tied
+    # the earliest of all guards, whatever their order in the list
+    ahead = jnp.where(violated, -1.0, jnp.where(murky, -0.5, roots.theta))
+    ahead = jnp.where(violated | murky | open_, ahead, 2.0)
+    first = jnp.argmin(ahead, axis=0).astype(jnp.int32)
+    ahead = jnp.min(ahead, axis=0)
+    violated, murky = ahead == -1.0, ahead == -0.5
+    blocked = (ahead >= 0) & (ahead < 2.0)
+    found = blocked & pick(roots.found, first)
+    undecided = blocked & ~found
+    obstructed = violated | murky | blocked
+
+    # the event being located: Newton on the length of the step
+    tolerance = jnp.minimum(1e-3, 0.1 * jnp.sqrt(problem.rtol))
+    slot = jnp.maximum(state.target, 0)
+    value, slope = pick(trial.end_values, slot), pick(trial.end_slopes, slot)
+    falling = slope < 0
+    shift = -value / jnp.where(falling, slope, -1.0)
+    close = falling & (jnp.abs(stop_gradient(shift)) <= tolerance)
+    small = trial.h <= 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
+    located = pending & trial.ok & ~obstructed & ((falling & close) | (small & falling))
+    chase = pending & trial.ok & ~obstructed & ~located
+    miss = chase & (value > 0) & pick(trial.proved, slot) & (~falling | (jnp.abs(shift) > 0.05))
+    lost = chase & ~miss & (~falling | (state.tries >= MAX_TRIES))
+    newton = chase & ~miss & ~lost
+
+    accept = trial.ok & ~obstructed & (~pending | miss)
+    fire = trial.ok & violated
+    rejected = ~trial.ok
+
+    h = stop_gradient(trial.h)
+    dtype = h.dtype
+    retarget = trial.ok & found
+    target = jnp.where(retarget, first, jnp.where(newton, state.target, -1)).astype(jnp.int32)
+    stretch = jnp.clip(1 + stop_gradient(shift), 0.5, 1.5).astype(dtype)
+    new_trial = jnp.where(retarget, h * ahead.astype(dtype), h * stretch)
+    # a shortened step must not teach the controller: it keeps its own step until one is accepted
+    grown = jnp.where(trial.lands | pending, jnp.maximum(state.step, trial.next_step), trial.next_step)
+    step = jnp.where(accept, grown, state.step)
+    step = jnp.where(rejected, trial.next_step, step)
+    step = jnp.where(trial.ok & murky, 0.25 * h, step)
+    step = jnp.where(trial.ok & undecided, h * jnp.maximum(ahead, 0.1).astype(dtype), step)
+    step = jnp.where(lost, 0.5 * h, step)
+
+    sure = jnp.all(clear | roots.free | tied, axis=0)
+    return Plan(
+        accept=accept,
+        arrive=located,
+        fire=fire,
+        slot=jnp.where(fire, first, slot).astype(jnp.int32),
+        correction=jnp.where(located, shift.astype(dtype) * trial.h, 0.0),
+        unproved=(accept | located) & ~sure,
+        rejected=rejected | lost | (trial.ok & (murky | undecided)),
+        step=step,
+        target=target,
+        trial=new_trial,
+        tries=jnp.where(newton, state.tries + 1, 0).astype(jnp.int32),
+    )

@@ -1,0 +1,144 @@
+"""Statistics gathered while integrating, instead of stored trajectories.
+
+An observer sees every committed stretch of motion (its state at the nodes of the step) and every
+event, and keeps a few numbers. The engine does not know which.
+"""
+
+from abc import abstractmethod
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .regimes import Forces
+from .results import Event, Regime
+from .system import Scalar
+
+BOOLE = (7 / 90, 32 / 90, 12 / 90, 32 / 90, 7 / 90)  # quadrature over the five nodes, order 6
+
+
+class Stretch(NamedTuple):
+    """A committed piece of smooth motion in one regime."""
+
+    system: Any
+    start: Scalar  # time
+    length: Scalar
+    regime: Scalar
+    times: Scalar  # at the nodes of the step, (5, ...)
+    positions: tuple
+    velocities: tuple
+    contact_forces: Forces
+
+
+class Happening(NamedTuple):
+    """An event as an observer sees it."""
+
+    system: Any
+    time: Scalar
+    kind: Scalar
+    before: Scalar
+    after: Scalar
+    impulse: Scalar  # normal impulse
+
+
+class AbstractObserver(eqx.Module):
+    """Online statistics: immutable rules over an explicit record."""
+
+    @abstractmethod
+    def init(self, dtype, shape=()) -> Any:
+        """Return the empty record of a batch of ``shape`` (lanes), or of one trajectory."""
+
+    @abstractmethod
+    def stretch(self, record: Any, stretch: Stretch) -> Any:
+        """Return the record after a stretch of motion."""
+
+    @abstractmethod
+    def event(self, record: Any, happening: Happening) -> Any:
+        """Return the record after an event."""
+
+
+class Nothing(AbstractObserver):
+    """Keeps nothing."""
+
+    def init(self, dtype, shape=()):
+        return ()
+
+    def stretch(self, record, stretch):
+        return record
+
+    def event(self, record, happening):
+        return record
+
+
+class Totals(NamedTuple):
+    """Record of `RegimeTotals`. Times in s, output in the system's own unit (m/s for the wiper)."""
+
+    stick_time: Scalar
+    slip_time: Scalar
+    flight_time: Scalar
+    output_integral: Scalar
+    output_square_integral: Scalar
+    normal_force_integral: Scalar
+    normal_force_max: Scalar
+    gap_max: Scalar
+    impact_count: Scalar
+    stick_count: Scalar
+    lift_off_count: Scalar
+    impulse_max: Scalar
+
+
+class RegimeTotals(AbstractObserver):
+    """Time in each regime, moments of the output velocity, extremes and event counts from ``start`` on."""
+
+    start: Scalar = 0.0
+
+    def init(self, dtype, shape=()):
+        z = jnp.zeros(shape, dtype)
+        n = jnp.zeros(shape, jnp.int32)
+        return Totals(z, z, z, z, z, z, z, z, n, n, n, z)
+
+    def stretch(self, record, stretch):
+        s = stretch
+        dtype = record.stick_time.dtype
+        h = jnp.where(s.start >= self.start, s.length, 0.0).astype(dtype)
+        out = jnp.asarray(s.system.output(s.times, s.positions, s.velocities), dtype)
+        peak = jnp.max(s.contact_forces.normal, axis=0)
+        gap = jnp.zeros_like(peak)
+        if s.system.unilateral:
+            gap = jnp.max(jnp.asarray(s.system.gap(s.times, s.positions), dtype), axis=0)
+        counts = s.start >= self.start
+
+        def integral(values):
+            return h * sum(w * x for w, x in zip(BOOLE, values, strict=True))
+
+        return record._replace(
+            stick_time=record.stick_time + jnp.where(s.regime == Regime.STICK, h, 0.0),
+            flight_time=record.flight_time + jnp.where(s.regime == Regime.FLIGHT, h, 0.0),
+            slip_time=record.slip_time
+            + jnp.where((s.regime == Regime.SLIP_POS) | (s.regime == Regime.SLIP_NEG), h, 0.0),
+            output_integral=record.output_integral + integral(out),
+            output_square_integral=record.output_square_integral + integral(out * out),
+            normal_force_integral=record.normal_force_integral + integral(s.contact_forces.normal),
+            normal_force_max=jnp.where(
+                counts, jnp.maximum(record.normal_force_max, peak), record.normal_force_max
+            ),
+            gap_max=jnp.where(counts, jnp.maximum(record.gap_max, gap), record.gap_max),
+        )
+
+    def event(self, record, happening):
+        e = happening
+        on = e.time >= self.start
+        hit = on & ((e.kind == Event.IMPACT) | (e.kind == Event.ZENO) | (e.kind == Event.JAM))
+
+        def count(condition):
+            return (on & condition).astype(jnp.int32)
+
+        return record._replace(
+            impact_count=record.impact_count + hit.astype(jnp.int32),
+            stick_count=record.stick_count
+            + count((e.after == Regime.STICK) & (e.before != Regime.STICK)),
+            lift_off_count=record.lift_off_count + count(e.kind == Event.LIFT_OFF),
+            impulse_max=jnp.where(
+                hit, jnp.maximum(record.impulse_max, e.impulse), record.impulse_max
+            ),
+        )

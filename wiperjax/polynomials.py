@@ -1,0 +1,128 @@
+"""Guards along a step as polynomials: proof that one has no zero, and its first zero.
+
+A guard is positive inside its regime. Its values at the five nodes of a step define a quartic in
+theta in [0, 1]; the control values of its Bernstein form bound it, so all of them positive proves
+that it does not vanish. A guard that starts at an m-fold zero by construction (at lift-off the gap
+has a triple one) is divided by theta^m first, so that its own start never fires and a second
+crossing in the same step is still seen.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from .system import Scalar
+
+DEGREE = 4
+_THETA = np.linspace(0.0, 1.0, DEGREE + 1)
+_BINOMIAL = np.array([1.0, 4.0, 6.0, 4.0, 1.0])
+_BERNSTEIN = _BINOMIAL * _THETA[:, None] ** np.arange(5) * (1 - _THETA[:, None]) ** (4 - np.arange(5))
+_TO_CONTROL = np.linalg.inv(_BERNSTEIN)
+
+
+def deflated(g, m) -> tuple[Scalar, ...]:
+    """Return node values of g(theta) / theta^m; at theta = 0 the cubic extrapolation of the others.
+
+    ``g`` holds a guard's five node values; ``m`` (0 to 3) is its known multiplicity at the start.
+    """
+    quotients = []
+    for value, theta in zip(g[1:], _THETA[1:], strict=True):
+        inverse = 1.0 / float(theta)
+        factor = jnp.where(m == 1, inverse, jnp.where(m == 2, inverse**2, inverse**3))
+        quotients.append(jnp.where(m == 0, value, value * factor.astype(value.dtype)))
+    a, b, c, d = quotients
+    start = jnp.where(m == 0, g[0], 4 * a - 6 * b + 4 * c - d)
+    return (start, a, b, c, d)
+
+
+def control_values(nodes) -> tuple[Scalar, ...]:
+    """Return Bernstein control values of the quartic through five equidistant node values."""
+    return tuple(
+        sum(float(w) * x for w, x in zip(row, nodes, strict=True) if abs(w) > 1e-14)
+        for row in _TO_CONTROL
+    )
+
+
+def interpolation_error(nodes, order) -> Scalar:
+    """Estimate of the error of the quartic: its own highest difference, which is an upper bound
+    of the next one for a step that resolves the motion."""
+    a, b, c, d, e = nodes
+    quartic = jnp.abs(a - 4 * b + 6 * c - 4 * d + e)
+    cubic = jnp.abs(-b + 3 * c - 3 * d + e)
+    return jnp.where(order == 0, quartic, cubic) / 16
+
+
+def minimum(values) -> Scalar:
+    """Smallest of a tuple of values."""
+    low = values[0]
+    for v in values[1:]:
+        low = jnp.minimum(low, v)
+    return low
+
+
+class Root(NamedTuple):
+    """Outcome of `first_root`. Neither found nor free: undecided, but free up to ``theta``."""
+
+    theta: Scalar  # the root, or the length of the stretch proved free of roots
+    found: Scalar
+    free: Scalar
+
+
+def hull_cut(control):
+    """First zero of the lower boundary of the control polygon's hull: a lower bound of any root.
+
+    1 where no control value after the first is negative.
+    """
+    cut = jnp.ones_like(control[0])
+    for i in range(1, DEGREE + 1):
+        crosses = control[i] < 0
+        hull = (i / DEGREE) * control[0] / jnp.where(crosses, control[0] - control[i], 1.0)
+        cut = jnp.where(crosses, jnp.minimum(cut, hull), cut)
+    return jnp.maximum(cut, 0.0)
+
+
+def first_root(control, passes: int = 6, polish: int = 3) -> Root:
+    """First zero on [0, 1] of the polynomial with Bernstein ``control`` values, the first positive.
+
+    Clipping from the left: the polynomial cannot vanish before the lower boundary of its control
+    polygon's hull does, so everything left of that is proved free; subdivide there and repeat.
+    It never steps over a root and ends at once where there is none. Newton polishes the last
+    digits; where that fails (nearly double roots) the proved stretch is what is returned.
+    """
+    n = DEGREE
+    size = jnp.max(jnp.abs(jnp.stack(control)), axis=0)
+
+    def clip(_, carry):
+        left, b = carry
+        cut = jnp.where(minimum(b[1:]) < 0, hull_cut(b), 0.0)
+        points = list(b)  # de Casteljau: control values of the right part
+        for level in range(n):
+            for i in range(n - level):
+                points[i] = points[i] + cut * (points[i + 1] - points[i])
+        return left + cut * (1 - left), tuple(points)
+
+    left, b = lax.fori_loop(0, passes, clip, (jnp.zeros_like(control[0]), tuple(control)))
+    free = minimum(b) > 0
+
+    c = (
+        b[0],
+        4 * (b[1] - b[0]),
+        6 * (b[2] - 2 * b[1] + b[0]),
+        4 * (b[3] - 3 * b[2] + 3 * b[1] - b[0]),
+        b[4] - 4 * b[3] + 6 * b[2] - 4 * b[1] + b[0],
+    )
+
+    def value_and_slope(u):
+        value = (((c[4] * u + c[3]) * u + c[2]) * u + c[1]) * u + c[0]
+        slope = ((4 * c[4] * u + 3 * c[3]) * u + 2 * c[2]) * u + c[1]
+        return value, slope
+
+    u = jnp.zeros_like(left)
+    for _ in range(polish):
+        value, slope = value_and_slope(u)
+        u = jnp.clip(u - value / jnp.where(slope < 0, slope, -size), 0.0, 1.0)
+    value, slope = value_and_slope(u)
+    found = ~free & (jnp.abs(value) <= 1e-6 * size) & (slope < 0)
+    return Root(jnp.where(found, left + u * (1 - left), left), found, free)

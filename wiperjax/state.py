@@ -1,0 +1,191 @@
+"""What a trajectory carries through the event loop, and what it is asked to do."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .guards import first_switch
+from .observers import AbstractObserver
+from .regimes import acceleration, decide, forces
+from .results import RUNNING, Regime, Result
+from .system import AbstractSystem, Contact, Scalar, contact
+
+
+class Problem(eqx.Module):
+    """One trajectory to compute: the system, the tolerances, and what to keep."""
+
+    system: AbstractSystem
+    end: Scalar
+    rtol: Scalar
+    atol: tuple  # (positions, velocities), one value a coordinate
+    max_step: Scalar
+    zeno_time: Scalar
+    max_steps: Scalar
+    mark: Scalar  # a time to be stepped onto exactly (start of observation)
+    unit: jax.Array  # 1.0, opaque to the compiler (see `stages.keep`)
+    observer: AbstractObserver
+    sample_times: jax.Array | None  # increasing
+    solver: diffrax.AbstractERK = eqx.field(static=True)
+    record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree
+    log_capacity: int = eqx.field(static=True, default=0)
+    pause_when_full: bool = eqx.field(static=True, default=False)
+
+
+class EventLog(NamedTuple):
+    """The first ``capacity`` events; ``count`` goes on past it, so nothing is lost unnoticed."""
+
+    time: jax.Array
+    kind: jax.Array
+    before: jax.Array
+    after: jax.Array
+    impulse: jax.Array
+    count: Scalar
+
+
+class State(NamedTuple):
+    """The loop carry of one trajectory."""
+
+    # evolving
+    time: Scalar
+    position: tuple
+    velocity: tuple
+    regime: Scalar
+    piece: Scalar  # smooth piece of the prescribed motion
+    sides: tuple  # sign of each switching function
+    orders: jax.Array  # multiplicity of each guard's known zero at `time`, slots first
+    rate: Any  # vector field here (the first stage of the next step)
+    # step control
+    step: Scalar  # the controller's next step
+    step_of: tuple  # remembered step of stick, slip, flight
+    last_error: Scalar  # of the last accepted step, relative to the tolerance
+    target: Scalar  # slot of an event being located, or -1
+    trial: Scalar  # step that should end on it
+    tries: Scalar
+    # outcome
+    result: Scalar
+    flagged: Scalar  # an indeterminate Painleve state was passed
+    # counters
+    attempts: Scalar
+    rejected: Scalar
+    unproved: Scalar  # committed steps whose guards could not be proved free of zeros
+    streak: Scalar  # events in a row without time passing
+    events: Scalar
+    # output buffers
+    log: EventLog
+    sample_index: Scalar
+    samples: Any
+    observed: Any
+
+
+def vector_field(t, y, args):
+    """Right-hand side of the smooth motion in a regime; the vector field of the diffrax term."""
+    system, regime = args
+    position, velocity = y
+    c = contact(system, t, position, velocity)
+    return velocity, acceleration(c, forces(system, c, regime))
+
+
+TERM = diffrax.ODETerm(vector_field)
+
+
+def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
+    """Multiplicity of the zero of s v_t where slip starts from rest.
+
+    1 where the tip leaves with an acceleration (after a reversal, or where mu drops at once from
+    static to dynamic), 2 where the cone was reached smoothly (MODEL.md section 5).
+    """
+    f = forces(system, c, regime)
+    a_t = c.b_t + c.w_tt * f.tangential + c.w_tn * f.normal
+    size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
+    return jnp.where(jnp.abs(a_t) > 1e-7 * size, 1, 2)
+
+
+def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> State:
+    """Return the loop state at ``start``: regime, sides of the switches and a first step size."""
+    system = problem.system
+    piece = jnp.zeros_like(start, jnp.int32) + jnp.asarray(system.first_piece(start), jnp.int32)
+    local = system.on_piece(piece)
+    c = contact(local, start, position, velocity)
+    z, no = jnp.zeros_like(start, jnp.int32), jnp.zeros_like(start, bool)
+
+    if system.unilateral:
+        size = jnp.max(jnp.abs(jnp.stack(position)), axis=0)
+        inside = c.gap < -1e-12 * jnp.maximum(size, 1e-30)
+        closed = (c.gap <= 0) & (c.normal_speed == 0)
+    else:
+        inside, closed = no, ~no
+    decision = decide(local, c)
+    at_rest = c.slip_speed == 0
+    # a jam while sliding is resolved by the impact without collision: start it as slip
+    jam = closed & decision.jam
+    slip = jnp.where(c.slip_speed >= 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
+    regime = jnp.where(closed, jnp.where(jam & ~at_rest, slip, decision.regime), int(Regime.FLIGHT))
+    regime = regime.astype(jnp.int32)
+    inconsistent = inside | (jam & at_rest)
+
+    flying = regime == Regime.FLIGHT
+    sliding = ~flying & (regime != Regime.STICK)
+    first_order = jnp.where(
+        flying & (c.gap <= 0) & (c.normal_speed >= 0),
+        jnp.where(c.normal_speed > 0, 1, 2),
+        jnp.where(sliding & at_rest, start_of_slip_order(local, c, regime), 0),
+    ).astype(jnp.int32)
+    switches = local.switches(start, position, velocity)
+    dtype = position[0].dtype
+    sides = tuple(jnp.where(s < 0, -1.0, 1.0).astype(dtype) for s in switches)
+    limited = local.limit(start, position, velocity) is not None
+    slots = first_switch(system) + len(switches) + int(limited)
+    orders = jnp.stack([first_order] + [jnp.zeros_like(first_order)] * (slots - 1))
+
+    rate = vector_field(start, (position, velocity), (local, regime))
+    pairs = zip(
+        jax.tree.leaves(rate), jax.tree.leaves((position, velocity)), jax.tree.leaves(problem.atol),
+        strict=True,
+    )
+    speed = jnp.max(
+        jnp.stack([jnp.abs(f) / (a / problem.rtol + jnp.abs(y)) for f, y, a in pairs]), axis=0
+    )
+    span = problem.end - start
+    step = jnp.clip(0.01 / jnp.maximum(speed, 1e-30), 1e-9 * span, 0.1 * span)
+    step = jax.lax.stop_gradient(jnp.minimum(step, problem.max_step)).astype(start.dtype)
+
+    n = problem.log_capacity
+    log = EventLog(
+        jnp.full(n, jnp.nan, start.dtype),
+        jnp.zeros(n, jnp.int8),
+        jnp.full(n, -1, jnp.int8),
+        jnp.full(n, -1, jnp.int8),
+        jnp.zeros(n, dtype),
+        z,
+    )
+    return State(
+        time=start,
+        position=position,
+        velocity=velocity,
+        regime=regime,
+        piece=piece,
+        sides=sides,
+        orders=orders,
+        rate=rate,
+        step=step,
+        step_of=(step, step, step),
+        last_error=jnp.ones_like(position[0]),
+        target=z - 1,
+        trial=step,
+        tries=z,
+        result=jnp.where(inconsistent, int(Result.INCONSISTENT_START), RUNNING).astype(jnp.int32),
+        flagged=closed & decision.indeterminate,
+        attempts=z,
+        rejected=z,
+        unproved=z,
+        streak=z,
+        events=z,
+        log=log,
+        sample_index=z,
+        samples=None,
+        observed=problem.observer.init(dtype, start.shape),
+    )

@@ -1,0 +1,247 @@
+"""Reset maps: the state, regime and guards after an event (MODEL.md sections 5 to 7)."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from .guards import FIRST, JAM, SECOND, first_switch
+from .impact import poisson_impact
+from .regimes import acceleration, decide, forces, slip_forces, slip_sign
+from .results import Event, Regime
+from .stages import keep
+from .state import Problem, State, start_of_slip_order
+from .system import Contact, Scalar, contact
+
+
+def where(condition, a, b):
+    """`jnp.where` over pytrees."""
+    return jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b)
+
+
+def push(vector, along_t, along_n, p_t, p_n):
+    """Add contact impulses (or their position-level equal) to a tuple of coordinates."""
+    return tuple(x + t * p_t + n * p_n for x, t, n in zip(vector, along_t, along_n, strict=True))
+
+
+def settle(system, c: Contact, q, v, closed, touching, sticking):
+    """Project a state back onto its constraints, against drift by rounding.
+
+    The gap is zero where ``closed``, the normal speed where ``touching``, the slip speed where
+    ``sticking``; the steps are along A^-1 J^T, so that no other direction is disturbed.
+    """
+    if system.unilateral:
+        q = push(q, c.along_t, c.along_n, 0.0, jnp.where(closed, -c.gap / c.w_nn, 0.0))
+        v_n = jnp.where(touching, c.normal_speed, 0.0)
+    else:
+        v_n = jnp.zeros_like(c.b_t)
+    if system.law is None:
+        return q, push(v, c.along_t, c.along_n, 0.0, -v_n / c.w_nn)
+    v_t = jnp.where(sticking, c.slip_speed, 0.0)
+    det = c.w_tt * c.w_nn - c.w_tn * c.w_tn
+    # outside stick only the normal impulse is free
+    p_t = jnp.where(sticking, (c.w_tn * v_n - c.w_nn * v_t) / det, 0.0)
+    p_n = jnp.where(sticking, (c.w_tn * v_t - c.w_tt * v_n) / det, -v_n / c.w_nn)
+    return q, push(v, c.along_t, c.along_n, p_t, p_n)
+
+
+class Completion(NamedTuple):
+    """Finite limit of an accumulating sequence of impacts."""
+
+    holds: Scalar
+    duration: Scalar
+    tangential: Scalar  # remaining impulses
+    normal: Scalar
+    slip_speed: Scalar
+
+
+def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, time_left):
+    """Return the limit of a bounce sequence, where it is due (MODEL.md section 6).
+
+    ``leaving`` and ``approaching`` are the normal speeds after and before this impact: their ratio
+    r is that of successive take-off speeds while b_n hardly changes. The next flight lasts
+    t1 = 2 v_n / |b_n|; the rest of the sequence t1 / (1 - r), with the normal impulse that brings
+    v_n to zero against b_n, and the matching change of v_t, which friction cannot carry past zero.
+    """
+    ratio = leaving / jnp.where(approaching < 0, -approaching, 1.0)
+    falls = c.b_n < 0
+    flight = 2 * leaving / jnp.where(falls, -c.b_n, 1.0)
+    accumulates = (leaving > 0) & falls & (ratio < 1)
+    duration = flight / jnp.where(accumulates, 1 - ratio, 1.0)
+    holds = accumulates & (flight < zeno_time) & (duration <= time_left)
+
+    sign = jnp.sign(slip_speed)
+    d = c.w_nn - sign * mu * c.w_tn
+    normal = (-leaving - c.b_n * duration) / d
+    change = c.b_t * duration + (c.w_tn - sign * mu * c.w_tt) * normal
+    after = slip_speed + change
+    stops = (sign * after <= 0) | (sign == 0)
+    safe_tt = jnp.where(c.w_tt > 0, c.w_tt, 1.0)
+    stopping = (-slip_speed - c.b_t * duration - c.w_tn * normal) / safe_tt
+    tangential = jnp.where(stops, stopping, -sign * mu * normal)
+    tangential = jnp.where(c.w_tt > 0, tangential, 0.0)
+    return Completion(holds, duration, tangential, normal, jnp.where(stops, 0.0, after))
+
+
+class Outcome(NamedTuple):
+    """State just after an event."""
+
+    time: Scalar
+    position: tuple
+    velocity: tuple
+    regime: Scalar
+    sides: tuple
+    orders: jax.Array
+    rate: tuple
+    kind: Scalar
+    impulse: Scalar
+    stopped: Scalar  # the system's limit was reached
+    indeterminate: Scalar
+    inconsistent: Scalar
+
+
+def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, piece, end):
+    """Return the `Outcome` of the event of ``slot`` (where ``fires``) or of a break of the belt.
+
+    ``time, q, v`` are at the event, in the regime of ``state``; where ``breaks``, a smooth piece
+    of the prescribed motion ends here and ``piece`` begins; ``end`` is the next known time, which
+    a completed Zeno sequence must not pass.
+    """
+    system = problem.system.on_piece(piece)
+    law, unilateral = system.law, system.unilateral
+    regime, sign = state.regime, slip_sign(state.regime)
+    flying, sticking = regime == Regime.FLIGHT, regime == Regime.STICK
+    sliding = ~flying & ~sticking
+
+    hits = fires & flying & (slot == FIRST)
+    turns = fires & sliding & (slot == FIRST)
+    leaves_cone = fires & sticking & (slot <= SECOND)
+    lifts = fires & sliding & (slot == SECOND)
+    jams = fires & sliding & (slot == JAM) & system.coupled
+    retest = breaks & sticking
+
+    unit = problem.unit
+    c = keep(contact(system, time, q, v), unit)
+    q, v = keep(settle(system, c, q, v, hits | ~flying, ~flying, sticking | turns), unit)
+    c = keep(contact(system, time, q, v), unit)
+
+    # impact: the closing gap, or a jam (Painleve's impact without collision)
+    static = law.static if law is not None else 0.0
+    moving = c.slip_speed != 0
+    mu = jnp.zeros_like(c.b_t)
+    if law is not None:
+        mu = jnp.where(moving, law.coefficient(jnp.abs(c.slip_speed)), static)
+    approach = jnp.where(jams, 0.0, c.normal_speed)
+    collides = (hits & (approach < 0)) | jams
+    blow = poisson_impact(
+        c.w_tt, c.w_tn, c.w_nn, mu, system.bounce, c.slip_speed, jnp.minimum(approach, 0.0)
+    )
+    blow = keep(blow, unit)
+    v = where(collides, push(v, c.along_t, c.along_n, blow.tangential, blow.normal), v)
+    impulse = jnp.where(collides, blow.normal, 0.0)
+    slip_speed = jnp.where(collides, blow.slip_speed, jnp.where(sticking | turns, 0.0, c.slip_speed))
+    leaving = jnp.where(collides, blow.normal_speed, jnp.where(hits, c.normal_speed, 0.0))
+
+    # forces after the impact are those of the post-impact velocities
+    c = keep(contact(system, time, q, v), unit)._replace(slip_speed=slip_speed)
+    zeno = complete_zeno(
+        c, mu, leaving, approach, slip_speed, problem.zeno_time, (end - time).astype(leaving.dtype)
+    )
+    completes = hits & collides & zeno.holds
+    rest_of_flight = tuple(x + a * zeno.duration for x, a in zip(v, c.free, strict=True))
+    landed = push(rest_of_flight, c.along_t, c.along_n, zeno.tangential, zeno.normal)
+    carried = tuple(
+        x + zeno.duration * (y - n * leaving / c.w_nn)
+        for x, y, n in zip(q, v, c.along_n, strict=True)
+    )
+    q, v = where(completes, carried, q), where(completes, landed, v)
+    time = jnp.where(completes, time + zeno.duration, time)
+    impulse = impulse + jnp.where(completes, zeno.normal, 0.0)
+    slip_speed = jnp.where(completes, zeno.slip_speed, slip_speed)
+    q, v = keep((q, v), unit)
+    c = keep(contact(system, time, q, v), unit)._replace(slip_speed=slip_speed)
+
+    # the regime, at acceleration level
+    leaving = jnp.where(completes, 0.0, leaving)
+    bounces = (hits | jams) & (leaving > 0)
+    closes = (hits | jams) & ~bounces
+    decision = decide(system, c)
+    undecided = closes | turns | retest
+    escape = jnp.where(slot == FIRST, -1, 1)  # friction at its upper limit pushes the tip to +x
+    mu_static = jnp.zeros_like(c.b_t) if law is None else law.coefficient(jnp.zeros_like(c.b_t))
+    released, d = slip_forces(c, escape, mu_static, unilateral)
+    slips = (released.normal > 0) & (d > 0)
+    after = jnp.where(undecided, decision.regime, regime)
+    after = jnp.where(bounces | lifts, int(Regime.FLIGHT), after)
+    slip_regime = jnp.where(escape > 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
+    after = jnp.where(leaves_cone, jnp.where(slips, slip_regime, int(Regime.FLIGHT)), after)
+    # D <= 0 under load while sliding: kept as slip, whose JAM guard then fires at once
+    jammed = undecided & decision.jam
+    sliding_on = jnp.where(slip_speed > 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
+    after = jnp.where(jammed & (slip_speed != 0), sliding_on, after).astype(jnp.int32)
+
+    # guards that start at zero by construction
+    into_flight = (after == Regime.FLIGHT) & (hits | jams | turns | leaves_cone | lifts | retest)
+    flight_order = jnp.where(lifts | leaves_cone, 3, jnp.where(bounces, 1, 2))
+    in_slip = (after == Regime.SLIP_POS) | (after == Regime.SLIP_NEG)
+    into_slip = in_slip & (slip_speed == 0) & (undecided | leaves_cone)
+    orders = [state.orders[i] for i in range(state.orders.shape[0])]
+    orders[FIRST] = jnp.where(
+        into_flight,
+        flight_order,
+        jnp.where(
+            into_slip,
+            start_of_slip_order(system, c, after),
+            jnp.where(after == regime, orders[FIRST], 0),
+        ),
+    ).astype(jnp.int32)
+    base = first_switch(system)
+    sides = list(state.sides)
+    for i, side in enumerate(sides):
+        flips = fires & (slot == base + i)
+        sides[i] = jnp.where(flips, -side, side)
+        orders[base + i] = jnp.where(flips, 1, orders[base + i]).astype(jnp.int32)
+    switched = fires & (slot >= base) & (slot < base + len(sides))
+    stopped = fires & (slot == base + len(sides))
+
+    rate = (v, acceleration(c, forces(system, c, after)))
+    touch = jnp.where(leaving > 0, int(Event.IMPACT), int(Event.TOUCH))
+    turn_kind = jnp.where(
+        after == Regime.STICK,
+        int(Event.CAPTURE),
+        jnp.where(
+            after == Regime.FLIGHT,
+            int(Event.LIFT_OFF),
+            jnp.where(slip_sign(after) == -sign, int(Event.REVERSAL), int(Event.TOUCH)),
+        ),
+    )
+    kind = jnp.zeros_like(state.regime)
+    table = (
+        (hits, jnp.where(completes, int(Event.ZENO), jnp.where(collides, int(Event.IMPACT), touch))),
+        (turns, turn_kind),
+        (leaves_cone, jnp.where(slips, int(Event.RELEASE), int(Event.LIFT_OFF))),
+        (lifts, int(Event.LIFT_OFF)),
+        (jams, int(Event.JAM)),
+        (switched, int(Event.KINK)),
+        (stopped, int(Event.COLLAPSE)),
+        (
+            breaks,
+            jnp.where(system.reverses(piece - 1), int(Event.BELT_REVERSAL), int(Event.BELT_KINK)),
+        ),
+    )
+    for condition, name in table:
+        kind = jnp.where(condition, name, kind)
+    return Outcome(
+        time=time,
+        position=q,
+        velocity=v,
+        regime=after,
+        sides=tuple(sides),
+        orders=jnp.stack(orders),
+        rate=rate,
+        kind=kind.astype(jnp.int32),
+        impulse=impulse,
+        stopped=stopped,
+        indeterminate=undecided & decision.indeterminate,
+        inconsistent=jammed & (slip_speed == 0),
+    )

@@ -1,0 +1,144 @@
+"""A trial step: the Runge-Kutta step, its error, and what the guards do along it.
+
+Everything is elementwise, so the same code serves one trajectory (scalars) and a batch (one entry
+a lane, last axis); nodes of the step and slots of the guards are leading axes.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+
+from .guards import guard_values
+from .polynomials import control_values, deflated, hull_cut, interpolation_error, minimum
+from .regimes import Forces, forces
+from .stages import NODES, Step, keep, node_states, rk_step
+from .state import TERM, Problem, State
+from .system import Contact, Scalar, contact
+
+
+class Trial(NamedTuple):
+    """Everything a trial step of size ``h`` tells."""
+
+    h: Scalar
+    lands: Scalar  # it ends on a known time (``mark``)
+    mark: Scalar
+    step: Step
+    ok: Scalar  # finite and within the tolerance
+    next_step: Scalar  # the controller's proposal
+    error: Scalar  # relative to the tolerance
+    finite: Scalar
+    # along the step, nodes first
+    times: jax.Array
+    positions: tuple
+    velocities: tuple
+    contact_forces: Forces
+    last: Contact  # contact space at the end, in this regime
+    # guards, slots first
+    end_values: jax.Array  # at the end of the step (differentiable)
+    end_slopes: jax.Array  # d/dtheta there
+    controls: tuple  # Bernstein control values of the deflated guards, less their error estimates
+    proved: jax.Array  # the guard has no zero in the step
+    cuts: jax.Array  # lower bound of each guard's first zero
+    starts: jax.Array  # deflated value at the start, and its error estimate
+    blurs: jax.Array
+
+
+def error_norm(problem: Problem, y0, step: Step):
+    """Largest ratio of the error estimate to atol + rtol |y| over the coordinates.
+
+    The largest, not the mean: in contact half of the wiper's coordinates rest and would dilute it.
+    """
+    leaves = zip(
+        jax.tree.leaves(step.error),
+        jax.tree.leaves(y0),
+        jax.tree.leaves(step.y1),
+        jax.tree.leaves(problem.atol),
+        strict=True,
+    )
+    ratios = [
+        jnp.abs(e) / (a + problem.rtol * jnp.maximum(jnp.abs(y), jnp.abs(z)))
+        for e, y, z, a in leaves
+    ]
+    return jnp.max(jnp.stack(ratios), axis=0)
+
+
+def attempt(problem: Problem, state: State) -> Trial:
+    """Return the trial step from ``state``; nothing is committed."""
+    system, solver = problem.system.on_piece(state.piece), problem.solver
+    y0 = (state.position, state.velocity)
+
+    mark = jnp.minimum(problem.end, system.break_time(state.piece)).astype(state.time.dtype)
+    mark = jnp.where(problem.mark > state.time, jnp.minimum(problem.mark, mark), mark)
+    to_mark = mark - state.time
+    wanted = stop_gradient(jnp.where(state.target >= 0, state.trial, state.step))
+    # a sliver left over before a known time would be a step of rounding errors only
+    lands = wanted >= to_mark * (1 - 1e-9)
+    h = jnp.where(lands, to_mark, wanted)
+
+    args = (system, state.regime)
+    unit = problem.unit
+    step = rk_step(solver, TERM, state.time, y0, h, state.rate, args, unit)
+    error = stop_gradient(error_norm(problem, y0, step))
+    finite = jnp.isfinite(error)
+    for leaf in jax.tree.leaves(step.y1):
+        finite = finite & jnp.isfinite(leaf)
+    ok = finite & (error <= 1)
+    order = solver.order(TERM)
+    error = jnp.where(finite, jnp.maximum(error, 1e-8), 1e10)
+    # PI control (Gustafsson): the step shrinks steadily where friction steepens towards v_t = 0,
+    # and the plain rule would have every other step refused there
+    exponent = -(0.7 * jnp.log(error) - 0.4 * jnp.where(ok, jnp.log(state.last_error), 0.0)) / order
+    plain = -jnp.log(error) / order
+    factor = jnp.clip(0.9 * jnp.exp(jnp.where(ok, exponent, plain)), 0.2, 5.0)
+    next_step = jnp.minimum(stop_gradient(h) * factor.astype(h.dtype), problem.max_step)
+
+    theta = jnp.reshape(jnp.asarray(NODES, h.dtype), (-1,) + (1,) * h.ndim)
+    times = state.time + theta * h
+    positions, velocities = keep(node_states(solver, y0, step), unit)
+    c = keep(contact(system, times, positions, velocities), unit)
+    reactions = forces(system, c, state.regime)
+    values = guard_values(system, c, times, positions, velocities, state.regime, state.sides)
+    values = keep(values, unit)
+
+    nodes = tuple(stop_gradient(values[:, i]) for i in range(len(NODES)))
+    quotient = deflated(nodes, state.orders)
+    control = control_values(quotient)
+    size = jnp.max(jnp.abs(jnp.stack(quotient)), axis=0)
+    blur = interpolation_error(quotient, state.orders)
+    clear = minimum(control) > blur
+    # below this the estimate is rounding: the polynomial itself decides
+    blur = jnp.where(blur > 1e-9 * size, blur, 0.0)
+    control = keep(tuple(b - blur for b in control), unit)
+    g0, g1, g2, g3, g4 = nodes
+    return Trial(
+        h=h,
+        lands=lands,
+        mark=mark,
+        step=step,
+        ok=ok,
+        next_step=next_step,
+        error=error,
+        finite=finite,
+        times=times,
+        positions=positions,
+        velocities=velocities,
+        contact_forces=reactions,
+        last=jax.tree.map(lambda x: x[-1], c),
+        end_values=values[:, -1],
+        end_slopes=(25 * g4 - 48 * g3 + 36 * g2 - 16 * g1 + 3 * g0) / 3,
+        controls=control,
+        proved=clear | (to_mark <= 0),
+        cuts=hull_cut(control),
+        starts=quotient[0],
+        blurs=blur,
+    )
+
+
+def pick(slots, index):
+    """Entry ``index`` (traced, one a lane) of an array with slots first."""
+    out = slots[0]
+    for i in range(1, slots.shape[0]):
+        out = jnp.where(index == i, slots[i], out)
+    return out

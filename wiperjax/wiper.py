@@ -1,0 +1,208 @@
+"""The wiper: a rigid lip on springs whose tip touches moving glass (MODEL.md sections 1 to 3)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from .belts import AbstractBelt, SteadyBelt
+from .friction import AbstractFriction, Stribeck
+from .system import AbstractSystem, Scalar
+
+_EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
+
+
+def _absent(value) -> bool:
+    """Whether a parameter is the Python number 0: its terms are then not computed at all."""
+    return isinstance(value, int | float) and value == 0
+
+
+class Wiper(AbstractSystem):
+    """Lip of a windscreen wiper, per metre of blade, in the coordinates (x, y) of its tip.
+
+    Parameters, units and reference values are those of MODEL.md section 9; angles in rad.
+
+    Raises ValueError for impossible values (checked where they are known: not while traced).
+    """
+
+    belt: AbstractBelt = SteadyBelt(0.3)
+    tip_mass: Scalar = 2.4e-3  # kg/m
+    lip_length: Scalar = 6e-3  # m
+    support_stiffness: Scalar = 2000.0  # N/m per m
+    support_damping: Scalar = 1.0  # N s/m per m
+    neck_stiffness: Scalar = 0.05  # N m/rad per m
+    shoulder_stiffness: Scalar = 2.0  # N m/rad per m
+    shoulder_angle: Scalar = 0.6  # rad
+    attack_angle: Scalar = 0.0  # rad
+    normal_load: Scalar = 15.0  # N/m
+    restitution: Scalar = 0.3
+    mu_static: Scalar = 1.0
+    mu_minimum: Scalar = 0.3
+    stribeck_speed: Scalar = 0.1  # m/s
+    stribeck_shape: Scalar = 1.0
+    viscous_slope: Scalar = 0.02  # s/m
+    hinge_mass: Scalar = 0.0  # kg/m
+    hinge_damping: Scalar = 0.0  # N m s/rad per m
+    gravity: Scalar = 0.0  # m/s^2
+    collapse_angle: Scalar = float(np.deg2rad(89.0))  # rad
+    piece: Scalar = 0  # smooth piece of the belt's motion (set by the engine)
+
+    def __check_init__(self):
+        right = float(np.pi / 2)
+        rules = (
+            ("tip_mass", lambda x: x > 0, "must be > 0"),
+            ("lip_length", lambda x: x > 0, "must be > 0"),
+            ("support_stiffness", lambda x: x >= 0, "must be >= 0"),
+            ("support_damping", lambda x: x >= 0, "must be >= 0"),
+            ("neck_stiffness", lambda x: x >= 0, "must be >= 0"),
+            ("shoulder_stiffness", lambda x: x >= 0, "must be >= 0"),
+            ("shoulder_angle", lambda x: x > 0, "must be > 0 rad"),
+            ("attack_angle", lambda x: abs(x) < right, "must lie inside (-pi/2, pi/2) rad"),
+            ("normal_load", lambda x: x > 0, "must be > 0"),
+            ("restitution", lambda x: 0 <= x <= 1, "must lie in [0, 1]"),
+            ("mu_static", lambda x: x >= 0, "must be >= 0"),
+            ("mu_minimum", lambda x: x >= 0, "must be >= 0"),
+            ("stribeck_speed", lambda x: x > 0, "must be > 0"),
+            ("stribeck_shape", lambda x: x >= 1, "must be >= 1"),
+            ("viscous_slope", lambda x: x >= 0, "must be >= 0"),
+            ("hinge_mass", lambda x: x >= 0, "must be >= 0"),
+            ("hinge_damping", lambda x: x >= 0, "must be >= 0"),
+            ("collapse_angle", lambda x: 0 < x < right, "must lie inside (0, pi/2) rad"),
+        )
+        for name, holds, must in rules:
+            value = getattr(self, name)
+            if isinstance(value, int | float | np.ndarray | np.generic) and not np.all(
+                holds(np.asarray(value)) if name != "attack_angle" else np.abs(value) < right
+            ):
+                raise ValueError(f"{name} {must}, but was {value}")
+        if not isinstance(self.belt, AbstractBelt):
+            raise ValueError(f"belt must be a belt such as SteadyBelt(0.3), but was {self.belt!r}")
+
+    # --- geometry -----------------------------------------------------------------------------
+
+    def lean(self, q):
+        """Return sin(phi), cos(phi), phi of a tip at x = q[0] [rad]."""
+        s = jnp.clip(q[0] / self.lip_length, -_EDGE, _EDGE)
+        return s, jnp.sqrt((1 - s) * (1 + s)), jnp.arcsin(s)
+
+    def moment(self, theta):
+        """M(theta) of the two-stage rotational spring [N m per m]; theta = phi - alpha [rad]."""
+        extra = self.shoulder_stiffness - self.neck_stiffness
+        past = jnp.maximum(theta - self.shoulder_angle, 0.0)
+        past = past + jnp.minimum(theta + self.shoulder_angle, 0.0)
+        return self.neck_stiffness * theta + extra * past
+
+    def support_force(self, q, v, sin, cos):
+        """Downward force F of the support spring and dashpot [N/m]."""
+        eta = q[1] + self.lip_length * cos
+        eta_rate = v[1] - sin / cos * v[0]
+        rest = self.lip_length * jnp.cos(self.attack_angle)
+        return (
+            self.normal_load
+            + self.support_stiffness * (eta - rest)
+            + self.support_damping * eta_rate
+        )
+
+    # --- the engine's view ----------------------------------------------------------------------
+
+    def free_acceleration(self, t, q, v):
+        sin, cos, phi = self.lean(q)
+        tau, arm = sin / cos, self.lip_length * cos
+        down = self.support_force(q, v, sin, cos)
+        moment = self.moment(phi - self.attack_angle)
+        if not _absent(self.hinge_damping):
+            moment = moment + self.hinge_damping * v[0] / arm
+        m = self.tip_mass
+        if _absent(self.hinge_mass):
+            f_t = -moment / arm + down * tau
+            return f_t / m, -down / m - self.gravity
+        h = self.hinge_mass
+        f_t = -moment / arm + (down + h * self.gravity) * tau
+        f_n = -down - (m + h) * self.gravity
+        centripetal = h * v[0] * v[0] / (self.lip_length * cos**3)
+        (tt, tn), (_, nn) = self.directions(t, q)
+        r_t, r_n = f_t - centripetal * tau, f_n + centripetal
+        return tt * r_t + tn * r_n, tn * r_t + nn * r_n
+
+    def directions(self, t, q):
+        m, h = self.tip_mass, self.hinge_mass
+        if _absent(h):
+            return (1 / m, 0.0), (0.0, 1 / m)
+        sin, cos, _ = self.lean(q)
+        tau = sin / cos
+        scale = 1 / (m * (m + h / (cos * cos)))
+        cross = h * tau * scale
+        return ((m + h) * scale, cross), (cross, (m + h * tau * tau) * scale)
+
+    def gap(self, t, q):
+        return q[1]
+
+    def slip_speed(self, t, q, v):
+        return v[0] - self.belt.velocity(t, self.piece)
+
+    def switches(self, t, q, v):
+        theta = self.lean(q)[2] - self.attack_angle
+        return (self.shoulder_angle - theta, theta + self.shoulder_angle)
+
+    def limit(self, t, q, v):
+        # in the sine: smooth, and cheap
+        edge = jnp.sin(self.collapse_angle)
+        s = q[0] / self.lip_length
+        return (edge - s) * (edge + s)
+
+    @property
+    def coupled(self) -> bool:
+        return not _absent(self.hinge_mass)
+
+    @property
+    def law(self) -> AbstractFriction:
+        return Stribeck(
+            self.mu_static,
+            self.mu_minimum,
+            self.stribeck_speed,
+            self.stribeck_shape,
+            self.viscous_slope,
+        )
+
+    @property
+    def bounce(self):
+        return self.restitution
+
+    def break_time(self, piece):
+        return self.belt.break_time(piece)
+
+    def first_piece(self, t):
+        return self.belt.first_piece(t)
+
+    def reverses(self, piece):
+        return self.belt.reverses(piece)
+
+    def on_piece(self, piece):
+        return eqx.tree_at(lambda w: w.piece, self, piece)
+
+    def default_state(self):
+        """Touching, at rest, phi = alpha."""
+        return (self.lip_length * jnp.sin(self.attack_angle), 0.0), (0.0, 0.0)
+
+    def scales(self, n):
+        length, speed = self.lip_length, self.belt.peak
+        return (length, length), (speed, speed)
+
+    def output(self, t, q, v):
+        return v[0]
+
+    # --- for tests and studies ------------------------------------------------------------------
+
+    def energy(self, q, v):
+        """Kinetic plus stored energy [J per m] of a tip at ``q`` moving with ``v``."""
+        sin, cos, phi = self.lean(q)
+        theta = phi - self.attack_angle
+        past = jnp.maximum(jnp.abs(theta) - self.shoulder_angle, 0.0)
+        eta = q[1] + self.lip_length * cos
+        sink = eta - self.lip_length * jnp.cos(self.attack_angle)
+        hinge = v[1] - sin / cos * v[0]
+        kinetic = self.tip_mass * (v[0] ** 2 + v[1] ** 2) + self.hinge_mass * hinge**2
+        rotation = self.neck_stiffness * theta**2
+        rotation = rotation + (self.shoulder_stiffness - self.neck_stiffness) * past**2
+        weight = self.gravity * (self.tip_mass * q[1] + self.hinge_mass * eta)
+        support = self.normal_load * eta + 0.5 * self.support_stiffness * sink**2
+        return 0.5 * kinetic + 0.5 * rotation + support + weight
