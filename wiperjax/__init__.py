@@ -20,6 +20,7 @@ from .results import Regime as Regime  # noqa: E402
 from .results import Result as Result  # noqa: E402
 from .solve import solve as solve  # noqa: E402
 from .system import AbstractSystem as AbstractSystem  # noqa: E402
+from .trajectory import simulate as simulate  # noqa: E402
 from .wiper import Wiper as Wiper  # noqa: E402
 
 __version__ = "0.1.0"

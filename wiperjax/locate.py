@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from .polynomials import first_root
+from .results import RUNNING
 from .state import Problem, State
 from .system import Scalar
 from .trial import Trial, pick
@@ -48,7 +49,8 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     slots = jnp.arange(trial.proved.shape[0]).reshape((-1,) + (1,) * state.time.ndim)
     clear = trial.proved | (pending & (state.target == slots))
     violated = ~clear & jnp.where(state.orders == 0, trial.starts <= 0, trial.starts < -trial.blurs)
-    murky = ~clear & ~violated & (trial.starts <= trial.blurs)
+    # an estimated error near the value itself makes roots at the start out of nothing: shorten first
+    murky = ~clear & ~violated & (trial.starts <= 8 * trial.blurs)
     roots = first_root(trial.controls)
     tied = pending & roots.found & (roots.theta > 1 - 1e-6)
     open_ = ~clear & ~roots.free & ~tied
@@ -70,7 +72,9 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     falling = slope < 0
     shift = -value / jnp.where(falling, slope, -1.0)
     close = falling & (jnp.abs(stop_gradient(shift)) <= tolerance)
-    small = trial.h <= 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
+    # as near as the clock can tell
+    tick = 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
+    small = (trial.h <= tick) & (jnp.abs(stop_gradient(shift) * trial.h) <= tick)
     located = pending & trial.ok & ~obstructed & ((falling & close) | (small & falling))
     chase = pending & trial.ok & ~obstructed & ~located
     miss = chase & (value > 0) & pick(trial.proved, slot) & (~falling | (jnp.abs(shift) > 0.05))
@@ -79,7 +83,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
 
     accept = trial.ok & ~obstructed & (~pending | miss)
     fire = trial.ok & violated
-    rejected = ~trial.ok
+    rejected = ~trial.ok & (state.result == RUNNING)
 
     h = stop_gradient(trial.h)
     dtype = h.dtype

@@ -22,7 +22,7 @@ class Problem(eqx.Module):
     end: Scalar
     rtol: Scalar
     atol: tuple  # (positions, velocities), one value a coordinate
-    max_step: Scalar
+    max_step: Scalar  # from `mark` on
     zeno_time: Scalar
     max_steps: Scalar
     mark: Scalar  # a time to be stepped onto exactly (start of observation)
@@ -151,7 +151,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     )
     span = problem.end - start
     step = jnp.clip(0.01 / jnp.maximum(speed, 1e-30), 1e-9 * span, 0.1 * span)
-    step = jax.lax.stop_gradient(jnp.minimum(step, problem.max_step)).astype(start.dtype)
+    step = jax.lax.stop_gradient(step).astype(start.dtype)
 
     n = problem.log_capacity
     log = EventLog(

@@ -30,7 +30,7 @@ def advance_light(problem: Problem, state: State) -> State:
     """
     trial = attempt(problem, state)
     calm = light(trial, state)
-    refused = ~trial.ok & (state.target < 0)
+    refused = ~trial.ok & (state.target < 0) & (state.result == RUNNING)
     moved = _move(problem, state, trial, calm, jnp.zeros_like(trial.h))
     step = jnp.where(calm | refused, trial.next_step, state.step)
     moved = moved._replace(
@@ -120,7 +120,7 @@ def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
         tries=plan.tries,
         result=result,
         flagged=flagged,
-        attempts=state.attempts + 1,
+        attempts=state.attempts + (before.result == RUNNING),
         rejected=state.rejected + plan.rejected,
         unproved=state.unproved + plan.unproved,
         streak=streak,

@@ -13,6 +13,7 @@ from jax.lax import stop_gradient
 from .guards import guard_values
 from .polynomials import control_values, deflated, hull_cut, interpolation_error, minimum
 from .regimes import Forces, forces
+from .results import RUNNING
 from .stages import NODES, Step, keep, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact
@@ -73,6 +74,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     mark = jnp.where(problem.mark > state.time, jnp.minimum(problem.mark, mark), mark)
     to_mark = mark - state.time
     wanted = stop_gradient(jnp.where(state.target >= 0, state.trial, state.step))
+    wanted = jnp.where(state.time >= problem.mark, jnp.minimum(wanted, problem.max_step), wanted)
     # a sliver left over before a known time would be a step of rounding errors only
     lands = wanted >= to_mark * (1 - 1e-9)
     h = jnp.where(lands, to_mark, wanted)
@@ -84,7 +86,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     finite = jnp.isfinite(error)
     for leaf in jax.tree.leaves(step.y1):
         finite = finite & jnp.isfinite(leaf)
-    ok = finite & (error <= 1)
+    ok = finite & (error <= 1) & (state.result == RUNNING)  # an ended lane of a batch stays put
     order = solver.order(TERM)
     error = jnp.where(finite, jnp.maximum(error, 1e-8), 1e10)
     # PI control (Gustafsson): the step shrinks steadily where friction steepens towards v_t = 0,
@@ -92,7 +94,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     exponent = -(0.7 * jnp.log(error) - 0.4 * jnp.where(ok, jnp.log(state.last_error), 0.0)) / order
     plain = -jnp.log(error) / order
     factor = jnp.clip(0.9 * jnp.exp(jnp.where(ok, exponent, plain)), 0.2, 5.0)
-    next_step = jnp.minimum(stop_gradient(h) * factor.astype(h.dtype), problem.max_step)
+    next_step = stop_gradient(h) * factor.astype(h.dtype)
 
     theta = jnp.reshape(jnp.asarray(NODES, h.dtype), (-1,) + (1,) * h.ndim)
     times = state.time + theta * h

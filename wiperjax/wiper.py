@@ -58,7 +58,7 @@ class Wiper(AbstractSystem):
             ("shoulder_angle", lambda x: x > 0, "must be > 0 rad"),
             ("attack_angle", lambda x: abs(x) < right, "must lie inside (-pi/2, pi/2) rad"),
             ("normal_load", lambda x: x > 0, "must be > 0"),
-            ("restitution", lambda x: 0 <= x <= 1, "must lie in [0, 1]"),
+            ("restitution", lambda x: (x >= 0) & (x <= 1), "must lie in [0, 1]"),
             ("mu_static", lambda x: x >= 0, "must be >= 0"),
             ("mu_minimum", lambda x: x >= 0, "must be >= 0"),
             ("stribeck_speed", lambda x: x > 0, "must be > 0"),
@@ -66,7 +66,7 @@ class Wiper(AbstractSystem):
             ("viscous_slope", lambda x: x >= 0, "must be >= 0"),
             ("hinge_mass", lambda x: x >= 0, "must be >= 0"),
             ("hinge_damping", lambda x: x >= 0, "must be >= 0"),
-            ("collapse_angle", lambda x: 0 < x < right, "must lie inside (0, pi/2) rad"),
+            ("collapse_angle", lambda x: (x > 0) & (x < right), "must lie inside (0, pi/2) rad"),
         )
         for name, holds, must in rules:
             value = getattr(self, name)

@@ -1,0 +1,134 @@
+"""Dominant frequency: waveforms whose repetition rate is known, and a zero-padded periodogram of
+scipy.
+"""
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from wiperjax.spectrum import dominant_frequency
+
+WINDOW = 0.2
+SAMPLES = 2048
+TIME = np.arange(SAMPLES) * WINDOW / SAMPLES
+INTERVAL = WINDOW / SAMPLES
+
+
+def waves(shape, frequencies):
+    """Signals (frequencies, samples) of `shape(phase in [0, 1))`, each with a phase of its own."""
+    offset = np.random.default_rng(0).random(len(frequencies))
+    return shape((TIME * np.asarray(frequencies)[:, None] + offset[:, None]) % 1)
+
+
+def sine(phase):
+    return np.sin(2 * np.pi * phase)
+
+
+def stick_slip(phase, duty=0.2, speed=0.3):
+    """Stick at belt speed, then a half-sine slip back; no net displacement."""
+    slip = (phase - (1 - duty)) / duty
+    return np.where(slip < 0, speed, speed - speed / duty * np.pi / 2 * np.sin(np.pi * slip))
+
+
+def asymmetric(phase, duty=0.3):
+    """Stick, then a slip that starts steeply and dies slowly."""
+    slip = (phase - (1 - duty)) / duty
+    return np.where(slip < 0, 0.3, 0.3 - 2 * np.exp(-4 * slip) * (1 - np.exp(-30 * slip)))
+
+
+def pulses(phase, duty=0.2):
+    return (phase < duty).astype(float)
+
+
+@pytest.mark.parametrize("shape", [sine, stick_slip, asymmetric, pulses])
+def test_few_cycles_in_the_window(shape):
+    exact = np.linspace(26, 60, 201)  # 28.2 Hz: 5.6 cycles
+    found = dominant_frequency(waves(shape, exact), INTERVAL)
+    worst = np.max(np.abs(found / exact - 1))
+    assert worst < {sine: 2e-4, stick_slip: 2e-4, asymmetric: 5e-4, pulses: 2e-3}[shape]
+
+
+def test_two_cycles_are_the_least_that_can_be_told():
+    exact = np.linspace(11, 16, 51)
+    assert dominant_frequency(waves(sine, exact), INTERVAL) == pytest.approx(exact, rel=0.02)
+
+
+@pytest.mark.parametrize("shape", [sine, stick_slip])
+def test_squeal_to_a_tenth_of_a_hertz(shape):
+    exact = np.array([674.4, 780.8, 906.5])
+    found = dominant_frequency(waves(shape, exact), INTERVAL)
+    assert np.max(np.abs(found - exact)) < (1e-5 if shape is sine else 0.1)
+
+
+def test_narrow_pulses_between_bins_do_not_turn_into_their_harmonics():
+    exact = np.arange(12.3, 16.1, 0.1) / WINDOW  # through all places between two bins
+    found = dominant_frequency(waves(lambda phase: pulses(phase, 0.1), exact), INTERVAL)
+    assert found == pytest.approx(exact, rel=3e-3)
+
+
+def test_noise():
+    exact = np.full(100, 674.4)
+    noise = np.random.default_rng(1).standard_normal((100, SAMPLES))
+    found = dominant_frequency(waves(sine, exact) + 0.5 * noise, INTERVAL)
+    assert np.abs(found - exact).max() < 0.3  # Cramer-Rao bound: 0.04 Hz standard deviation or so
+    found = dominant_frequency(waves(stick_slip, exact) + 0.1 * noise, INTERVAL)
+    assert np.abs(found - exact).max() < 0.3
+
+
+def test_small_oscillation_on_a_large_mean():
+    found = dominant_frequency(0.3 + 1e-9 * waves(sine, [123.4]), INTERVAL)
+    assert found == pytest.approx([123.4], rel=1e-4)
+
+
+def test_strongest_line_wins_in_a_period_doubled_motion():
+    time = TIME[None]
+    main, half = np.sin(2 * np.pi * 80 * time), np.sin(2 * np.pi * 40 * time + 1)
+    assert dominant_frequency(main + 0.3 * half, INTERVAL) == pytest.approx([80], rel=1e-3)
+    assert dominant_frequency(0.3 * main + half, INTERVAL) == pytest.approx([40], rel=1e-3)
+
+
+def test_two_close_lines_are_not_averaged():
+    signal = np.sin(2 * np.pi * 300 * TIME) + 0.8 * np.sin(2 * np.pi * 330 * TIME)
+    assert dominant_frequency(signal, INTERVAL) == pytest.approx(300, rel=2e-3)
+
+
+def test_agrees_with_a_zero_padded_periodogram():
+    random = np.random.default_rng(2)
+    exact = random.uniform(60, 2000, 40)
+    signals = waves(asymmetric, exact) + 0.05 * random.standard_normal((40, SAMPLES))
+    grid, power = scipy.signal.periodogram(
+        signals, 1 / INTERVAL, window="hann", nfft=128 * SAMPLES, detrend="constant"
+    )
+    found = dominant_frequency(signals, INTERVAL)
+    assert np.abs(found - grid[np.argmax(power, axis=1)]).max() < 0.15
+
+
+def test_constant_and_non_finite_signals_have_no_line():
+    signals = np.stack(
+        [np.full(SAMPLES, 0.3), np.zeros(SAMPLES), sine(TIME * 500 % 1), sine(TIME * 500 % 1)]
+    )
+    signals[2, 7] = np.nan
+    found = dominant_frequency(signals.astype(np.float32), INTERVAL)
+    assert np.isnan(found[:3]).all() and found[3] == pytest.approx(500, rel=1e-5)
+
+
+def test_each_signal_is_alone_and_shapes_are_kept():
+    signals = waves(stick_slip, np.linspace(30, 900, 130))
+    together = dominant_frequency(signals.reshape(10, 13, SAMPLES), INTERVAL)
+    assert together.shape == (10, 13)
+    alone = np.array([dominant_frequency(signal, INTERVAL) for signal in signals])
+    # To rounding only: the FFT handles several rows at once, which moves the start of the
+    # refinement.
+    np.testing.assert_allclose(together.ravel(), alone, rtol=1e-13)
+    assert dominant_frequency(np.zeros((0, SAMPLES)), INTERVAL).shape == (0,)
+
+
+def test_slow_drift_is_no_line_of_high_frequency():
+    assert dominant_frequency(np.exp(-TIME / 0.1), INTERVAL) < 3 / WINDOW
+
+
+def test_bad_arguments():
+    with pytest.raises(ValueError, match="at least 8 samples"):
+        dominant_frequency(np.zeros((3, 4)), INTERVAL)
+    with pytest.raises(ValueError, match="sample_interval must be > 0"):
+        dominant_frequency(np.zeros(100), 0.0)

@@ -1,0 +1,723 @@
+"""Sweeps that survive: kills at random times, damaged blocks, full disks, two writers, other
+specifications.
+
+The engine is a stub that costs nothing; run as a script, this file is the sweep that gets killed.
+"""
+
+import errno
+import hashlib
+import json
+import logging
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from wiperjax import dataset, mapfile, sweep
+from wiperjax.blocks import BlockStore
+from wiperjax.results import RESULTS
+from wiperjax.spec import parse_sweep
+from wiperjax.storage import StoreError, open_map, parts_of, write_dataset
+
+BLOCK = 50
+IDENTITY = {"precision": "float64", "jax": "0.1"}
+
+
+def make_spec(angles: int = 7, loads: int = 5, speeds: int = 11, **run):
+    """Sweep of 385 cells: eight blocks of 50, the last one short."""
+    axes = {
+        "attack_angle": {"start": -40, "stop": 40, "num": angles},
+        "normal_load": {"start": 5, "stop": 30, "num": loads},
+        "belt_speed": {"start": 0.02, "stop": 1.0, "num": speeds, "spacing": "geometric"},
+    }
+    return parse_sweep(
+        {
+            "title": "stub",
+            "axes": axes,
+            "run": {"transient": 0.2, "window": 0.2, "samples": 256} | run,
+        }
+    )
+
+
+def evaluate(spec, index):
+    """Cells of every class, with the sampled velocity that the engine would return."""
+    cells = spec.cells(index)
+    speed, angle = (
+        np.broadcast_to(cells[name], index.shape) for name in ("belt_speed", "attack_angle")
+    )
+    time_ = np.arange(spec.run.samples) * spec.run.window / spec.run.samples
+    frequency = np.where(angle < 0, 40.0, 580.0) + 10 * speed
+    wave = np.sin(2 * np.pi * frequency[:, None] * time_)
+    return {
+        "result": np.where(index % 17 == 3, RESULTS["non_finite"], RESULTS["finished"]),
+        "velocity_rms": np.where(index % 5 == 0, 0.0, speed),
+        "belt_speed_rms": speed,
+        "stick_fraction": np.where(angle < 0, 0.7, 0.0),
+        "slip_fraction": np.where(angle < 0, 0.3, 1.0),
+        "flight_fraction": np.zeros(len(index)),
+        "normal_force_max": np.sin(index),
+        "steps": index * 3,
+        "signal": wave.astype(np.float32),
+        "occupancy": 0.9,
+        "not_in_the_schema": index,
+    }
+
+
+def whole(spec):
+    """The map that an undisturbed sweep makes."""
+    return sweep.run(spec, evaluate=evaluate, block=BLOCK, progress=False)
+
+
+def data_of(ds):
+    """A map without the attributes that differ from run to run."""
+    ds = ds.load().copy()
+    for name in (*dataset.RUN_ATTRIBUTES, "cells", "block_cells"):
+        ds.attrs.pop(name, None)
+    return ds
+
+
+def assert_same_map(path, spec):
+    with open_map(path) as ds:
+        xr.testing.assert_identical(data_of(ds), data_of(whole(spec)))
+    assert not parts_of(path).exists()
+    assert [entry.name for entry in path.parent.iterdir() if entry.name.startswith(".")] == []
+
+
+def run(spec, path, **options):
+    with sweep.run(
+        spec, path, **{"evaluate": evaluate, "block": BLOCK, "progress": False} | options
+    ) as ds:
+        return ds.load()
+
+
+def open_store(path, spec, **options):
+    return BlockStore.open(path, spec, **{"block": BLOCK, "identity": IDENTITY} | options)
+
+
+def fill(store, spec, numbers):
+    for number in numbers:
+        columns, _ = sweep.evaluate_block(spec, np.arange(*store.span(number)), evaluate)
+        store.write(number, columns)
+
+
+def partial(path, spec, blocks, **options):
+    """An unfinished sweep that holds `blocks`."""
+
+    class Stop(Exception):
+        pass
+
+    def stopping(spec, index):
+        if index[0] // BLOCK >= blocks:
+            raise Stop
+        return evaluate(spec, index)
+
+    with pytest.raises(Stop):
+        run(spec, path, evaluate=stopping, **options)
+
+
+def environment():
+    """Environment in which another interpreter finds this wiperjax, installed or not."""
+    root = str(Path(sweep.__file__).parent.parent)
+    return os.environ | {
+        "PYTHONPATH": os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
+    }
+
+
+# --- the ordinary way -----------------------------------------------------------------------------
+
+
+def test_a_sweep_makes_one_ordinary_file(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    ds = run(spec, path, command="typed")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+    assert_same_map(path, spec)
+    assert ds.attrs["command"] == "typed" and ds.attrs["cells"] == 385 and ds.attrs["wall_time"] > 0
+    assert set(np.unique(ds.label)) == {
+        dataset.LABELS[n] for n in ("quiet", "squeal", "chattering", "failed")
+    }
+    finished = ds.result == RESULTS["finished"]
+    assert np.isnan(ds.dominant_frequency.where(~finished)).all()
+    assert ds.dominant_frequency.where(finished & (ds.attack_angle > 0)).min() > 579
+    with h5py.File(path) as file:
+        assert (
+            file["stick_fraction"].compression == "gzip" and file["stick_fraction"].dims[0].keys()
+        )
+        assert {file[name].dtype.kind for name in file} <= {"f", "i"}
+        assert file["stick_fraction"].maxshape == (7, 5, 11)
+
+
+def test_one_axis_and_block_larger_than_the_map(tmp_path):
+    spec = parse_sweep(
+        {
+            "axes": {"belt_speed": {"values": [0.1, 0.2, 0.4]}},
+            "run": {"transient": 0, "window": 0.1},
+        }
+    )
+
+    def flat(spec, index):
+        return evaluate(spec, index) | {
+            "stick_fraction": np.zeros(len(index)),
+            "signal": np.ones((len(index), 64)),
+        }
+
+    ds = run(spec, tmp_path / "map.h5", evaluate=flat)
+    assert ds.stick_fraction.dims == ("belt_speed",) and ds.sizes["belt_speed"] == 3
+    assert np.isnan(ds.dominant_frequency).all()
+
+
+def test_columns_that_the_engine_does_not_return_are_not_stored(tmp_path):
+    ds = run(make_spec(), tmp_path / "map.h5")
+    assert "gap_max" not in ds and "not_in_the_schema" not in ds and "signal" not in ds
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        (41, 11, 21),
+        (100, 100, 100),
+        (5,),
+        (10**6,),
+        (1000, 1000),
+        (3, 4, 5, 6, 70),
+        (2, 3000, 3000),
+    ],
+)
+def test_slabs_cover_the_map_once_in_order_and_chunks_fit_in_them(shape):
+    chunk = mapfile.chunk_shape(shape)
+    assert (
+        all(1 <= c <= n for c, n in zip(chunk, shape, strict=True))
+        and np.prod(chunk) <= mapfile.CHUNK_CELLS
+    )
+    position = 0
+    for start, stop, index in mapfile.slabs(shape, chunk):
+        assert start == position and stop - start <= mapfile.SLAB_CELLS
+        extents = [part.stop - part.start for part in index]
+        assert stop - start == np.prod(extents)
+        assert start == np.ravel_multi_index([part.start for part in index], shape)
+        for part, c, n in zip(index, chunk, shape, strict=True):
+            assert part.start % c == 0 and (part.stop % c == 0 or part.stop == n)
+        position = stop
+    assert position == np.prod(shape)
+
+
+def test_a_map_larger_than_a_slab_is_put_together_right(tmp_path, monkeypatch):
+    monkeypatch.setattr(mapfile.slabs, "__defaults__", (40,))
+    monkeypatch.setattr(mapfile.chunk_shape, "__defaults__", (16, 40))
+    assert_same_map_of = make_spec()
+    run(assert_same_map_of, tmp_path / "map.h5", block=33)
+    assert_same_map(tmp_path / "map.h5", assert_same_map_of)
+
+
+# --- interruption ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("blocks", [0, 1, 5, 8])
+def test_resume_goes_on_where_it_stopped(tmp_path, blocks):
+    spec, path, calls = make_spec(), tmp_path / "map.h5", []
+    if blocks < 8:
+        partial(path, spec, blocks)
+
+    def counting(spec, index):
+        calls.append(index[0] // BLOCK)
+        return evaluate(spec, index)
+
+    run(spec, path, resume=True, evaluate=counting)
+    assert calls == list(range(blocks if blocks < 8 else 0, 8))
+    assert_same_map(path, spec)
+    run(spec, path, resume=True, evaluate=counting)  # finished already: nothing is computed
+    assert len(calls) == 8 - (blocks if blocks < 8 else 0)
+
+
+def test_kills_at_random_times(tmp_path):
+    """SIGKILL at random times, from before the first block to while the map is put together."""
+    spec, path = make_spec(), tmp_path / "map.h5"
+    reference = data_of(whole(spec))
+    kills, finished, kept, places = 0, 0, 0, set()
+    rng = random.Random(0)
+    # Processes are forked: a fresh interpreter for each kill would take most of the time. The time
+    # of a whole sweep is measured, for the kills must hit all of it on a busy machine, too.
+    begun = time.monotonic()
+    os.waitpid(subprocess_fork(spec, path, delay=0.004), 0)
+    length = time.monotonic() - begun
+    path.unlink()
+    deadline = begun + 60
+    enough = False
+    while not enough and time.monotonic() < deadline:
+        child = subprocess_fork(spec, path, delay=0.004)
+        time.sleep(rng.uniform(0.0, 0.8 * length))
+        os.kill(child, signal.SIGKILL)
+        _, status = os.waitpid(child, 0)
+        kills += os.WIFSIGNALED(status)
+        if path.exists():
+            with open_map(path) as ds:  # whole, or not there
+                xr.testing.assert_identical(data_of(ds), reference)
+            finished += 1
+            path.unlink()
+            shutil.rmtree(parts_of(path), ignore_errors=True)
+        elif parts_of(path).exists() and (parts_of(path) / "manifest.json").exists():
+            done = mapfile.open_partial(parts_of(path))
+            cells = done.done.values.astype(bool)
+            kept += bool(cells.any())
+            places.add(int(cells.sum()))
+            if cells.any():
+                same = done.steps.values[cells] == reference.steps.values[cells]
+                assert same.all()
+        enough = kills >= 20 and kept >= 8 and finished >= 2 and len(places) >= 4
+    run(spec, path, resume=True)
+    assert_same_map(path, spec)
+    counts = f"{kills} kills, {kept} left finished blocks, {finished} maps were finished"
+    print(f"{counts}; cells done after a kill: {sorted(places)}")
+    assert enough, counts
+
+
+def subprocess_fork(spec, path, delay):
+    """Process id of a child that resumes the sweep, each block taking `delay` seconds."""
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore", DeprecationWarning
+        )  # Python 3.12: fork with threads; the child only sweeps
+        warnings.simplefilter(
+            "ignore", RuntimeWarning
+        )  # the same from jax, which the child does not use
+        child = os.fork()
+    if child == 0:
+        try:
+            slow_sweep(spec, path, delay, resume=True)
+        finally:
+            os._exit(0)
+    return child
+
+
+def slow_sweep(spec, path, delay, **options):
+    def slow(spec, index):
+        time.sleep(delay)
+        return evaluate(spec, index)
+
+    return sweep.run(spec, path, evaluate=slow, block=BLOCK, progress=False, **options)
+
+
+def test_ctrl_c_stops_cleanly_and_says_how_to_go_on(tmp_path):
+    path = tmp_path / "map.h5"
+    child = subprocess.Popen(
+        [sys.executable, __file__, path, "0.3"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=environment(),
+    )
+    deadline = time.monotonic() + 60
+    while (
+        not list(tmp_path.glob("map.h5.parts/block-*"))
+        and child.poll() is None
+        and time.monotonic() < deadline
+    ):
+        time.sleep(0.02)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=60)
+    assert child.returncode == 130, said
+    assert (
+        "cells are kept" in said
+        and "wiperjax sweep a.toml -o map.h5 --resume" in said
+        and "Traceback" not in said
+    )
+    assert not path.exists() and parts_of(path).is_dir()
+    run(make_spec(), path, resume=True)
+    assert_same_map(path, make_spec())
+
+
+def test_kill_between_the_finished_map_and_the_removal_of_its_parts(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    partial(path, spec, 3)
+    shutil.copytree(parts_of(path), tmp_path / "kept")
+    run(spec, path, resume=True)
+    before = hashlib.sha256(path.read_bytes()).hexdigest()
+    (tmp_path / "kept").rename(parts_of(path))
+
+    def never(spec, index):
+        raise AssertionError("nothing is left to compute")
+
+    run(spec, path, resume=True, evaluate=never)
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == before and not parts_of(path).exists()
+
+
+# --- damage ---------------------------------------------------------------------------------------
+
+
+def block_files(path):
+    return sorted(parts_of(path).glob("block-*.h5"))
+
+
+def damage_by_flip(file):
+    content = bytearray(file.read_bytes())
+    content[random.Random(file.name).randrange(len(content))] ^= 1
+    file.write_bytes(content)
+
+
+def damage_by_cut(file):
+    os.truncate(file, file.stat().st_size // 2)
+
+
+def damage_by_emptying(file):
+    os.truncate(file, 0)
+
+
+@pytest.mark.parametrize("damage", [damage_by_flip, damage_by_cut, damage_by_emptying])
+def test_a_damaged_block_is_named_and_computed_again(tmp_path, caplog, damage):
+    spec, path, calls = make_spec(), tmp_path / "map.h5", []
+    partial(path, spec, 6)
+    bad = block_files(path)[2]
+    damage(bad)
+    with caplog.at_level(logging.WARNING, "wiperjax"):
+        assert (
+            mapfile.open_partial(parts_of(path)).done.sum() == 250
+        )  # reading alone deletes nothing
+    assert bad.exists()
+    caplog.clear()
+
+    def counting(spec, index):
+        calls.append(index[0] // BLOCK)
+        return evaluate(spec, index)
+
+    with caplog.at_level(logging.WARNING, "wiperjax"):
+        run(spec, path, resume=True, evaluate=counting)
+    assert calls == [2, 6, 7]
+    assert (
+        len(caplog.messages) == 1
+        and bad.name in caplog.messages[0]
+        and "\n" not in caplog.messages[0]
+    )
+    assert_same_map(path, spec)
+
+
+def test_every_flipped_byte_is_noticed(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    partial(path, spec, 1)
+    (file,) = block_files(path)
+    content = file.read_bytes()
+    store = BlockStore.peek(parts_of(path))
+    logging.getLogger("wiperjax").setLevel(logging.ERROR)
+    try:
+        for place in random.Random(1).sample(range(len(content)), 300):
+            file.write_bytes(
+                content[:place] + bytes([content[place] ^ (1 << place % 8)]) + content[place + 1 :]
+            )
+            store._names[0] = file.name
+            assert store.read(0) is None and not store.done()[0]
+        file.write_bytes(content)
+        store._names[0] = file.name
+        assert store.read(0) is not None
+    finally:
+        logging.getLogger("wiperjax").setLevel(logging.NOTSET)
+
+
+def test_a_block_damaged_while_the_sweep_runs_stops_the_map_not_the_store(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+
+    def spoiling(spec, index):
+        if index[0] == 7 * BLOCK:
+            damage_by_flip(block_files(path)[4])
+        return evaluate(spec, index)
+
+    with pytest.raises(StoreError, match="block 4 is damaged"):
+        run(spec, path, evaluate=spoiling)
+    assert not path.exists() and len(block_files(path)) == 7
+    run(spec, path, resume=True)
+    assert_same_map(path, spec)
+
+
+def test_a_damaged_manifest_is_one_clear_line(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    partial(path, spec, 2)
+    (parts_of(path) / "manifest.json").write_text('{"format": 1, "bl')
+    with pytest.raises(StoreError, match=r"manifest.json: is damaged"):
+        run(spec, path, resume=True)
+    with pytest.raises(StoreError, match=r"manifest.json: is damaged"):
+        run(spec, path)
+    run(spec, path, force=True)
+    assert_same_map(path, spec)
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+
+def test_another_specification_is_refused_and_the_difference_named(tmp_path):
+    path = tmp_path / "map.h5"
+    partial(path, make_spec(), 2)
+    files = block_files(path)
+    with pytest.raises(StoreError, match=r"run.rtol was 1e-06, now 1e-07"):
+        run(make_spec(rtol=1e-7), path, resume=True)
+    with pytest.raises(StoreError, match=r"axes.attack_angle was 7 values.*now 8 values"):
+        run(make_spec(angles=8), path, resume=True)
+    assert block_files(path) == files
+    run(make_spec(), path, resume=True)
+
+
+@pytest.mark.parametrize("name", ["precision", "jax"])
+def test_another_version_or_precision_is_refused(tmp_path, name):
+    path, spec = tmp_path / "map.h5", make_spec()
+    open_store(path, spec).close()
+    with pytest.raises(StoreError, match=f"{name} was {IDENTITY[name]}, now other"):
+        open_store(path, spec, identity=IDENTITY | {name: "other"}, resume=True)
+
+
+def test_two_writers_are_told_apart(tmp_path):
+    path, spec = tmp_path / "map.h5", make_spec()
+    with open_store(path, spec) as store:
+        fill(store, spec, [0])
+        code = (
+            "import sys; sys.path.insert(0, sys.argv[2]); import test_storage as t\n"
+            "from pathlib import Path\n"
+            "try: t.open_store(Path(sys.argv[1]), t.make_spec(), resume=True)\n"
+            "except t.StoreError as error: print(error)\n"
+        )
+        words = [sys.executable, "-c", code, path, Path(__file__).parent]
+        said = subprocess.run(words, capture_output=True, text=True, env=environment()).stdout
+        assert f"is being written by process {os.getpid()}" in said
+        with pytest.raises(StoreError, match="is being written by process"):
+            open_store(path, spec, force=True)
+        assert store.done()[0]
+    open_store(path, spec, resume=True).close()  # a closed store is free
+
+
+def test_existing_output_and_unfinished_store_need_a_word(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    path.write_text("precious")
+    with pytest.raises(StoreError, match="exists already"):
+        run(spec, path)
+    with pytest.raises(StoreError, match="exists already"):
+        run(spec, path, resume=True)
+    assert path.read_text() == "precious" and not parts_of(path).exists()
+    run(spec, path, force=True)
+    assert_same_map(path, spec)
+    path.unlink()
+    partial(path, spec, 2)
+    with pytest.raises(StoreError, match="unfinished sweep; use --resume"):
+        run(spec, path)
+    with pytest.raises(StoreError, match="an unfinished sweep is in"):
+        open_map(path)
+    run(spec, path, force=True)
+    assert_same_map(path, spec)
+
+
+def test_leave_to_replace_outlives_a_kill(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    run(make_spec(rtol=1e-5), path)
+    partial(path, spec, 2, force=True)
+    run(spec, path, resume=True)
+    assert_same_map(path, spec)
+
+
+def test_a_folder_that_is_not_ours_is_left_alone(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    parts_of(path).mkdir()
+    (parts_of(path) / "thesis.txt").write_text("precious")
+    for force in (False, True):
+        with pytest.raises(StoreError, match="thesis.txt: is no part of a sweep"):
+            run(spec, path, force=force)
+    assert (parts_of(path) / "thesis.txt").read_text() == "precious"
+
+
+def test_places_that_cannot_be_written_to(tmp_path):
+    spec = make_spec()
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file" / "map.h5", tmp_path / "none" / "map.h5"):
+        with pytest.raises(StoreError, match=f"{path}: cannot be written"):
+            run(spec, path)
+    with pytest.raises(StoreError, match="it is a folder"):
+        run(spec, tmp_path, force=True)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_read_only_folder(tmp_path):
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    if os.access(folder, os.W_OK):  # root may write anywhere, unless the file system itself says no
+        words = ["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", folder]
+        if not shutil.which("mount") or subprocess.run(words, capture_output=True).returncode:
+            pytest.skip("neither permissions nor mounts can make a folder read-only here")
+    try:
+        with pytest.raises(
+            StoreError, match="cannot be written: (no permission|Read-only file system)"
+        ):
+            run(make_spec(), folder / "map.h5")
+    finally:
+        subprocess.run(["umount", folder], capture_output=True)
+
+
+# --- full disk ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Folder on a file system of 400 KiB."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    words = ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", folder]
+    if (
+        os.geteuid()
+        or not shutil.which("mount")
+        or subprocess.run(words, capture_output=True).returncode
+    ):
+        pytest.skip("no small file system can be mounted here")
+    yield folder
+    subprocess.run(["umount", folder], check=True)
+
+
+def test_a_full_disk_loses_no_finished_block(small_disk):
+    """At every level of filling: one clear line, finished blocks and other files kept, and room
+    makes it go on.
+    """
+    spec, path, ballast = make_spec(), small_disk / "map.h5", small_disk / "ballast"
+    full, stages = 0, set()
+    for free in range(0, 400, 24):
+        ballast.write_bytes(b"x" * max(0, _free(small_disk) - free * 1024))
+        try:
+            run(spec, path)
+        except StoreError as error:
+            full += 1
+            assert (
+                os.strerror(errno.ENOSPC) in str(error)
+                and str(small_disk) in str(error)
+                and "\n" not in str(error)
+            )
+            assert not path.exists()
+            if (parts_of(path) / "manifest.json").exists():
+                stages.add(int(mapfile.open_partial(parts_of(path)).done.sum()))
+            assert not list(parts_of(path).glob(".*")) if parts_of(path).exists() else True
+        ballast.unlink()
+        run(spec, path, resume=True)
+        assert_same_map(path, spec)
+        path.unlink()
+    # Full while blocks are written, and (all 385 cells done) while the map is.
+    assert full >= 4 and len(stages) >= 3 and 385 in stages, (full, stages)
+
+
+def _free(folder):
+    found = os.statvfs(folder)
+    return found.f_bavail * found.f_frsize
+
+
+def test_a_file_size_limit_is_an_error_like_a_full_disk(tmp_path):
+    """The same without a mount, for machines where that is not allowed."""
+    spec, path = make_spec(), tmp_path / "map.h5"
+    partial(path, spec, 3)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, before[1]))
+    try:
+        with pytest.raises(
+            StoreError, match=f"block-00000003.*cannot be written: {os.strerror(errno.EFBIG)}"
+        ):
+            run(spec, path, resume=True)
+        with pytest.raises(StoreError, match="ds.h5: cannot be written"):
+            write_dataset(whole(spec), tmp_path / "ds.h5")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert (
+        len(block_files(path)) == 3
+        and not list(parts_of(path).glob(".*"))
+        and not (tmp_path / "ds.h5").exists()
+    )
+    run(spec, path, resume=True)
+    assert_same_map(path, spec)
+
+
+# --- reading meanwhile, reading after -------------------------------------------------------------
+
+
+def test_an_unfinished_store_opens_with_a_mask(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    with open_store(path, spec) as store:
+        fill(store, spec, [1, 7])
+        ds = mapfile.open_partial(parts_of(path))  # while it is locked by its writer
+    cells = np.zeros(385, dtype=bool)
+    cells[50:100] = cells[350:] = True
+    np.testing.assert_array_equal(ds.done.values.ravel(), cells)
+    expected = whole(spec)
+    for name in ("stick_fraction", "steps", "label"):
+        found = ds[name].values.ravel()
+        np.testing.assert_array_equal(found[cells], expected[name].values.ravel()[cells])
+        assert (np.isnan(found) if found.dtype.kind == "f" else found == -1)[~cells].all()
+    assert dataset.flag_names(ds.label)[-1] == "not_computed" and ds.attrs["cells_done"] == 85
+    assert list(mapfile.open_partial(parts_of(path), ["label"]).data_vars) == ["label", "done"]
+    with pytest.raises(StoreError, match="not the folder of an unfinished sweep"):
+        mapfile.open_partial(tmp_path)
+
+
+def test_files_that_are_no_maps(tmp_path):
+    with pytest.raises(StoreError, match="does not exist"):
+        open_map(tmp_path / "none.h5")
+    for content in (b"", b"\x89HDF\r\n\x1a\n", b"text"):
+        (tmp_path / "bad.h5").write_bytes(content)
+        with pytest.raises(StoreError, match="bad.h5: is not a readable map"):
+            open_map(tmp_path / "bad.h5")
+
+
+def test_verify_recomputes_and_finds_a_changed_number(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    run(spec, path)
+    report = sweep.verify(path, cells=40, seed=1, evaluate=evaluate)
+    assert report.passed and report.same_versions and report.cells == 40 and report.columns == 10
+    assert set(report.largest) <= {"dominant_frequency"}
+    with h5py.File(path, "r+") as file:
+        file["normal_force_max"][...] = file["normal_force_max"][...] * (1 + 1e-6)
+    report = sweep.verify(path, cells=385, evaluate=evaluate)
+    assert not report.passed and len(report.differing) > 380
+    assert report.largest["normal_force_max"] == pytest.approx(1e-6, rel=1e-3)
+    with pytest.raises(StoreError, match="was not made from this specification"):
+        sweep.verify(path, spec=make_spec(rtol=1e-7), evaluate=evaluate)
+
+
+def test_progress_is_silent_without_a_terminal_and_counts_with_one(tmp_path, capfd):
+    from io import StringIO
+
+    from rich.console import Console
+
+    from wiperjax.progress import Report
+
+    run(make_spec(), tmp_path / "map.h5", progress=True)
+    assert capfd.readouterr() == ("", "")
+    screen = StringIO()
+    console = Console(file=screen, force_terminal=True, width=150)
+    with Report(100, title="stub", console=console) as report:
+        report.update(
+            {"label": np.array([0] * 30 + [1] * 20), "result": np.zeros(50, dtype=int)}, 50, 0.9
+        )
+    said = screen.getvalue()
+    assert "50 of 100 cells" in said and "quiet 30, squeal 20" in said and "finished 50" in said
+    assert "occupancy 90%" in said and "cells/s" in said and "left" in said
+
+
+def test_manifest_tells_a_person_what_it_is(tmp_path):
+    with open_store(tmp_path / "map.h5", make_spec()):
+        manifest = json.loads((tmp_path / "map.h5.parts" / "manifest.json").read_text())
+    assert (
+        manifest["cells"] == 385
+        and manifest["block"] == BLOCK
+        and manifest["identity"]["precision"] == "float64"
+    )
+    assert manifest["map"]["coords"]["belt_speed"]["attrs"]["units"] == "m/s"
+
+
+if __name__ == "__main__":
+    try:
+        slow_sweep(
+            make_spec(),
+            Path(sys.argv[1]),
+            float(sys.argv[2]),
+            command="wiperjax sweep a.toml -o map.h5 --force",
+        )
+    except KeyboardInterrupt as stopped:
+        print(stopped, file=sys.stderr)
+        sys.exit(130)

@@ -1,0 +1,8 @@
+"""`python -m wiperjax`: the command line."""
+
+import sys
+
+from wiperjax.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

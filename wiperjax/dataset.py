@@ -1,0 +1,293 @@
+"""What a map contains: one table of columns, and how flat columns become an `xarray.Dataset`.
+
+Everything that is stored per cell stands once, in `SCHEMA`. Columns that a caller offers beyond it
+are not stored, columns of it that are missing are left out. No input or output here, and neither
+jax nor diffrax.
+"""
+
+import importlib.metadata
+import json
+import os
+import platform
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from .parameters import PARAMETERS
+from .results import RESULTS
+
+CONVENTIONS = "CF-1.11"
+LABELS = {
+    "quiet": 0,
+    "squeal": 1,
+    "chattering": 2,
+    "reversal": 3,
+    "other": 4,
+    "collapsed": 5,
+    "failed": 6,
+}
+NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
+
+RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time")
+"""Attributes that say how a map came to be; two runs of one sweep agree in everything else, bit for
+bit.
+"""
+
+LIBRARIES = (
+    *("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "optimistix"),
+    *("numpy", "scipy", "xarray", "h5py", "h5netcdf"),
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One quantity stored for each cell: its name, numpy type, unit and meaning."""
+
+    name: str
+    dtype: str
+    units: str
+    long_name: str
+    flags: Mapping[str, int] | None = None  # meaning -> code, for categories
+    comment: str = ""
+
+    def attributes(self) -> dict[str, Any]:
+        """CF attributes of the variable; netCDF-valid types only."""
+        attrs: dict[str, Any] = {"long_name": self.long_name}
+        if self.flags is None:
+            attrs["units"] = self.units
+        else:
+            attrs["flag_values"] = np.array(list(self.flags.values()), dtype=self.dtype)
+            attrs["flag_meanings"] = " ".join(self.flags)
+        if self.comment:
+            attrs["comment"] = self.comment
+        return attrs
+
+    @property
+    def missing(self) -> Any:
+        """Value of a cell that is not computed (yet)."""
+        return np.nan if np.dtype(self.dtype).kind == "f" else NOT_COMPUTED
+
+
+_TABLE = (
+    Column("label", "int8", "", "noise class", LABELS),
+    Column("result", "int8", "", "how the trajectory ended", RESULTS),
+    Column("stick_fraction", "float64", "1", "share of the settled window in stick"),
+    Column("slip_fraction", "float64", "1", "share of the settled window in slip"),
+    Column("flight_fraction", "float64", "1", "share of the settled window in flight"),
+    Column(
+        "dominant_frequency", "float64", "Hz", "frequency of the strongest line of tip velocity",
+        comment="Hann window, refined between bins; NaN where the velocity is constant",
+    ),
+    Column("velocity_rms", "float64", "m/s", "standard deviation of the tip velocity"),
+    Column("velocity_mean", "float64", "m/s", "mean tip velocity"),
+    Column("velocity_rms_reversal", "float64", "m/s", "the same, just after reversal"),
+    Column("belt_speed_rms", "float64", "m/s", "root mean square of the belt speed"),
+    Column("normal_force_mean", "float64", "N/m", "mean normal force"),
+    Column("normal_force_max", "float64", "N/m", "largest normal force"),
+    Column("normal_force_mean_stroke", "float64", "N/m", "mean normal force away from reversal"),
+    Column("normal_force_max_reversal", "float64", "N/m", "largest normal force around reversal"),
+    Column("gap_max", "float64", "m", "largest gap between tip and glass"),
+    Column("impact_count", "int32", "1", "impacts in the settled window"),
+    Column("stick_count", "int32", "1", "stick phases begun in the settled window"),
+    Column("lift_off_count", "int32", "1", "lift-offs in the settled window"),
+    Column("impact_impulse_max", "float64", "N s/m", "largest normal impulse of an impact"),
+    Column("impact_impulse_reversal", "float64", "N s/m", "the same, around reversal"),
+    Column("growth_rate", "float64", "1/s", "growth rate of steady slip, linearised"),
+    Column("linear_frequency", "float64", "Hz", "frequency of steady slip, linearised"),
+    Column("steps", "int32", "1", "accepted steps"),
+    Column("rejected_steps", "int32", "1", "rejected steps"),
+    Column("unproved_steps", "int32", "1", "steps that might hide a double crossing"),
+    Column("final_time", "float64", "s", "time reached"),
+    Column("final_x", "float64", "m", "tip position along the glass at the end"),
+    Column("final_y", "float64", "m", "gap at the end"),
+    Column("final_vx", "float64", "m/s", "tip velocity along the glass at the end"),
+    Column("final_vy", "float64", "m/s", "tip velocity normal to the glass at the end"),
+)  # fmt: skip
+
+SCHEMA: Mapping[str, Column] = {column.name: column for column in _TABLE}
+
+
+def select(columns: Mapping[str, Any], length: int) -> dict[str, np.ndarray]:
+    """Columns of the schema among `columns`, in its order and types, each of shape (length,).
+
+    Raises: `ValueError` if a column has another shape, or an integer column holds what its type
+    cannot.
+    """
+    chosen = {}
+    for name, column in SCHEMA.items():
+        if name not in columns:
+            continue
+        given = np.asarray(columns[name])
+        if given.shape != (length,):
+            raise ValueError(
+                f"column {name} must have the shape ({length},), but has {given.shape}"
+            )
+        dtype = np.dtype(column.dtype)
+        if dtype.kind == "i" and given.dtype != dtype and length:
+            limits = np.iinfo(dtype)
+            if not (np.all(given >= limits.min) and np.all(given <= limits.max)):
+                reach = f"{given.min()} to {given.max()}"
+                raise ValueError(f"column {name} must fit {dtype.name}, but reaches from {reach}")
+        chosen[name] = np.ascontiguousarray(given, dtype=dtype)
+    return chosen
+
+
+def describe(spec: Any) -> dict[str, Any]:
+    """All of a map but its numbers (shape, coordinates, attributes), as plain types for JSON."""
+    coords = {}
+    for name, values in spec.axes_values().items():
+        entry = PARAMETERS.get(name)
+        coords[name] = {
+            "values": np.asarray(values, dtype=np.float64).tolist(),
+            "attrs": {
+                "units": entry.edge_unit if entry else "1",
+                "long_name": entry.long_name if entry else name.replace("_", " "),
+            },
+        }
+    return {"shape": [int(n) for n in spec.shape], "coords": coords, "attrs": _attributes(spec)}
+
+
+def _attributes(spec: Any) -> dict[str, Any]:
+    """Attributes that follow from the specification alone."""
+    meaning = json.loads(spec.canonical())
+    attrs: dict[str, Any] = {
+        "Conventions": CONVENTIONS,
+        "title": spec.title or "stick, slip and flight of a wiper lip",
+        "source": f"wiperjax {version('wiperjax')}",
+    }
+    units = []
+    for name, value in sorted(meaning.get("fixed", {}).items()):
+        entry = PARAMETERS.get(name)
+        attrs[name] = float(entry.to_edge(value)) if entry else value
+        units.append(f"{name}: {entry.edge_unit if entry else '1'}")
+    attrs["parameter_units"] = "; ".join(units)
+    attrs["belt_kind"] = str(meaning.get("belt", ""))
+    start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
+    attrs["start"] = (
+        json.dumps(start, sort_keys=True) if start else "touching at the attack angle, at rest"
+    )
+    for table, prefix in (("run", "run_"), ("classes", "class_")):
+        for key, value in sorted((meaning.get(table) or {}).items()):
+            if value is not None:
+                attrs[prefix + key] = value
+    # The specification three times: as it was written, as it is read again by `verify`, as it is
+    # compared.
+    attrs["specification_text"] = str(getattr(spec, "text", ""))
+    document = getattr(spec, "document", None)
+    if document is not None:
+        attrs["specification"] = json.dumps(document())  # the order of the axes counts
+    attrs["specification_canonical"] = spec.canonical()
+    attrs["specification_digest"] = spec.digest()
+    return attrs
+
+
+def assemble(
+    spec: Any, columns: Mapping[str, np.ndarray], *, attributes: Mapping[str, Any] | None = None
+) -> xr.Dataset:
+    """Map of all cells of `spec`, its dimensions in the order of the axes.
+
+    Arguments:
+
+    - `spec`: the sweep.
+    - `columns`: name -> values, each of shape (cells,), cells in C order.
+    - `attributes`: further attributes, such as `provenance(...)`.
+
+    Raises: `ValueError` if a column has another length.
+    """
+    return build(describe(spec), columns, attributes)
+
+
+def build(
+    description: Mapping[str, Any],
+    columns: Mapping[str, np.ndarray],
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """Map from the result of `describe` and flat columns; see `assemble`."""
+    shape = tuple(description["shape"])
+    coords = {
+        name: ((name,), np.array(entry["values"], dtype=np.float64), dict(entry["attrs"]))
+        for name, entry in description["coords"].items()
+    }
+    chosen = select(columns, int(np.prod(shape)))
+    variables = {
+        name: (tuple(coords), values.reshape(shape), SCHEMA[name].attributes())
+        for name, values in chosen.items()
+    }
+    attrs = dict(description["attrs"]) | dict(attributes or {})
+    return xr.Dataset(variables, coords=coords, attrs=plain_attributes(attrs))
+
+
+def plain_attributes(attrs: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes as types that netCDF can hold: text, numbers, arrays; None is left out."""
+    plain: dict[str, Any] = {}
+    for name, value in attrs.items():
+        if value is None:
+            continue
+        if isinstance(value, bool | np.bool_):
+            plain[name] = np.int8(value)
+        elif isinstance(value, str):
+            plain[name] = value
+        elif isinstance(value, int | float | np.number | np.ndarray):
+            plain[name] = value
+        elif (
+            isinstance(value, list | tuple)
+            and value
+            and all(isinstance(item, int | float) for item in value)
+        ):
+            plain[name] = np.array(value, dtype=np.float64)
+        else:
+            plain[name] = json.dumps(value, sort_keys=True)
+    return plain
+
+
+def provenance(command: str | None, wall_time: float, host: str | None = None) -> dict[str, Any]:
+    """Values of `RUN_ATTRIBUTES`; `wall_time` in seconds, summed over blocks."""
+    return {
+        "command": command or "",
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "host": host or host_kind(),
+        "wall_time": float(wall_time),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the libraries a map rests on, without importing any."""
+    return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
+
+
+def version(library: str) -> str:
+    """Installed version of a library, else `none`; of wiperjax, also in a mere checkout."""
+    if library == "wiperjax" and (own := getattr(sys.modules.get(library), "__version__", None)):
+        return str(own)
+    try:
+        return importlib.metadata.version(library)
+    except importlib.metadata.PackageNotFoundError:
+        return "none"
+
+
+def host_kind() -> str:
+    """Kind of machine (processor, cores, system), not its name."""
+    processor = platform.processor() or platform.machine()
+    if sys.platform.startswith("linux"):
+        try:
+            with open("/proc/cpuinfo", encoding="utf-8") as lines:
+                names = [
+                    line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")
+                ]
+        except OSError:
+            names = []
+        processor = names[0] if names else processor
+    return f"{processor}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
+
+
+def flag_names(variable: xr.DataArray) -> dict[int, str]:
+    """Code -> meaning of a categorical variable, from its CF attributes."""
+    values = np.atleast_1d(variable.attrs["flag_values"])
+    return dict(
+        zip((int(v) for v in values), str(variable.attrs["flag_meanings"]).split(), strict=True)
+    )

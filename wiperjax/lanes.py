@@ -1,0 +1,169 @@
+"""A batch that never waits: a fixed number of lanes over a pool of cases.
+
+Every lane is a trajectory with its own time, step and regime. A lane that ends takes the next case
+of the pool inside the compiled loop, so none idles for another. A round is a few light turns
+(steps proved free of events) and one full turn (events located, regimes changed): events are
+rare and their arithmetic is dear, and a batch runs it for all lanes at once.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from .results import RUNNING, Result
+from .sampling import empty_samples
+from .state import Problem, State, initial_state
+from .step import advance, advance_light
+from .transition import where
+
+
+class Pool(NamedTuple):
+    """Cases to run. Leaves of ``problem`` with one entry a case have the cases as last axis."""
+
+    problem: Problem
+    position: tuple  # n arrays (cases,)
+    velocity: tuple
+    start: jax.Array  # () time
+
+
+class Outcome(NamedTuple):
+    """What every case leaves, (cases,) each; ``signal`` has the samples as last axis."""
+
+    result: jax.Array
+    final_time: jax.Array
+    position: tuple
+    velocity: tuple
+    regime: jax.Array
+    steps: jax.Array
+    rejected: jax.Array
+    unproved: jax.Array
+    events: jax.Array
+    observed: Any
+
+
+class Effort(NamedTuple):
+    """Work of the batch: lane-turns that advanced a case, and all that were executed."""
+
+    useful: jax.Array
+    executed: jax.Array
+
+
+def _per_case(problem: Problem):
+    """The parts of a problem that may differ between cases."""
+    return (problem.system, problem.atol, problem.observer)
+
+
+def _split(problem: Problem, cases: int):
+    """Return (values with one entry a case, everything else) of the parts that may differ.
+
+    What is the same for all cases stays out of the loop carry: the Python number 0 that switches
+    a term off must not become an array.
+    """
+    return eqx.partition(
+        _per_case(problem),
+        lambda x: eqx.is_array(x) and x.ndim > 0 and x.shape[-1] == cases,
+    )
+
+
+def _rebuild(problem: Problem, varying, shared) -> Problem:
+    parts = eqx.combine(varying, shared)
+    return eqx.tree_at(_per_case, problem, parts, is_leaf=lambda x: x is None)
+
+
+def _outcome(state: State) -> Outcome:
+    return Outcome(
+        state.result,
+        state.time,
+        state.position,
+        state.velocity,
+        state.regime,
+        state.attempts,
+        state.rejected,
+        state.unproved,
+        state.events,
+        state.observed,
+    )
+
+
+@eqx.filter_jit
+def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any, Effort]:
+    """Run every case of ``pool``; return (outcomes, samples or None, effort).
+
+    ``lanes`` trajectories are in flight at any time. The result of a case does not depend on its
+    lane, its neighbours or their order. Samples come back as (cases, samples).
+    """
+    cases = pool.position[0].shape[-1]
+    problem = pool.problem
+    varying, shared = _split(problem, cases)
+
+    def fill(at):
+        """Problem parts and initial states of the cases ``at``."""
+        parts, q, v = jax.tree.map(lambda x: x[..., at], (varying, pool.position, pool.velocity))
+        start = jnp.broadcast_to(pool.start, at.shape)
+        return parts, initial_state(_rebuild(problem, parts, shared), q, v, start)
+
+    first = jnp.minimum(jnp.arange(lanes), cases - 1)
+    parts, state = fill(first)
+    case = jnp.where(jnp.arange(lanes) < cases, jnp.arange(lanes), cases)
+    idle = jnp.where(case < cases, state.result, int(Result.FINISHED))
+    state = state._replace(result=idle)
+    buffers = empty_samples(_rebuild(problem, parts, shared), state)
+    blank = jax.tree.map(lambda x: jnp.zeros((cases, *x.shape[:-1]), x.dtype), _outcome(state))
+    signal = jax.tree.map(lambda b: jnp.zeros((cases, b.shape[0]), b.dtype), buffers)
+    wait = max(1, lanes // 64)  # lanes that may idle before a refill is worth its cost
+
+    def refill(carry):
+        parts, state, case, upcoming, outcome, signal = carry
+        ended = state.result != RUNNING
+        at = jnp.where(ended, case, cases)
+        outcome = jax.tree.map(
+            lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"), outcome, _outcome(state)
+        )
+        signal = jax.tree.map(
+            lambda o, b: o.at[at].set(b.T, mode="drop"), signal, state.samples
+        )
+        rank = jnp.cumsum(ended) - 1
+        new = upcoming + rank
+        takes = ended & (new < cases)
+        fresh_parts, fresh = fill(jnp.clip(new, 0, cases - 1))
+        fresh = fresh._replace(samples=None, log=None)
+        kept = state._replace(samples=None, log=None)
+        merged = where(takes, fresh, kept)._replace(samples=state.samples, log=state.log)
+        parts = where(takes, fresh_parts, parts)
+        case = jnp.where(takes, new, jnp.where(ended, cases, case))
+        return parts, merged, case, upcoming + jnp.sum(takes), outcome, signal
+
+    def round_(carry):
+        parts, state, case, upcoming, outcome, signal, useful, executed = carry
+        local = _rebuild(problem, parts, shared)
+        before = jnp.sum(state.attempts)
+        state = lax.fori_loop(0, light_turns, lambda _, s: advance_light(local, s), state)
+        state = advance(local, state)
+        useful = useful + jnp.sum(state.attempts) - before
+        executed = executed + (light_turns + 1) * lanes
+        ended = jnp.sum((state.result != RUNNING) & (case < cases))
+        due = (ended >= wait) | ((ended > 0) & (upcoming >= cases))
+        inner = (parts, state, case, upcoming, outcome, signal)
+        parts, state, case, upcoming, outcome, signal = lax.cond(due, refill, lambda c: c, inner)
+        return parts, state, case, upcoming, outcome, signal, useful, executed
+
+    def busy(carry):
+        state, case = carry[1], carry[2]
+        return jnp.any((state.result == RUNNING) | (case < cases))
+
+    zero = jnp.zeros((), jnp.int64)
+    carry = (
+        parts,
+        state._replace(samples=buffers),
+        case,
+        jnp.asarray(min(lanes, cases)),
+        blank,
+        signal,
+        zero,
+        zero,
+    )
+    carry = lax.while_loop(busy, round_, carry)
+    return carry[4], carry[5], Effort(carry[6], carry[7])

@@ -1,0 +1,279 @@
+"""Sweep and scene files: what they mean, and one clear line when they are wrong.
+
+`load_sweep` and `load_scene` read a TOML file into a frozen specification. Each table is checked by
+itself in `spec_tables.py`; what concerns two tables at once is checked here. Every fault becomes a
+`SpecError` whose text names the file, the key, what it must be and what it was. Imports no jax.
+"""
+
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import PrivateAttr, ValidationError, model_validator
+
+from wiperjax.parameters import BELTS, PARAMETERS
+from wiperjax.spec_errors import Fault, SpecError, sentence, unknown
+from wiperjax.spec_tables import Axis, Belt, Blade, Classes, SceneRun, Start, SweepRun, Table
+
+__all__ = ["SceneSpec", "SpecError", "SweepSpec", "load_scene", "load_sweep"]
+__all__ += ["parse_scene", "parse_sweep"]
+
+FORMAT = 1
+"""Version of the meaning of a specification; part of its digest."""
+
+MAX_CELLS = 10**9
+
+
+class _System(Table):
+    """What sweeps and scenes share: the blade, the belt, the start."""
+
+    title: str = ""
+    blade: Blade = Blade()
+    belt: Belt = Belt()
+    start: Start = Start()
+
+    _text: str = PrivateAttr(default="")
+
+    @property
+    def text(self) -> str:
+        """Text of the file this was read from; empty if it was not read from a file."""
+        return self._text
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of all parameters of the blade and of this kind of belt."""
+        blade = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
+        return blade + tuple(BELTS[self.belt.kind].values())
+
+    def document(self) -> dict[str, Any]:
+        """Plain dict that `parse_sweep` or `parse_scene` turns into an equal specification."""
+        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
+    def _stated(self) -> dict[str, tuple[str, float]]:
+        """Parameter -> (key in the file, value in edge units), of those the file fixes."""
+        keys = BELTS[self.belt.kind]
+        tables = [("blade", name, name) for name in type(self.blade).model_fields]
+        tables += [("belt", key, name) for key, name in keys.items()]
+        stated = {
+            name: (f"{table}.{key}", getattr(getattr(self, table), key))
+            for table, key, name in tables
+        }
+        return {name: entry for name, entry in stated.items() if entry[1] is not None}
+
+    def _fixed_si(self, axes: Mapping[str, Axis]) -> dict[str, float]:
+        """Parameter -> SI value, stated or reference, of every parameter that is no axis."""
+        stated = self._stated()
+        fixed = {}
+        for name in self.parameter_names:
+            if name not in axes:
+                entry = PARAMETERS[name]
+                value = entry.to_si(stated[name][1]) if name in stated else entry.reference
+                if value is not None:  # else it is asked for in _check_system
+                    fixed[name] = float(value)
+        return fixed
+
+    def _check_system(self, axes: Mapping[str, Axis]) -> None:
+        """Raises Fault for keys that are fine alone but not together."""
+        kind, stated = self.belt.kind, self._stated()
+        for key in sorted(self.belt.model_fields_set - {"kind"} - set(BELTS[kind])):
+            owners = " and ".join(repr(other) for other, keys in BELTS.items() if key in keys)
+            raise Fault(f"belt.{key}", f"must be left out with kind = {kind!r}; it is for {owners}")
+        for name in axes:
+            if name not in self.parameter_names:
+                raise Fault(f"axes.{name}", f"must be left out with belt.kind = {kind!r}")
+            if name in stated:
+                key, value = stated[name]
+                raise Fault(key, f"must be left out, for axes.{name} sets it; was {value:g}")
+        for key, name in BELTS[kind].items():
+            if name not in axes and name not in stated and PARAMETERS[name].reference is None:
+                allowed = PARAMETERS[name].range
+                raise Fault(f"belt.{key}", f"is missing; with kind = {kind!r} it must be {allowed}")
+
+        fixed = self._fixed_si(axes)
+
+        def values(name: str) -> np.ndarray:
+            """All values of parameter `name` in this file, edge units."""
+            if name in axes:
+                return axes[name].values()
+            return np.atleast_1d(PARAMETERS[name].to_edge(fixed[name]))
+
+        def key_of(name: str) -> str:
+            return f"axes.{name}" if name in axes else stated.get(name, (f"blade.{name}",))[0]
+
+        collapse = values("collapse_angle").min()
+        attack = values("attack_angle")
+        attack = attack[np.argmax(np.abs(attack))]
+        inside = f"must lie inside the collapse angle, (-{collapse:g}, {collapse:g}) degrees"
+        if abs(attack) >= collapse:
+            raise Fault(key_of("attack_angle"), f"{inside}, was {attack:g}")
+        if self.start.angle is not None and abs(self.start.angle) >= collapse:
+            raise Fault("start.angle", f"{inside}, was {self.start.angle:g}")
+        if self.start.position is not None:
+            x, reach = self.start.position[0], values("lip_length").min()
+            if abs(x) >= reach:
+                must = f"x must be shorter than the lip ({reach:g} m)"
+                raise Fault("start.position", f"{must}, was {x:g}")
+        if kind == "trapezoid":
+            ramp, half_period = values("belt_ramp").max(), 0.5 / values("belt_frequency").max()
+            if ramp > half_period * (1 + 1e-12):  # rounding of a ramp written as 1/(2 f)
+                must = f"must be at most half a period ({half_period:g} s)"
+                raise Fault(key_of("belt_ramp"), f"{must}, was {ramp:g}")
+
+
+class SweepSpec(_System):
+    """A sweep: the axes of a map, what is held fixed, how cells are run and how they are named.
+
+    Cells are numbered in C order of the axes, in the order in which the file lists them: the last
+    axis varies fastest. Made by `load_sweep` or `parse_sweep`.
+    """
+
+    axes: dict[str, Axis]
+    run: SweepRun
+    classes: Classes = Classes()
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "SweepSpec":
+        if not self.axes:
+            raise Fault("axes", "must name at least one blade or belt parameter, was empty")
+        for name, axis in self.axes.items():
+            if name not in PARAMETERS:
+                raise Fault(f"axes.{name}", unknown(name, list(PARAMETERS)))
+            if problem := PARAMETERS[name].problem(axis.values()):
+                raise Fault(f"axes.{name}", problem)
+        if self.size > MAX_CELLS:
+            raise Fault("axes", f"must make at most {MAX_CELLS} cells, made {self.size}")
+        self._check_system(self.axes)
+        return self
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values along each axis."""
+        return tuple(axis.count for axis in self.axes.values())
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return math.prod(self.shape)
+
+    def axes_values(self) -> dict[str, np.ndarray]:
+        """Coordinates of the map: axis -> values (count,) in edge units (angles in degrees)."""
+        return {name: axis.values() for name, axis in self.axes.items()}
+
+    def fixed(self) -> dict[str, float]:
+        """Every parameter that is not an axis, in SI units and radians."""
+        return self._fixed_si(self.axes)
+
+    def cells(self, flat_index: np.ndarray) -> dict[str, Any]:
+        """All parameters of some cells, in SI units and radians.
+
+        Arguments:
+            flat_index: numbers of the cells, any shape, each in [0, size).
+
+        Returns: name -> float for a fixed parameter, for an axis a float64 array shaped as
+            `flat_index`; names and order as `parameter_names`.
+
+        Raises: IndexError for a number outside the map.
+        """
+        flat_index = np.asarray(flat_index)
+        if flat_index.size and not 0 <= flat_index.min() <= flat_index.max() < self.size:
+            raise IndexError(f"cell numbers must lie in [0, {self.size})")
+        along = np.unravel_index(flat_index, self.shape)
+        known: dict[str, Any] = self.fixed()
+        for (name, axis), index in zip(self.axes.items(), along, strict=True):
+            known[name] = np.asarray(PARAMETERS[name].to_si(axis.values()))[index]
+        return {name: known[name] for name in self.parameter_names}
+
+    def notes(self) -> list[str]:
+        """Lines on what is allowed but rarely meant, for the command line to show."""
+        lines = []
+        for name, axis in self.axes.items():
+            reach = np.abs(axis.values()).max()
+            if PARAMETERS[name].unit == "rad" and 0 < reach <= math.pi / 2:
+                lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
+        return lines
+
+    def canonical(self) -> str:
+        """JSON of everything that determines the numbers of the map, and of nothing else.
+
+        The same for files that differ in title, comments, order of keys (but not of axes), or in
+        spelling out a default.
+        """
+        meaning = {
+            "format": FORMAT,
+            "axes": [[name, values.tolist()] for name, values in self.axes_values().items()],
+            "fixed": self.fixed(),
+            "belt": self.belt.kind,
+            "start": self.start.model_dump(mode="json"),
+            "run": self.run.model_dump(mode="json"),
+            "classes": self.classes.model_dump(mode="json"),
+        }
+        return json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+    def digest(self) -> str:
+        """SHA-256 of `canonical()`, 64 hexadecimal digits."""
+        return hashlib.sha256(self.canonical().encode()).hexdigest()
+
+
+class SceneSpec(_System):
+    """One trajectory of one blade. Made by `load_scene` or `parse_scene`."""
+
+    run: SceneRun
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "SceneSpec":
+        self._check_system({})
+        return self
+
+    def parameters(self) -> dict[str, float]:
+        """Every blade and belt parameter in SI units and radians."""
+        return self._fixed_si({})
+
+
+_Spec = TypeVar("_Spec", SweepSpec, SceneSpec)
+
+
+def load_sweep(path: str | Path) -> SweepSpec:
+    """Sweep of a TOML file. Raises: SpecError, one line that names file and key."""
+    return _load(SweepSpec, path)
+
+
+def load_scene(path: str | Path) -> SceneSpec:
+    """Scene of a TOML file. Raises: SpecError, one line that names file and key."""
+    return _load(SceneSpec, path)
+
+
+def parse_sweep(data: Mapping[str, Any], source: str = "sweep") -> SweepSpec:
+    """Sweep of a mapping shaped like a sweep file. Raises: SpecError that begins with `source`."""
+    return _parse(SweepSpec, data, source)
+
+
+def parse_scene(data: Mapping[str, Any], source: str = "scene") -> SceneSpec:
+    """Scene of a mapping shaped like a scene file. Raises: SpecError that begins with `source`."""
+    return _parse(SceneSpec, data, source)
+
+
+def _load(model: type[_Spec], path: str | Path) -> _Spec:
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        data = tomllib.loads(text)
+    except OSError as error:
+        raise SpecError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SpecError(f"{path}: is not a text file (UTF-8)") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SpecError(f"{path}: is not valid TOML: {error}") from None
+    spec = _parse(model, data, str(path))
+    spec._text = text
+    return spec
+
+
+def _parse(model: type[_Spec], data: Mapping[str, Any], source: str) -> _Spec:
+    try:
+        return model.model_validate(dict(data))
+    except ValidationError as error:
+        raise SpecError(f"{source}: {sentence(model, error)}") from None

@@ -1,0 +1,246 @@
+"""Tables of sweep and scene files, each checked by itself: types, ranges, shapes.
+
+What concerns two tables at once is checked in `spec.py`.
+"""
+
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    create_model,
+    model_validator,
+)
+
+from wiperjax.parameters import BELTS, PARAMETERS
+from wiperjax.spec_errors import AXIS_FORMS, Fault, show
+
+MAX_VALUES = 10**7
+"""Most values of one axis: a slip of the keyboard must not ask for terabytes."""
+
+
+def _checked(name: str, value: float | None) -> float | None:
+    """`value` (edge units) of parameter `name`; raises Fault outside its range."""
+    if value is not None and (problem := PARAMETERS[name].problem(value)):
+        raise Fault("", problem)
+    return value
+
+
+def _pair(value: Any) -> tuple[Any, Any]:
+    """Two entries of a list as a tuple; pydantic then checks that they are numbers."""
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise Fault("", f"must be a list of two numbers, was {show(value)}")
+    return value[0], value[1]
+
+
+Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Tolerance = Annotated[float, Field(ge=1e-13, le=1e-2)]
+Count = Annotated[int, Field(ge=1)]
+SolverName = Literal["tsit5", "dopri5", "dopri8", "bosh3"]
+
+
+class Table(BaseModel):
+    """Base of all tables: unknown keys, numbers in quotes, NaN and infinity are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Axis(Table):
+    """Values of one parameter (edge units): evenly or geometrically spaced, or listed."""
+
+    start: float | None = None
+    stop: float | None = None
+    num: int | None = None
+    spacing: Literal["linear", "geometric"] = "linear"
+    listed: Annotated[list[float] | None, Field(alias="values")] = None
+
+    @model_validator(mode="after")
+    def _is_complete_and_monotonic(self) -> "Axis":
+        if self.listed is None:
+            self._check_range()
+        elif self.model_fields_set != {"listed"}:
+            raise Fault("", f"must be {AXIS_FORMS}, not a mixture of both")
+        elif not self.listed:
+            raise Fault("", "must have at least one value, was empty")
+        else:
+            steps = np.diff(self.listed)
+            if not (np.all(steps > 0) or np.all(steps < 0)):
+                raise Fault("", f"values must increase or decrease, were {show(self.listed)}")
+        return self
+
+    def _check_range(self) -> None:
+        start, stop, num = self.start, self.stop, self.num
+        missing = [key for key in ("start", "stop", "num") if getattr(self, key) is None]
+        if start is None or stop is None or num is None:
+            raise Fault("", f"must be {AXIS_FORMS}, but {' and '.join(missing)} is missing")
+        if not 1 <= num <= MAX_VALUES:
+            raise Fault("num", f"must be at least 1 and at most {MAX_VALUES}, was {num}")
+        if (num == 1) != (start == stop):
+            raise Fault(
+                "",
+                "start and stop must be equal if num = 1 and differ otherwise, "
+                f"were start = {start:g}, stop = {stop:g}, num = {num}",
+            )
+        if self.spacing == "geometric" and not start * stop > 0:
+            raise Fault(
+                "",
+                "a geometric axis must not reach or cross zero, "
+                f"was start = {start:g}, stop = {stop:g}",
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of values."""
+        return len(self.listed) if self.listed is not None else self.num or 0
+
+    def values(self) -> np.ndarray:
+        """All values (count,), float64, both ends exact."""
+        if self.listed is not None:
+            return np.asarray(self.listed, dtype=np.float64)
+        assert self.start is not None and self.stop is not None and self.num is not None
+        space = np.geomspace if self.spacing == "geometric" else np.linspace
+        return space(self.start, self.stop, self.num, dtype=np.float64)
+
+
+def _limited(name: str, keys: dict[str, str]) -> type[Table]:
+    """Table with one optional number per key, held to the range of the parameter it stands for."""
+    fields: dict[str, Any] = {
+        key: (Annotated[float | None, AfterValidator(partial(_checked, parameter))], None)
+        for key, parameter in keys.items()
+    }
+    return create_model(name, __base__=Table, __module__=__name__, **fields)
+
+
+_BLADE_KEYS = {name: name for name, entry in PARAMETERS.items() if entry.table == "blade"}
+_BELT_KEYS = {key: name for belt in BELTS.values() for key, name in belt.items()}
+
+
+class Blade(_limited("_BladeKeys", _BLADE_KEYS)):
+    """Parameters of the blade that are not axes (edge units); None: the reference value."""
+
+
+class Belt(_limited("_BeltKeys", _BELT_KEYS)):
+    """Motion of the glass (edge units); which keys go with which kind is checked in `spec.py`."""
+
+    kind: Literal["steady", "wiping", "trapezoid"] = "steady"
+
+
+class SweepRun(Table):
+    """How each cell is integrated and observed.
+
+    Attributes:
+        transient: time [s] integrated and discarded.
+        window: time [s] after it, in which the statistics are gathered.
+        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver.
+        precision: of the state.
+        solver: Runge-Kutta method.
+        max_steps: step budget of one cell; a cell that spends it gets that result code.
+        max_events: event budget of one cell; None: no budget but that of steps.
+        zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
+        samples: samples of the settled window.
+    """
+
+    transient: NonNegative
+    window: Positive
+    rtol: Tolerance = 1e-6
+    atol: Positive | None = None
+    precision: Literal["float64", "float32"] = "float64"
+    solver: SolverName = "tsit5"
+    max_steps: Count = 200_000
+    max_events: Count | None = None
+    zeno_time: Positive = 1e-8
+    samples: Annotated[int, Field(ge=16)] = 2048
+
+    @model_validator(mode="after")
+    def _precision_holds_the_tolerance(self) -> "SweepRun":
+        if self.precision == "float32" and self.rtol < 1e-6:
+            must = "must be at least 1e-06 with precision = 'float32'"
+            raise Fault("rtol", f"{must}, was {self.rtol:g}")
+        return self
+
+
+class SceneRun(Table):
+    """How one trajectory is integrated and sampled: `duration` and `sample_interval` in seconds.
+
+    The other keys are those of `SweepRun`; None leaves a choice to the solver.
+    """
+
+    duration: Positive
+    sample_interval: Positive | None = None
+    rtol: Tolerance = 1e-8
+    atol: Positive | None = None
+    solver: SolverName = "tsit5"
+    max_steps: Count | None = None
+    zeno_time: Positive = 1e-8
+
+
+class Start(Table):
+    """Initial state, stated in at most one of three ways; else phi = alpha, touching, at rest.
+
+    Attributes:
+        angle: lip angle phi [degrees] at which the touching tip starts at rest.
+        equilibrium: offset from the steady-slip equilibrium of largest phi, as a fraction of L.
+        position, velocity: of the tip, (x, y) [m] and (x', y') [m/s]; velocity None: at rest.
+    """
+
+    angle: Annotated[float, Field(gt=-90, lt=90)] | None = None
+    equilibrium: Annotated[float, Field(ge=-1, le=1)] | None = None
+    position: Pair | None = None
+    velocity: Pair | None = None
+
+    @property
+    def kind(self) -> Literal["default", "angle", "equilibrium", "state"]:
+        """Which of the ways of stating it was used."""
+        if self.position is not None:
+            return "state"
+        if self.equilibrium is not None:
+            return "equilibrium"
+        return "default" if self.angle is None else "angle"
+
+    @model_validator(mode="after")
+    def _is_one_start(self) -> "Start":
+        ways = ("angle", "equilibrium", "position")
+        given = [key for key in ways if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise Fault("", f"must have one of {', '.join(ways)}; had {' and '.join(given)}")
+        if self.velocity is not None and self.position is None:
+            raise Fault("velocity", "must have position beside it")
+        if self.position is not None and self.position[1] < 0:
+            raise Fault(
+                "position",
+                f"y must not be negative (the glass is y = 0), was {self.position[1]:g}",
+            )
+        return self
+
+
+class Classes(Table):
+    """Thresholds of the noise classes, MODEL.md section 11.
+
+    Attributes:
+        quiet_velocity_ratio: std of the tip velocity over belt speed, below which a cell is quiet.
+        squeal_band, chatter_band: lowest and highest dominant frequency [Hz].
+        reversal_window: time [s] on either side of V = 0 that counts as the reversal.
+        reversal_ratio: largest normal force there over the mean outside, above which it is noise.
+    """
+
+    quiet_velocity_ratio: Positive = 0.01
+    squeal_band: Pair = (500.0, 1000.0)
+    chatter_band: Pair = (0.0, 100.0)
+    reversal_window: Positive = 0.025
+    reversal_ratio: Positive = 2.0
+
+    @model_validator(mode="after")
+    def _bands_are_ordered(self) -> "Classes":
+        for key in ("squeal_band", "chatter_band"):
+            low, high = getattr(self, key)
+            if not 0 <= low < high:
+                must = "must be [low, high] in Hz with 0 <= low < high"
+                raise Fault(key, f"{must}, was [{low:g}, {high:g}]")
+        return self
