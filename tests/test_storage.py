@@ -23,7 +23,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wiperjax import dataset, mapfile, sweep
+from wiperjax import dataset, mapfile
+from wiperjax import driver as sweep
 from wiperjax.blocks import BlockStore
 from wiperjax.results import RESULTS
 from wiperjax.spec import parse_sweep

@@ -18,7 +18,11 @@ from .observers import RegimeTotals as RegimeTotals  # noqa: E402
 from .results import Event as Event  # noqa: E402
 from .results import Regime as Regime  # noqa: E402
 from .results import Result as Result  # noqa: E402
+from .driver import run as sweep  # noqa: E402, F401
+from .driver import verify as verify  # noqa: E402
 from .solve import solve as solve  # noqa: E402
+from .spec import load_scene as load_scene  # noqa: E402
+from .spec import load_sweep as load_sweep  # noqa: E402
 from .system import AbstractSystem as AbstractSystem  # noqa: E402
 from .trajectory import simulate as simulate  # noqa: E402
 from .wiper import Wiper as Wiper  # noqa: E402

@@ -33,6 +33,10 @@ class AbstractBelt(eqx.Module):
     def reverses(self, piece):
         """True where the break that ends ``piece`` is a passage of V through zero."""
 
+    def since_reversal(self, time):
+        """Time [s] since the nearest passage of V through zero (negative: until it)."""
+        return jnp.full_like(time, jnp.inf)
+
     @property
     @abstractmethod
     def peak(self):
@@ -90,6 +94,10 @@ class WipingBelt(AbstractBelt):
     def reverses(self, piece):
         return True
 
+    def since_reversal(self, time):
+        halves = 2 * (self.frequency * time + self.phase / TURN)
+        return (halves - jnp.round(halves)) / (2 * self.frequency)
+
     @property
     def peak(self):
         return jnp.abs(self.amplitude)
@@ -133,6 +141,10 @@ class TrapezoidBelt(AbstractBelt):
 
     def reverses(self, piece):
         return piece % 3 == 1
+
+    def since_reversal(self, time):
+        halves = 2 * (self.frequency * time + self.phase / TURN)
+        return (halves - jnp.round(halves)) / (2 * self.frequency)
 
     @property
     def peak(self):

@@ -117,7 +117,7 @@ def sweep(
 
     _configure(workers)
     from wiperjax.labels import class_table
-    from wiperjax.sweep import run
+    from wiperjax.driver import run
 
     command = ["wiperjax", "sweep", str(file), "-o", str(output)]
     command += [] if picture else ["--no-picture"]
@@ -208,7 +208,7 @@ def verify(
     """Compute a random sample of the cells of a map again and compare."""
     _check_input(file)
     _configure(None)
-    from wiperjax.sweep import verify as verify_map
+    from wiperjax.driver import verify as verify_map
 
     report = verify_map(file, cells, seed)
     if report.passed:

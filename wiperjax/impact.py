@@ -22,11 +22,13 @@ class Impulse(NamedTuple):
     normal_speed: Scalar
 
 
-def poisson_impact(w_tt, w_tn, w_nn, mu, restitution, slip_speed, normal_speed) -> Impulse:
+def poisson_impact(
+    w_tt, w_tn, w_nn, mu, restitution, slip_speed, normal_speed, jam=False
+) -> Impulse:
     """Impulse of an impact at (v_t, v_n <= 0).
 
-    With ``normal_speed = 0`` and D = W_nn - s mu W_tn < 0 it is Painleve's impact without
-    collision. ``w_tt = 0`` is a frictionless contact. Post-impact v_t is exactly 0 where the contact sticks.
+    With ``normal_speed = 0`` and D = W_nn - s mu W_tn <= 0 it is Painleve's impact without
+    collision; ``jam`` says so where D is zero up to rounding, and slip does not decompress then. ``w_tt = 0`` is a frictionless contact. Post-impact v_t is exactly 0 where the contact sticks.
     """
     sign = jnp.sign(slip_speed)
     frictional = w_tt > 0
@@ -36,6 +38,7 @@ def poisson_impact(w_tt, w_tn, w_nn, mu, restitution, slip_speed, normal_speed) 
     # first part: slip with the incoming sign, up to the impulse p_s at which v_t vanishes
     rate_t = w_tn - sign * mu * w_tt
     rate_n = w_nn - sign * mu * w_tn
+    rate_n = jnp.where(jnp.asarray(jam) & (sign != 0), jnp.minimum(rate_n, 0.0), rate_n)
     brakes = sign * rate_t < 0
     p_s = jnp.where(brakes, -slip_speed / jnp.where(brakes, rate_t, 1.0), jnp.inf)
     p_s = jnp.where((sign == 0) & frictional, 0.0, p_s)

@@ -27,6 +27,7 @@ class Pool(NamedTuple):
     position: tuple  # n arrays (cases,)
     velocity: tuple
     start: jax.Array  # () time
+    count: jax.Array  # () cases that are real; the rest only fills the arrays
 
 
 class Outcome(NamedTuple):
@@ -88,16 +89,17 @@ def _outcome(state: State) -> Outcome:
     )
 
 
-@eqx.filter_jit
 def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any, Effort]:
     """Run every case of ``pool``; return (outcomes, samples or None, effort).
 
     ``lanes`` trajectories are in flight at any time. The result of a case does not depend on its
-    lane, its neighbours or their order. Samples come back as (cases, samples).
+    lane, its neighbours or their order. Samples come back as (cases, samples). To be called inside
+    `jax.jit`.
     """
-    cases = pool.position[0].shape[-1]
+    capacity = pool.position[0].shape[-1]
+    cases = jnp.minimum(pool.count, capacity).astype(jnp.int32)
     problem = pool.problem
-    varying, shared = _split(problem, cases)
+    varying, shared = _split(problem, capacity)
 
     def fill(at):
         """Problem parts and initial states of the cases ``at``."""
@@ -105,36 +107,35 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
         start = jnp.broadcast_to(pool.start, at.shape)
         return parts, initial_state(_rebuild(problem, parts, shared), q, v, start)
 
-    first = jnp.minimum(jnp.arange(lanes), cases - 1)
-    parts, state = fill(first)
-    case = jnp.where(jnp.arange(lanes) < cases, jnp.arange(lanes), cases)
-    idle = jnp.where(case < cases, state.result, int(Result.FINISHED))
+    first = jnp.arange(lanes, dtype=jnp.int32)
+    parts, state = fill(jnp.clip(first, 0, capacity - 1))
+    case = jnp.where(first < cases, first, capacity)
+    idle = jnp.where(case < capacity, state.result, int(Result.FINISHED))
     state = state._replace(result=idle)
     buffers = empty_samples(_rebuild(problem, parts, shared), state)
-    blank = jax.tree.map(lambda x: jnp.zeros((cases, *x.shape[:-1]), x.dtype), _outcome(state))
-    signal = jax.tree.map(lambda b: jnp.zeros((cases, b.shape[0]), b.dtype), buffers)
+    blank = jax.tree.map(lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype), _outcome(state))
+    signal = jax.tree.map(lambda b: jnp.zeros((capacity, b.shape[0]), b.dtype), buffers)
     wait = max(1, lanes // 64)  # lanes that may idle before a refill is worth its cost
 
     def refill(carry):
         parts, state, case, upcoming, outcome, signal = carry
         ended = state.result != RUNNING
-        at = jnp.where(ended, case, cases)
+        at = jnp.where(ended, case, capacity)
         outcome = jax.tree.map(
             lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"), outcome, _outcome(state)
         )
         signal = jax.tree.map(
             lambda o, b: o.at[at].set(b.T, mode="drop"), signal, state.samples
         )
-        rank = jnp.cumsum(ended) - 1
-        new = upcoming + rank
+        new = upcoming + jnp.cumsum(ended, dtype=jnp.int32) - 1
         takes = ended & (new < cases)
-        fresh_parts, fresh = fill(jnp.clip(new, 0, cases - 1))
+        fresh_parts, fresh = fill(jnp.clip(new, 0, capacity - 1))
         fresh = fresh._replace(samples=None, log=None)
         kept = state._replace(samples=None, log=None)
         merged = where(takes, fresh, kept)._replace(samples=state.samples, log=state.log)
         parts = where(takes, fresh_parts, parts)
-        case = jnp.where(takes, new, jnp.where(ended, cases, case))
-        return parts, merged, case, upcoming + jnp.sum(takes), outcome, signal
+        case = jnp.where(takes, new, jnp.where(ended, capacity, case))
+        return parts, merged, case, upcoming + jnp.sum(takes, dtype=jnp.int32), outcome, signal
 
     def round_(carry):
         parts, state, case, upcoming, outcome, signal, useful, executed = carry
@@ -144,7 +145,7 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
         state = advance(local, state)
         useful = useful + jnp.sum(state.attempts) - before
         executed = executed + (light_turns + 1) * lanes
-        ended = jnp.sum((state.result != RUNNING) & (case < cases))
+        ended = jnp.sum((state.result != RUNNING) & (case < capacity))
         due = (ended >= wait) | ((ended > 0) & (upcoming >= cases))
         inner = (parts, state, case, upcoming, outcome, signal)
         parts, state, case, upcoming, outcome, signal = lax.cond(due, refill, lambda c: c, inner)
@@ -152,14 +153,14 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
 
     def busy(carry):
         state, case = carry[1], carry[2]
-        return jnp.any((state.result == RUNNING) | (case < cases))
+        return jnp.any((state.result == RUNNING) | (case < capacity))
 
     zero = jnp.zeros((), jnp.int64)
     carry = (
         parts,
         state._replace(samples=buffers),
         case,
-        jnp.asarray(min(lanes, cases)),
+        jnp.minimum(jnp.int32(lanes), cases),
         blank,
         signal,
         zero,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .guards import JAM
 from .polynomials import first_root
 from .results import RUNNING
 from .state import Problem, State
@@ -82,8 +83,8 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     newton = chase & ~miss & ~lost
 
     accept = trial.ok & ~obstructed & (~pending | miss)
-    fire = trial.ok & violated
-    rejected = ~trial.ok & (state.result == RUNNING)
+    fire = (trial.ok & violated) | trial.jams
+    rejected = ~trial.ok & ~trial.jams & (state.result == RUNNING)
 
     h = stop_gradient(trial.h)
     dtype = h.dtype
@@ -104,7 +105,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
         accept=accept,
         arrive=located,
         fire=fire,
-        slot=jnp.where(fire, first, slot).astype(jnp.int32),
+        slot=jnp.where(trial.jams, JAM, jnp.where(fire, first, slot)).astype(jnp.int32),
         correction=jnp.where(located, shift.astype(dtype) * trial.h, 0.0),
         unproved=(accept | located) & ~sure,
         rejected=rejected | lost | (trial.ok & (murky | undecided)),

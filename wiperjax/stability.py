@@ -81,7 +81,7 @@ def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
     wiper = replace(wiper, belt=SteadyBelt(1.0))
     shape = map_shape(wiper, belt_speed)
     size = int(np.prod(shape))
-    padded = max(_FEWEST, 1 << max(size - 1, 0).bit_length())  # few sizes, few compilations
+    padded = _FEWEST if size <= _FEWEST else -(-size // _LANES) * _LANES  # few compilations
 
     def flat(value):
         # a Python zero stays one: its terms are then not computed
@@ -90,7 +90,7 @@ def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
         every = jnp.broadcast_to(jnp.asarray(value, float), shape).ravel()
         return jnp.concatenate([every, jnp.ones(padded - size)])
 
-    speed = flat(belt_speed + jnp.zeros(shape))
+    speed = flat(jnp.broadcast_to(jnp.asarray(belt_speed, float), shape))
     found = _map(jax.tree.map(flat, wiper), speed, branches)
     return jax.tree.map(lambda x: x[:size].reshape(*shape, branches), found)
 

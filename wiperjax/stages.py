@@ -38,14 +38,27 @@ def weighted_sum(weights, increments, start):
     return out
 
 
-def keep(tree, unit):
-    """Divide by ``unit``, a 1.0 that the compiler cannot see: a fusion barrier.
+ROWS = 8  # largest leading axis (nodes, slots) that `keep` serves
 
-    XLA's CPU compiler fuses producers into every consumer and so computes a stage again for each
-    of its uses; it never duplicates a division. (`lax.optimization_barrier` does not stop it.) A
-    test on the size of the compiled program guards this.
+
+def keep(tree, unit):
+    """Divide by ``unit``, ones that the compiler cannot see: a fusion barrier.
+
+    XLA's CPU compiler fuses producers into every consumer and so computes a stage, or the verdict
+    on a step, again for each of its uses; it never duplicates a floating-point division.
+    (`lax.optimization_barrier` does not stop it, and a division by a broadcast scalar is turned
+    into a product, which is duplicated: hence an array (ROWS, ...) in the loop carry.) Truth values
+    and small integers travel as floats. A test on the size of the compiled program guards this.
     """
-    return jtu.tree_map(lambda x: x / unit.astype(x.dtype), tree)
+
+    def barrier(x):
+        rows = unit[: x.shape[0]] if x.ndim == unit.ndim else unit[0]
+        if jnp.issubdtype(x.dtype, jnp.floating):
+            return x / rows.astype(x.dtype)
+        value = x.astype(unit.dtype) / rows
+        return value > 0.5 if x.dtype == bool else jnp.round(value).astype(x.dtype)
+
+    return jtu.tree_map(barrier, tree)
 
 
 def rk_step(solver, term, t, y, h, rate, args, unit) -> Step:

@@ -12,6 +12,7 @@ from .guards import first_switch
 from .observers import AbstractObserver
 from .regimes import acceleration, decide, forces
 from .results import RUNNING, Regime, Result
+from .stages import ROWS
 from .system import AbstractSystem, Contact, Scalar, contact
 
 
@@ -26,7 +27,6 @@ class Problem(eqx.Module):
     zeno_time: Scalar
     max_steps: Scalar
     mark: Scalar  # a time to be stepped onto exactly (start of observation)
-    unit: jax.Array  # 1.0, opaque to the compiler (see `stages.keep`)
     observer: AbstractObserver
     sample_times: jax.Array | None  # increasing
     solver: diffrax.AbstractERK = eqx.field(static=True)
@@ -47,7 +47,9 @@ class EventLog(NamedTuple):
 
 
 class State(NamedTuple):
-    """The loop carry of one trajectory."""
+    """The loop carry of one trajectory, or of a batch (lanes last)."""
+
+    unit: jax.Array  # ones, opaque to the compiler (see `stages.keep`)
 
     # evolving
     time: Scalar
@@ -163,6 +165,8 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         z,
     )
     return State(
+        # 1 + 0 * rate: the compiler may not assume that the rate is finite
+        unit=jnp.ones((ROWS, *start.shape), dtype) + 0.0 * jax.lax.stop_gradient(step).astype(dtype),
         time=start,
         position=position,
         velocity=velocity,

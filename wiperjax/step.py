@@ -29,8 +29,8 @@ def advance_light(problem: Problem, state: State) -> State:
     The cheap turn of a batch: no location, no reset maps. Rejections are handled.
     """
     trial = attempt(problem, state)
-    calm = light(trial, state)
-    refused = ~trial.ok & (state.target < 0) & (state.result == RUNNING)
+    calm = keep(light(trial, state), state.unit)
+    refused = ~trial.ok & ~trial.jams & (state.target < 0) & (state.result == RUNNING)
     moved = _move(problem, state, trial, calm, jnp.zeros_like(trial.h))
     step = jnp.where(calm | refused, trial.next_step, state.step)
     moved = moved._replace(
@@ -54,7 +54,7 @@ def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     )
     piece = state.piece + breaks.astype(jnp.int32)
     before = state
-    plan = plan._replace(correction=keep(plan.correction, problem.unit))
+    plan = keep(plan, state.unit)
     state = _move(problem, state, trial, moves, plan.correction)
     landed = plan.accept & trial.lands
     state = state._replace(time=jnp.where(landed, trial.mark, state.time))
@@ -64,7 +64,8 @@ def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     after = transition(
         problem, state, state.time, state.position, state.velocity, plan.slot, fires, breaks, piece, end
     )
-    happens = fires | breaks
+    after = keep(after, state.unit)
+    happens = keep(fires | breaks, state.unit)
     old, new = _kind(state.regime), _kind(after.regime)
     remembered = tuple(
         jnp.where(happens & (old == i), plan.step, s) for i, s in enumerate(state.step_of)
@@ -144,6 +145,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
     a = acceleration(c, jax.tree.map(lambda f: f[-1], trial.contact_forces))
     touching = state.regime != Regime.FLIGHT
     q, v = settle(system, c, q, v, touching, touching, state.regime == Regime.STICK)
+    q, v, a = keep((q, v, a), state.unit)
     rate = (v, a)
     d = correction.astype(q[0].dtype)
     q = tuple(x + d * (y + 0.5 * d * z) for x, y, z in zip(q, v, a, strict=True))

@@ -54,6 +54,10 @@ class AbstractSystem(eqx.Module):
     def directions(self, t: Scalar, q: Coordinates) -> tuple[Coordinates, Coordinates]:
         """A^-1 J_t^T and A^-1 J_n^T: acceleration per unit tangential and normal contact force."""
 
+    def prepared(self) -> "AbstractSystem":
+        """Return the system with whatever does not change along a trajectory worked out once."""
+        return self
+
     def gap(self, t: Scalar, q: Coordinates) -> Scalar:
         """Distance of the contact points, >= 0 (unilateral contacts)."""
         raise NotImplementedError("a unilateral system must define gap(t, q)")

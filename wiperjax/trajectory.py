@@ -103,9 +103,11 @@ def simulate(
 
     given = system
     system = _traced(system)
-    if initial_state is None:
-        initial_state = system.default_state()
-    start = _coordinates(initial_state)
+    start = _coordinates(system.default_state() if initial_state is None else initial_state)
+    if isinstance(system, Wiper) and len(start[0]) != 2:
+        raise ValueError(
+            f"initial_state must have the 2 coordinates of Wiper, but had {len(start[0])}"
+        )
     # the length of the buffer is part of the compiled program: few lengths, few compilations. At
     # least one time is never reached, so that a full buffer does not pause the loop.
     slots = max(FEWEST_SLOTS, 1 << len(times).bit_length())
@@ -349,7 +351,7 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in fields(module):  # type: ignore[arg-type]
         name, value = prefix + field.name, getattr(module, field.name)
-        if field.name == "piece":  # the engine's, not the person's
+        if field.name in ("piece", "rest_height", "edge_sine"):  # the engine's, not the person's
             continue
         if isinstance(value, eqx.Module):
             found[name] = type(value).__name__

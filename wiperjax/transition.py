@@ -83,6 +83,25 @@ def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, t
     return Completion(holds, duration, tangential, normal, jnp.where(stops, 0.0, after))
 
 
+def brake_to_jam(system, c: Contact, sign, mu):
+    """Return the impulses (tangential, normal) that carry slip the last bit to D = 0, and mu there.
+
+    Steps end just before D = 0, at D > 0 (see `trial`); the rest takes no time: v_t falls at a
+    fixed position until D(v_t) vanishes. Nothing where D <= 0 already.
+    """
+    speed = jnp.abs(c.slip_speed)
+    target = speed
+    for _ in range(3):
+        value, slope = jax.jvp(system.law.coefficient, (target,), (jnp.ones_like(target),))
+        d, rate = c.w_nn - sign * value * c.w_tn, -sign * slope * c.w_tn
+        down = (d > 0) & (rate > 0)
+        target = jnp.clip(target - jnp.where(down, d / jnp.where(down, rate, 1.0), 0.0), 0.0, speed)
+    slowing = c.w_tt * mu - sign * c.w_tn  # loss of speed per normal impulse
+    normal = (speed - target) / jnp.where(slowing > 0, slowing, jnp.inf)
+    at_jam = jnp.where(normal > 0, system.law.coefficient(target), mu)
+    return (-sign * mu * normal, normal), at_jam
+
+
 class Outcome(NamedTuple):
     """State just after an event."""
 
@@ -119,8 +138,11 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     lifts = fires & sliding & (slot == SECOND)
     jams = fires & sliding & (slot == JAM) & system.coupled
     retest = breaks & sticking
+    unit = state.unit
+    hits, turns, leaves_cone, lifts, jams, retest = keep(
+        (hits, turns, leaves_cone, lifts, jams, retest), unit
+    )
 
-    unit = problem.unit
     c = keep(contact(system, time, q, v), unit)
     q, v = keep(settle(system, c, q, v, hits | ~flying, ~flying, sticking | turns), unit)
     c = keep(contact(system, time, q, v), unit)
@@ -131,10 +153,25 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     mu = jnp.zeros_like(c.b_t)
     if law is not None:
         mu = jnp.where(moving, law.coefficient(jnp.abs(c.slip_speed)), static)
+    if system.coupled:
+        braked, mu = brake_to_jam(system, c, sign, mu)
+        v = where(jams, push(v, c.along_t, c.along_n, *braked), v)
+        c = c._replace(
+            slip_speed=jnp.where(
+                jams, c.slip_speed + c.w_tt * braked[0] + c.w_tn * braked[1], c.slip_speed
+            )
+        )
     approach = jnp.where(jams, 0.0, c.normal_speed)
     collides = (hits & (approach < 0)) | jams
     blow = poisson_impact(
-        c.w_tt, c.w_tn, c.w_nn, mu, system.bounce, c.slip_speed, jnp.minimum(approach, 0.0)
+        c.w_tt,
+        c.w_tn,
+        c.w_nn,
+        mu,
+        system.bounce,
+        c.slip_speed,
+        jnp.minimum(approach, 0.0),
+        jams,
     )
     blow = keep(blow, unit)
     v = where(collides, push(v, c.along_t, c.along_n, blow.tangential, blow.normal), v)
@@ -147,7 +184,8 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     zeno = complete_zeno(
         c, mu, leaving, approach, slip_speed, problem.zeno_time, (end - time).astype(leaving.dtype)
     )
-    completes = hits & collides & zeno.holds
+    zeno = keep(zeno, unit)
+    completes = keep(hits & collides & zeno.holds, unit)
     rest_of_flight = tuple(x + a * zeno.duration for x, a in zip(v, c.free, strict=True))
     landed = push(rest_of_flight, c.along_t, c.along_n, zeno.tangential, zeno.normal)
     carried = tuple(
@@ -165,7 +203,7 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     leaving = jnp.where(completes, 0.0, leaving)
     bounces = (hits | jams) & (leaving > 0)
     closes = (hits | jams) & ~bounces
-    decision = decide(system, c)
+    decision = keep(decide(system, c), unit)
     undecided = closes | turns | retest
     escape = jnp.where(slot == FIRST, -1, 1)  # friction at its upper limit pushes the tip to +x
     mu_static = jnp.zeros_like(c.b_t) if law is None else law.coefficient(jnp.zeros_like(c.b_t))
@@ -179,6 +217,7 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     jammed = undecided & decision.jam
     sliding_on = jnp.where(slip_speed > 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
     after = jnp.where(jammed & (slip_speed != 0), sliding_on, after).astype(jnp.int32)
+    after = keep(after, unit)
 
     # guards that start at zero by construction
     into_flight = (after == Regime.FLIGHT) & (hits | jams | turns | leaves_cone | lifts | retest)

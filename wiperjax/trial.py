@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
-from .guards import guard_values
+from .guards import JAM, SECOND, guard_values
 from .polynomials import control_values, deflated, hull_cut, interpolation_error, minimum
 from .regimes import Forces, forces
-from .results import RUNNING
+from .results import RUNNING, Regime
 from .stages import NODES, Step, keep, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact
@@ -24,6 +24,7 @@ class Trial(NamedTuple):
 
     h: Scalar
     lands: Scalar  # it ends on a known time (``mark``)
+    jams: Scalar  # the step has shrunk to nothing in front of D = 0 (MODEL.md section 7)
     mark: Scalar
     step: Step
     ok: Scalar  # finite and within the tolerance
@@ -80,9 +81,9 @@ def attempt(problem: Problem, state: State) -> Trial:
     h = jnp.where(lands, to_mark, wanted)
 
     args = (system, state.regime)
-    unit = problem.unit
+    unit = state.unit
     step = rk_step(solver, TERM, state.time, y0, h, state.rate, args, unit)
-    error = stop_gradient(error_norm(problem, y0, step))
+    error = keep(stop_gradient(error_norm(problem, y0, step)), unit)
     finite = jnp.isfinite(error)
     for leaf in jax.tree.leaves(step.y1):
         finite = finite & jnp.isfinite(leaf)
@@ -94,7 +95,8 @@ def attempt(problem: Problem, state: State) -> Trial:
     exponent = -(0.7 * jnp.log(error) - 0.4 * jnp.where(ok, jnp.log(state.last_error), 0.0)) / order
     plain = -jnp.log(error) / order
     factor = jnp.clip(0.9 * jnp.exp(jnp.where(ok, exponent, plain)), 0.2, 5.0)
-    next_step = stop_gradient(h) * factor.astype(h.dtype)
+    next_step = keep(stop_gradient(h) * factor.astype(h.dtype), unit)
+    ok, finite = keep((ok, finite), unit)
 
     theta = jnp.reshape(jnp.asarray(NODES, h.dtype), (-1,) + (1,) * h.ndim)
     times = state.time + theta * h
@@ -105,18 +107,19 @@ def attempt(problem: Problem, state: State) -> Trial:
     values = keep(values, unit)
 
     nodes = tuple(stop_gradient(values[:, i]) for i in range(len(NODES)))
-    quotient = deflated(nodes, state.orders)
+    quotient = keep(deflated(nodes, state.orders), unit)
     control = control_values(quotient)
     size = jnp.max(jnp.abs(jnp.stack(quotient)), axis=0)
     blur = interpolation_error(quotient, state.orders)
     clear = minimum(control) > blur
     # below this the estimate is rounding: the polynomial itself decides
-    blur = jnp.where(blur > 1e-9 * size, blur, 0.0)
+    blur = keep(jnp.where(blur > 1e-9 * size, blur, 0.0), unit)
     control = keep(tuple(b - blur for b in control), unit)
     g0, g1, g2, g3, g4 = nodes
     return Trial(
         h=h,
         lands=lands,
+        jams=_jams(problem, state, ok, next_step, nodes[0]),
         mark=mark,
         step=step,
         ok=ok,
@@ -131,11 +134,23 @@ def attempt(problem: Problem, state: State) -> Trial:
         end_values=values[:, -1],
         end_slopes=(25 * g4 - 48 * g3 + 36 * g2 - 16 * g1 + 3 * g0) / 3,
         controls=control,
-        proved=clear | (to_mark <= 0),
+        proved=keep(clear | (to_mark <= 0), unit),
         cuts=hull_cut(control),
         starts=quotient[0],
         blurs=blur,
     )
+
+
+def _jams(problem: Problem, state: State, ok, next_step, values):
+    """True where slip runs into D = 0 under load: the normal force grows without bound there, so
+    that steps shrink to nothing in front of it and never reach it."""
+    if not problem.system.coupled:
+        return jnp.zeros_like(ok)
+    sliding = (state.regime == Regime.SLIP_POS) | (state.regime == Regime.SLIP_NEG)
+    floor = 64 * jnp.finfo(state.time.dtype).eps
+    floor = floor * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
+    near = (values[JAM] > 0) & (values[JAM] < 1e-2) & (values[SECOND] > 0)
+    return sliding & ~ok & (next_step < floor) & near & (state.result == RUNNING)
 
 
 def pick(slots, index):

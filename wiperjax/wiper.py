@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .belts import AbstractBelt, SteadyBelt
+from .fastmath import arcsin
 from .friction import AbstractFriction, Stribeck
 from .system import AbstractSystem, Scalar
 
@@ -45,6 +46,8 @@ class Wiper(AbstractSystem):
     gravity: Scalar = 0.0  # m/s^2
     collapse_angle: Scalar = float(np.deg2rad(89.0))  # rad
     piece: Scalar = 0  # smooth piece of the belt's motion (set by the engine)
+    rest_height: Scalar | None = None  # L cos(alpha) [m] and sin(collapse_angle): see `prepared`
+    edge_sine: Scalar | None = None
 
     def __check_init__(self):
         right = float(np.pi / 2)
@@ -77,12 +80,26 @@ class Wiper(AbstractSystem):
         if not isinstance(self.belt, AbstractBelt):
             raise ValueError(f"belt must be a belt such as SteadyBelt(0.3), but was {self.belt!r}")
 
+    @property
+    def _rest_height(self):
+        if self.rest_height is not None:
+            return self.rest_height
+        return self.lip_length * jnp.cos(self.attack_angle)
+
+    def prepared(self):
+        return eqx.tree_at(
+            lambda w: (w.rest_height, w.edge_sine),
+            self,
+            (self._rest_height, jnp.sin(self.collapse_angle)),
+            is_leaf=lambda x: x is None,
+        )
+
     # --- geometry -----------------------------------------------------------------------------
 
     def lean(self, q):
         """Return sin(phi), cos(phi), phi of a tip at x = q[0] [rad]."""
         s = jnp.clip(q[0] / self.lip_length, -_EDGE, _EDGE)
-        return s, jnp.sqrt((1 - s) * (1 + s)), jnp.arcsin(s)
+        return s, jnp.sqrt((1 - s) * (1 + s)), arcsin(s)
 
     def moment(self, theta):
         """M(theta) of the two-stage rotational spring [N m per m]; theta = phi - alpha [rad]."""
@@ -95,10 +112,9 @@ class Wiper(AbstractSystem):
         """Downward force F of the support spring and dashpot [N/m]."""
         eta = q[1] + self.lip_length * cos
         eta_rate = v[1] - sin / cos * v[0]
-        rest = self.lip_length * jnp.cos(self.attack_angle)
         return (
             self.normal_load
-            + self.support_stiffness * (eta - rest)
+            + self.support_stiffness * (eta - self._rest_height)
             + self.support_damping * eta_rate
         )
 
@@ -145,7 +161,7 @@ class Wiper(AbstractSystem):
 
     def limit(self, t, q, v):
         # in the sine: smooth, and cheap
-        edge = jnp.sin(self.collapse_angle)
+        edge = jnp.sin(self.collapse_angle) if self.edge_sine is None else self.edge_sine
         s = q[0] / self.lip_length
         return (edge - s) * (edge + s)
 
@@ -198,7 +214,7 @@ class Wiper(AbstractSystem):
         theta = phi - self.attack_angle
         past = jnp.maximum(jnp.abs(theta) - self.shoulder_angle, 0.0)
         eta = q[1] + self.lip_length * cos
-        sink = eta - self.lip_length * jnp.cos(self.attack_angle)
+        sink = eta - self._rest_height
         hinge = v[1] - sin / cos * v[0]
         kinetic = self.tip_mass * (v[0] ** 2 + v[1] ** 2) + self.hinge_mass * hinge**2
         rotation = self.neck_stiffness * theta**2

@@ -1,0 +1,167 @@
+"""Scene files: the wiper, belt and start they state, and the run they make."""
+
+import json
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+import wiperjax
+from wiperjax import plots, scene, storage
+from wiperjax.results import Event, Regime
+from wiperjax.spec import load_scene, parse_scene, parse_sweep
+from wiperjax.spec_tables import Start
+from wiperjax.stability import steady_slip
+
+SCENES = Path(__file__).parents[1] / "sweeps" / "scenes"
+
+
+@pytest.fixture(scope="module")
+def squeal():
+    return scene.run(load_scene(SCENES / "squeal.toml"))
+
+
+# --- from parameters to wiper and start -----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("belt", "made"),
+    [
+        ({"kind": "steady", "speed": -0.2}, wiperjax.SteadyBelt(-0.2)),
+        (
+            {"kind": "wiping", "amplitude": 0.8, "frequency": 0.7, "phase": 90},
+            wiperjax.WipingBelt(0.8, 0.7, float(np.radians(90))),
+        ),
+        (
+            {"kind": "trapezoid", "speed": 0.8, "frequency": 0.7, "ramp": 0.05},
+            wiperjax.TrapezoidBelt(0.8, 0.7, 0.05, 0.0),
+        ),
+    ],
+)
+def test_wiper_of_a_scene(belt, made):
+    blade = {"attack_angle": -30, "tip_mass": 3e-3, "hinge_mass": 1e-3}
+    spec = parse_scene({"blade": blade, "belt": belt, "run": {"duration": 0.1}})
+    wiper = scene.build_wiper(spec.parameters(), spec.belt.kind)
+    assert wiper.belt == made
+    assert wiper == wiperjax.Wiper(
+        belt=made, attack_angle=float(np.radians(-30)), tip_mass=3e-3, hinge_mass=1e-3
+    )
+
+
+def test_wipers_of_cells_keep_arrays_and_plain_zeros():
+    axes = {"restitution": {"values": [0.0, 0.5]}, "belt_speed": {"values": [0.1, 0.2, 0.3]}}
+    spec = parse_sweep({"axes": axes, "run": {"transient": 0.1, "window": 0.1}})
+    wiper = scene.build_wiper(spec.cells(np.arange(6)), "steady")
+    np.testing.assert_array_equal(wiper.restitution, [0, 0, 0, 0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(wiper.belt.speed, [0.1, 0.2, 0.3] * 2)
+    assert not wiper.coupled and wiper.hinge_mass == 0 and isinstance(wiper.hinge_mass, float)
+    position, velocity = scene.start_state(wiper, Start())
+    assert all(part.shape == (6,) for part in (*position, *velocity))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "kind", "text"),
+    [
+        ({"tip_mas": 1.0}, "steady", "parameters must suit belt_kind 'steady', but had 'tip_mas'"),
+        ({"belt_ramp": 1.0}, "wiping", "must suit belt_kind 'wiping', but had 'belt_ramp'"),
+        ({}, "still", "belt_kind must be one of steady, wiping, trapezoid, but was 'still'"),
+        ({"tip_mass": np.array([1e-3, -1e-3])}, "steady", "tip_mass must be > 0"),
+        ({"restitution": np.array([0.5, 1.5])}, "steady", "restitution must lie in [0, 1]"),
+    ],
+)
+def test_impossible_wipers_are_refused(parameters, kind, text):
+    with pytest.raises(ValueError) as refused:
+        scene.build_wiper(parameters, kind)
+    assert text in str(refused.value)
+
+
+def test_starts():
+    wiper = wiperjax.Wiper(
+        attack_angle=np.radians([-30.0, 10.0]), lip_length=np.array([6e-3, 5e-3])
+    )
+    length, none = wiper.lip_length, np.zeros(2)
+
+    def start(**keys):
+        return scene.start_state(wiper, Start(**keys))
+
+    at_rest = (none, none)
+    slip = steady_slip(wiper).x
+    expected = {
+        "default": (start(), (length * np.sin(wiper.attack_angle), none), at_rest),
+        "angle": (start(angle=20.0), (length * np.sin(np.radians(20)), none), at_rest),
+        "equilibrium": (start(equilibrium=1e-3), (slip + 1e-3 * length, none), at_rest),
+        "state": (start(position=(1e-3, 2e-4)), ([1e-3] * 2, [2e-4] * 2), at_rest),
+        "moving": (
+            start(position=(1e-3, 2e-4), velocity=(0.3, -0.1)),
+            ([1e-3] * 2, [2e-4] * 2),
+            ([0.3] * 2, [-0.1] * 2),
+        ),
+    }
+    for (position, velocity), *expected_parts in expected.values():
+        for part, values in zip((position, velocity), expected_parts, strict=True):
+            np.testing.assert_allclose(np.stack(part), np.stack(values), rtol=1e-15)
+
+
+def test_no_steady_slip_to_start_from():
+    keys = {"run": {"duration": 0.1}, "start": {"equilibrium": 1e-6}}
+    spec = parse_scene({"blade": {"attack_angle": 60}} | keys)
+    with pytest.raises(ValueError, match="start.equilibrium .* no steady slip exists"):
+        scene.run(spec)
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+def test_run_carries_the_file(squeal):
+    text = (SCENES / "squeal.toml").read_text()
+    attrs = squeal.attrs
+    assert attrs["title"] == "Squeal at 5 degrees" and attrs["specification_text"] == text
+    assert attrs["attack_angle"] == pytest.approx(5.0, rel=1e-15)
+    assert attrs["collapse_angle"] == pytest.approx(89.0)
+    assert attrs["parameter_units"].count("degrees") == 3 and "rad;" not in attrs["parameter_units"]
+    assert (attrs["belt_kind"], attrs["belt_speed"]) == ("steady", 0.3)
+    assert attrs["start"] == "touching at the attack angle, at rest"
+    again = parse_scene(json.loads(attrs["specification"]))
+    assert again.parameters() == load_scene(SCENES / "squeal.toml").parameters()
+    assert (attrs["rtol"], attrs["sample_interval"], attrs["duration"]) == (1e-8, 2e-5, 0.2)
+
+
+def test_squeal_file_squeals(squeal):
+    kinds, times = squeal.event_kind.values, squeal.event_time.values
+    releases = times[(kinds == Event.RELEASE) & (times > 0.1)]
+    assert 1 / np.diff(releases).mean() == pytest.approx(780.8, abs=0.1)
+
+
+def test_run_is_stored_and_drawn(squeal, tmp_path):
+    storage.write_dataset(squeal, tmp_path / "run.h5")
+    plots.plot_file(tmp_path / "run.h5", tmp_path / "run.png", dpi=40)
+    assert (tmp_path / "run.png").stat().st_size > 1000
+
+
+def test_start_from_steady_slip_stays_there():
+    keys = {"run": {"duration": 0.02}, "start": {"equilibrium": 1e-6}}
+    run = scene.run(parse_scene({"blade": {"attack_angle": 40}} | keys))
+    slip = jax.tree.map(float, steady_slip(wiperjax.Wiper(attack_angle=np.radians(40.0))))
+    assert run.sizes["event"] == 0 and np.all(run.regime == Regime.SLIP_NEG)
+    assert float(abs(run.position.sel(axis="x") - slip.x).max()) < 1.01e-6 * 6e-3
+    assert float(run.normal_force[-1]) == pytest.approx(slip.normal_force, rel=1e-6)
+    assert json.loads(run.attrs["start"]) == {"equilibrium": 1e-6}
+
+
+@pytest.mark.slow
+def test_reversal_file_has_its_pulse():
+    """SCENES.md 4: 15.0 N/m 13.0 ms after V = 0, ratio 4.08, no flight, no squeal between."""
+    spec = load_scene(SCENES / "reversal.toml")
+    run = scene.run(spec)
+    turns = run.event_time[run.event_kind == Event.BELT_REVERSAL].values
+    np.testing.assert_allclose(turns, [0.25 / 0.7, 0.75 / 0.7], rtol=1e-12)
+    assert not np.any(run.regime == Regime.FLIGHT)
+    late = run.sel(time=slice(0.2, None))
+    force, since = late.normal_force, late.time.values[:, None] - turns
+    near = np.any(np.abs(since) <= 0.025, axis=1)
+    assert float(force.max()) == pytest.approx(15.0, abs=0.05)
+    peak = float(force.time[int(force.argmax("time"))])
+    assert np.min(np.abs(peak - turns - 13.0e-3)) < 0.2e-3
+    assert float(force.max() / force[~near].mean()) == pytest.approx(4.08, abs=0.03)
+    assert float(late.velocity.sel(axis="x", time=slice(0.25, 0.33)).std()) < 1e-5

@@ -1,0 +1,73 @@
+"""Online statistics of the reversal: the contact force around V = 0 against the rest of the stroke."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from .observers import BOOLE, AbstractObserver, RegimeTotals, Totals
+from .results import Event
+from .system import Scalar
+
+
+class ReversalRecord(NamedTuple):
+    """Record of `ReversalTotals`; forces in N/m, impulses in N s/m, times in s."""
+
+    totals: Totals
+    force_max_reversal: Scalar  # within the window around V = 0
+    force_integral_stroke: Scalar  # outside it
+    stroke_time: Scalar
+    impulse_max_reversal: Scalar
+    vibration_integral: Scalar  # of output^2 in the window after V = 0
+    vibration_time: Scalar
+
+
+class ReversalTotals(AbstractObserver):
+    """`RegimeTotals` plus what happens within ``window`` [s] of a passage of V through zero."""
+
+    start: Scalar
+    window: Scalar
+
+    @property
+    def _regimes(self) -> RegimeTotals:
+        return RegimeTotals(self.start)
+
+    def init(self, dtype, shape=()):
+        z = jnp.zeros(shape, dtype)
+        return ReversalRecord(self._regimes.init(dtype, shape), z, z, z, z, z, z)
+
+    def stretch(self, record, stretch):
+        s = stretch
+        dtype = record.stroke_time.dtype
+        on = s.start >= self.start
+        h = jnp.where(on, s.length, 0.0).astype(dtype)
+        since = s.system.belt.since_reversal(s.times)
+        near = jnp.abs(since) <= self.window
+        just_after = (near & (since >= 0)).astype(dtype)
+        force = s.contact_forces.normal
+        out = jnp.asarray(s.system.output(s.times, s.positions, s.velocities), dtype)
+        peak = jnp.max(jnp.where(near, force, 0.0), axis=0)
+        far = (~near).astype(dtype)
+
+        def integral(values):
+            return h * sum(w * x for w, x in zip(BOOLE, values, strict=True))
+
+        return ReversalRecord(
+            self._regimes.stretch(record.totals, stretch),
+            jnp.where(on, jnp.maximum(record.force_max_reversal, peak), record.force_max_reversal),
+            record.force_integral_stroke + integral(far * force),
+            record.stroke_time + integral(far),
+            record.impulse_max_reversal,
+            record.vibration_integral + integral(just_after * out * out),
+            record.vibration_time + integral(just_after),
+        )
+
+    def event(self, record, happening):
+        e = happening
+        near = jnp.abs(e.system.belt.since_reversal(e.time)) <= self.window
+        hit = (e.kind == Event.IMPACT) | (e.kind == Event.ZENO) | (e.kind == Event.JAM)
+        counts = hit & near & (e.time >= self.start)
+        largest = jnp.maximum(record.impulse_max_reversal, e.impulse)
+        return record._replace(
+            totals=self._regimes.event(record.totals, happening),
+            impulse_max_reversal=jnp.where(counts, largest, record.impulse_max_reversal),
+        )
