@@ -116,6 +116,11 @@ def common(a, b):
     return n
 
 
+def largest_shift(a, b):
+    """Largest difference of the times of two equally long lists of events."""
+    return max((abs(x[0] - y[0]) for x, y in zip(a, b, strict=True)), default=0.0)
+
+
 GROUPS = [
     ("steady", False, 80),
     ("wiping", False, 45),
@@ -138,9 +143,10 @@ def test_random_blades(kind, hinge, count, record_property, capsys):
         # not y: a contact that is closed has to stay closed
         shifted = (start[0] * (1 + 1e-12), start[1], start[2] * (1 + 1e-12), start[3])
         truth = listed(run)
-        stable = common(truth, listed(simulate(blade, belt, DURATION, shifted)))
-        if stable == len(truth):
-            stable = max(stable, len(truth))
+        moved = listed(simulate(blade, belt, DURATION, shifted))
+        stable = common(truth, moved)
+        # what 1e-12 does to the times tells what the engine's tolerance of 1e-10 may do
+        drift = largest_shift(moved[:stable], truth[:stable])
         solution = engine(blade, twin(belt), start)
         found = logged(solution)
         same = common(found, truth)
@@ -150,11 +156,13 @@ def test_random_blades(kind, hinge, count, record_property, capsys):
         ended = Result(int(solution.result)) == good[run.result]
         total += stable
         compared += min(same, stable)
-        error = max((abs(a[0] - b[0]) for a, b in zip(found[:same], truth[:same], strict=True)), default=0)
+        n = min(same, stable)
+        error = largest_shift(found[:n], truth[:n])
         worst_time = max(worst_time, error / DURATION)
         whole = stable == len(truth)
-        if same < stable or (whole and not (ended and len(found) == len(truth))) or error > 1e-8 * DURATION:
-            disagreements.append((i, same, stable, len(found), len(truth), error, blade, belt, start))
+        late = error > 1e-9 * DURATION + 1e3 * drift
+        if same < stable or (whole and not (ended and len(found) == len(truth))) or late:
+            disagreements.append((i, same, stable, len(found), len(truth), error, drift, blade))
         elif whole:
             place = np.max(np.abs(run.position - np.asarray(solution.final_position)))
             worst_place = max(worst_place, float(place) / LENGTH)

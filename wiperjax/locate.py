@@ -15,6 +15,7 @@ from jax.lax import stop_gradient
 from .guards import JAM
 from .polynomials import first_root
 from .results import RUNNING
+from .barrier import keep
 from .state import Problem, State
 from .system import Scalar
 from .trial import Trial, pick
@@ -52,26 +53,44 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     violated = ~clear & jnp.where(state.orders == 0, trial.starts <= 0, trial.starts < -trial.blurs)
     # an estimated error near the value itself makes roots at the start out of nothing: shorten first
     murky = ~clear & ~violated & (trial.starts <= 8 * trial.blurs)
-    roots = first_root(trial.controls)
+    unit = state.unit
+    clear, violated, murky = keep((clear, violated, murky), unit)
+    # the earliest of all guards, whatever their order in the list. Roots are sought for the two
+    # whose lower bounds come first; a third one shows up again when the step has been shortened.
+    bound = jnp.where(violated, -1.0, jnp.where(murky, -0.5, trial.cuts))
+    bound = keep(jnp.where(clear, 2.0, bound), unit)
+    one = keep(jnp.argmin(bound, axis=0).astype(jnp.int32), unit)
+    others = jnp.where(slots == one, 2.0, bound)
+    two = keep(jnp.argmin(others, axis=0).astype(jnp.int32), unit)
+    third = jnp.min(jnp.where(slots == two, 2.0, others), axis=0)
+    pair = tuple(jnp.stack([pick(b, one), pick(b, two)]) for b in trial.controls)
+    roots = keep(first_root(keep(pair, unit)), unit)
+    asked = keep(jnp.stack([pick(bound, one), pick(bound, two)]), unit)
     tied = pending & roots.found & (roots.theta > 1 - 1e-6)
-    open_ = ~clear & ~roots.free & ~tied
-    # the earliest of all guards, whatever their order in the list
-    ahead = jnp.where(violated, -1.0, jnp.where(murky, -0.5, roots.theta))
-    ahead = jnp.where(violated | murky | open_, ahead, 2.0)
-    first = jnp.argmin(ahead, axis=0).astype(jnp.int32)
-    ahead = jnp.min(ahead, axis=0)
+    quiet = (asked == 2.0) | (~(asked < 0) & (roots.free | tied))
+    ahead = jnp.where(quiet, 2.0, jnp.where(asked < 0, asked, roots.theta))
+    errors = jnp.stack([pick(trial.errors, one), pick(trial.errors, two)])
+    doubtful = (asked < 2.0) & quiet & ~tied & (roots.low <= errors)
+    second = ahead[1] < ahead[0]
+    first = jnp.where(second, two, one)
+    ahead = jnp.minimum(ahead[0], ahead[1])
+    unknown = (ahead == 2.0) & (third < 2.0)
+    ahead = jnp.where(unknown, jnp.maximum(third, 0.0), ahead)
     violated, murky = ahead == -1.0, ahead == -0.5
     blocked = (ahead >= 0) & (ahead < 2.0)
-    found = blocked & pick(roots.found, first)
+    found = blocked & ~unknown & jnp.where(second, roots.found[1], roots.found[0])
     undecided = blocked & ~found
     obstructed = violated | murky | blocked
+    first, ahead, violated, murky, found, undecided, obstructed = keep(
+        (first, ahead, violated, murky, found, undecided, obstructed), unit
+    )
 
     # the event being located: Newton on the length of the step
     tolerance = jnp.minimum(1e-3, 0.1 * jnp.sqrt(problem.rtol))
     slot = jnp.maximum(state.target, 0)
     value, slope = pick(trial.end_values, slot), pick(trial.end_slopes, slot)
     falling = slope < 0
-    shift = -value / jnp.where(falling, slope, -1.0)
+    shift = keep(-value / jnp.where(falling, slope, -1.0), unit)
     close = falling & (jnp.abs(stop_gradient(shift)) <= tolerance)
     # as near as the clock can tell
     tick = 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
@@ -81,6 +100,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     miss = chase & (value > 0) & pick(trial.proved, slot) & (~falling | (jnp.abs(shift) > 0.05))
     lost = chase & ~miss & (~falling | (state.tries >= MAX_TRIES))
     newton = chase & ~miss & ~lost
+    located, miss, lost, newton = keep((located, miss, lost, newton), unit)
 
     accept = trial.ok & ~obstructed & (~pending | miss)
     fire = (trial.ok & violated) | trial.jams
@@ -100,14 +120,13 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     step = jnp.where(trial.ok & undecided, h * jnp.maximum(ahead, 0.1).astype(dtype), step)
     step = jnp.where(lost, 0.5 * h, step)
 
-    sure = jnp.all(clear | roots.free | tied, axis=0)
     return Plan(
         accept=accept,
         arrive=located,
         fire=fire,
         slot=jnp.where(trial.jams, JAM, jnp.where(fire, first, slot)).astype(jnp.int32),
         correction=jnp.where(located, shift.astype(dtype) * trial.h, 0.0),
-        unproved=(accept | located) & ~sure,
+        unproved=(accept | located) & jnp.any(doubtful, axis=0),
         rejected=rejected | lost | (trial.ok & (murky | undecided)),
         step=step,
         target=target,

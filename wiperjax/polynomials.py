@@ -68,6 +68,7 @@ class Root(NamedTuple):
     theta: Scalar  # the root, or the length of the stretch proved free of roots
     found: Scalar
     free: Scalar
+    low: Scalar  # lower bound of the polynomial beyond ``theta`` (where free)
 
 
 def hull_cut(control):
@@ -125,4 +126,4 @@ def first_root(control, passes: int = 6, polish: int = 3) -> Root:
         u = jnp.clip(u - value / jnp.where(slope < 0, slope, -size), 0.0, 1.0)
     value, slope = value_and_slope(u)
     found = ~free & (jnp.abs(value) <= 1e-6 * size) & (slope < 0)
-    return Root(jnp.where(found, left + u * (1 - left), left), found, free)
+    return Root(jnp.where(found, left + u * (1 - left), left), found, free, minimum(b))

@@ -12,7 +12,7 @@ from .guards import first_switch
 from .observers import AbstractObserver
 from .regimes import acceleration, decide, forces
 from .results import RUNNING, Regime, Result
-from .stages import ROWS
+from .barrier import ROWS
 from .system import AbstractSystem, Contact, Scalar, contact
 
 
@@ -85,9 +85,9 @@ class State(NamedTuple):
 
 def vector_field(t, y, args):
     """Right-hand side of the smooth motion in a regime; the vector field of the diffrax term."""
-    system, regime = args
+    system, regime, *unit = args
     position, velocity = y
-    c = contact(system, t, position, velocity)
+    c = contact(system, t, position, velocity, *unit)
     return velocity, acceleration(c, forces(system, c, regime))
 
 

@@ -9,7 +9,7 @@ from .observers import Happening, Stretch
 from .regimes import acceleration
 from .results import RUNNING, Regime, Result
 from .sampling import take_samples
-from .stages import keep
+from .barrier import keep
 from .state import Problem, State
 from .transition import settle, transition, where
 from .trial import Trial, attempt

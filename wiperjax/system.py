@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .barrier import keep
 from .friction import AbstractFriction
 
 Scalar = Any  # a float, or an array with one entry a lane
@@ -124,13 +125,16 @@ class Contact(NamedTuple):
     load: Scalar  # prescribed normal force of a bilateral contact, else 0
 
 
-def contact(system: AbstractSystem, t, q, v) -> Contact:
+def contact(system: AbstractSystem, t, q, v, unit=None) -> Contact:
     """Return the contact-space quantities of ``system`` at (t, q, v).
 
     Speeds are linear in v, so W's columns are derivatives of the speeds along the directions;
-    the bias terms are total time derivatives along (1, v, a_free).
+    the bias terms are total time derivatives along (1, v, a_free). ``unit`` (see `barrier`) keeps
+    the free acceleration, which everything else uses, from being computed again for each use.
     """
     free = _cast(system.free_acceleration(t, q, v), v)
+    if unit is not None:
+        free = keep(free, unit)
     along_t, along_n = (_cast(d, v) for d in system.directions(t, q))
     one, zero = jnp.ones_like(t), jnp.zeros_like(t)
     still = tuple(jnp.zeros_like(x) for x in q)

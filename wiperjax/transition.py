@@ -9,7 +9,7 @@ from .guards import FIRST, JAM, SECOND, first_switch
 from .impact import poisson_impact
 from .regimes import acceleration, decide, forces, slip_forces, slip_sign
 from .results import Event, Regime
-from .stages import keep
+from .barrier import keep
 from .state import Problem, State, start_of_slip_order
 from .system import Contact, Scalar, contact
 
@@ -76,10 +76,14 @@ def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, t
     change = c.b_t * duration + (c.w_tn - sign * mu * c.w_tt) * normal
     after = slip_speed + change
     stops = (sign * after <= 0) | (sign == 0)
-    safe_tt = jnp.where(c.w_tt > 0, c.w_tt, 1.0)
-    stopping = (-slip_speed - c.b_t * duration - c.w_tn * normal) / safe_tt
+    # where slip ends on the way, both speeds vanish: W p = -(v + b T)
+    frictional = c.w_tt > 0
+    det = jnp.where(frictional, c.w_tt * c.w_nn - c.w_tn * c.w_tn, 1.0)
+    lack_t, lack_n = -slip_speed - c.b_t * duration, -leaving - c.b_n * duration
+    stopping = (c.w_nn * lack_t - c.w_tn * lack_n) / det
+    normal = jnp.where(stops & frictional, (c.w_tt * lack_n - c.w_tn * lack_t) / det, normal)
     tangential = jnp.where(stops, stopping, -sign * mu * normal)
-    tangential = jnp.where(c.w_tt > 0, tangential, 0.0)
+    tangential = jnp.where(frictional, tangential, 0.0)
     return Completion(holds, duration, tangential, normal, jnp.where(stops, 0.0, after))
 
 
@@ -143,9 +147,9 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
         (hits, turns, leaves_cone, lifts, jams, retest), unit
     )
 
-    c = keep(contact(system, time, q, v), unit)
+    c = keep(contact(system, time, q, v, unit), unit)
     q, v = keep(settle(system, c, q, v, hits | ~flying, ~flying, sticking | turns), unit)
-    c = keep(contact(system, time, q, v), unit)
+    c = keep(contact(system, time, q, v, unit), unit)
 
     # impact: the closing gap, or a jam (Painleve's impact without collision)
     static = law.static if law is not None else 0.0
@@ -178,9 +182,10 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     impulse = jnp.where(collides, blow.normal, 0.0)
     slip_speed = jnp.where(collides, blow.slip_speed, jnp.where(sticking | turns, 0.0, c.slip_speed))
     leaving = jnp.where(collides, blow.normal_speed, jnp.where(hits, c.normal_speed, 0.0))
+    v, slip_speed, leaving, collides = keep((v, slip_speed, leaving, collides), unit)
 
     # forces after the impact are those of the post-impact velocities
-    c = keep(contact(system, time, q, v), unit)._replace(slip_speed=slip_speed)
+    c = keep(contact(system, time, q, v, unit), unit)._replace(slip_speed=slip_speed)
     zeno = complete_zeno(
         c, mu, leaving, approach, slip_speed, problem.zeno_time, (end - time).astype(leaving.dtype)
     )
@@ -196,8 +201,8 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     time = jnp.where(completes, time + zeno.duration, time)
     impulse = impulse + jnp.where(completes, zeno.normal, 0.0)
     slip_speed = jnp.where(completes, zeno.slip_speed, slip_speed)
-    q, v = keep((q, v), unit)
-    c = keep(contact(system, time, q, v), unit)._replace(slip_speed=slip_speed)
+    q, v, time, slip_speed = keep((q, v, time, slip_speed), unit)
+    c = keep(contact(system, time, q, v, unit), unit)._replace(slip_speed=slip_speed)
 
     # the regime, at acceleration level
     leaving = jnp.where(completes, 0.0, leaving)
@@ -209,6 +214,7 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     mu_static = jnp.zeros_like(c.b_t) if law is None else law.coefficient(jnp.zeros_like(c.b_t))
     released, d = slip_forces(c, escape, mu_static, unilateral)
     slips = (released.normal > 0) & (d > 0)
+    slips, undecided, bounces, leaving = keep((slips, undecided, bounces, leaving), unit)
     after = jnp.where(undecided, decision.regime, regime)
     after = jnp.where(bounces | lifts, int(Regime.FLIGHT), after)
     slip_regime = jnp.where(escape > 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))

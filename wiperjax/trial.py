@@ -14,7 +14,8 @@ from .guards import JAM, SECOND, guard_values
 from .polynomials import control_values, deflated, hull_cut, interpolation_error, minimum
 from .regimes import Forces, forces
 from .results import RUNNING, Regime
-from .stages import NODES, Step, keep, node_states, rk_step
+from .barrier import keep
+from .stages import NODES, Step, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact
 
@@ -45,6 +46,7 @@ class Trial(NamedTuple):
     cuts: jax.Array  # lower bound of each guard's first zero
     starts: jax.Array  # deflated value at the start, and its error estimate
     blurs: jax.Array
+    errors: jax.Array  # the estimate before it was set aside as rounding
 
 
 def error_norm(problem: Problem, y0, step: Step):
@@ -80,7 +82,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     lands = wanted >= to_mark * (1 - 1e-9)
     h = jnp.where(lands, to_mark, wanted)
 
-    args = (system, state.regime)
+    args = (system, state.regime, state.unit)
     unit = state.unit
     step = rk_step(solver, TERM, state.time, y0, h, state.rate, args, unit)
     error = keep(stop_gradient(error_norm(problem, y0, step)), unit)
@@ -101,7 +103,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     theta = jnp.reshape(jnp.asarray(NODES, h.dtype), (-1,) + (1,) * h.ndim)
     times = state.time + theta * h
     positions, velocities = keep(node_states(solver, y0, step), unit)
-    c = keep(contact(system, times, positions, velocities), unit)
+    c = keep(contact(system, times, positions, velocities, unit), unit)
     reactions = forces(system, c, state.regime)
     values = guard_values(system, c, times, positions, velocities, state.regime, state.sides)
     values = keep(values, unit)
@@ -112,6 +114,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     size = jnp.max(jnp.abs(jnp.stack(quotient)), axis=0)
     blur = interpolation_error(quotient, state.orders)
     clear = minimum(control) > blur
+    error_of_guards = blur
     # below this the estimate is rounding: the polynomial itself decides
     blur = keep(jnp.where(blur > 1e-9 * size, blur, 0.0), unit)
     control = keep(tuple(b - blur for b in control), unit)
@@ -138,6 +141,7 @@ def attempt(problem: Problem, state: State) -> Trial:
         cuts=hull_cut(control),
         starts=quotient[0],
         blurs=blur,
+        errors=error_of_guards,
     )
 
 

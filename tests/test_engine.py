@@ -1,0 +1,373 @@
+"""The event engine itself: order, energy, batches, failures, ties, logs, and how often it compiles."""
+
+import math
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import wiperjax
+from problems import Ball, Block, Puck, StopOscillator, events, stop_oscillator, trajectory
+from wiperjax import AbstractSystem, Event, Regime, Result, SteadyBelt, Wiper
+
+PARAMETERS = ("attack_angle", "normal_load", "restitution", "mu_static", "support_stiffness")
+TIMES = np.linspace(0, 0.02, 4001)
+
+
+@jax.jit
+def blade(values, speed, duration, rtol=1e-10, max_steps=1_000_000):
+    """A wiper of given PARAMETERS, sampled."""
+    return wiperjax.solve(
+        Wiper(belt=SteadyBelt(speed), **values),
+        duration,
+        rtol=rtol,
+        max_events=128,
+        max_steps=max_steps,
+        sample_times=TIMES,
+    )
+
+
+def draw(count, seed=3):
+    rng = np.random.default_rng(seed)
+    values = dict(
+        attack_angle=rng.uniform(-0.7, 0.7, count),
+        normal_load=rng.uniform(5, 30, count),
+        restitution=rng.uniform(0, 0.9, count),
+        mu_static=rng.uniform(0.4, 1.4, count),
+        support_stiffness=rng.uniform(1000, 8000, count),
+    )
+    return values, rng.uniform(0.05, 1, count)
+
+
+def lane(tree, i):
+    return jax.tree.map(lambda x: x[i], tree)
+
+
+# --- energy ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("i", range(4))
+def test_energy_balance_over_smooth_phases(i):
+    """E changes by the work of friction and the dashpot: quadrature between neighbouring events."""
+    values, speed = (lane(x, i) for x in draw(4))
+    s = blade(values, speed, TIMES[-1], 1e-11)
+    assert Result(int(s.result)) == Result.FINISHED
+    body = Wiper(belt=SteadyBelt(speed), **values)
+    q, v = (np.asarray(x) for x in (s.samples.position, s.samples.velocity))
+    energy = np.asarray(jax.vmap(lambda *z: body.energy(z[:2], z[2:]))(*q, *v))
+    tau = q[0] / np.sqrt(body.lip_length**2 - q[0] ** 2)
+    power = s.samples.friction_force * v[0] - body.support_damping * (v[1] - tau * v[0]) ** 2
+    edges = [0.0, *events_times(s), TIMES[-1]]
+    checked = 0
+    h = TIMES[1]
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        inside = np.flatnonzero((a + 1e-9 < TIMES) & (b - 1e-9 > TIMES))
+        if len(inside) < 41:
+            continue
+        n = (len(inside) - 1) // 4 * 4
+        p = np.asarray(power)[inside[: n + 1]]
+        weights = np.tile([32, 12, 32, 14], n // 4 + 1)[:n]
+        work = 2 * h / 45 * (7 * p[0] + weights[:-1] @ p[1:n] + 7 * p[n])
+        change = energy[inside[n]] - energy[inside[0]]
+        scale = np.max(np.abs(p)) * n * h + abs(change)
+        assert change == pytest.approx(work, abs=2e-7 * scale)
+        checked += 1
+    assert checked >= 1
+
+
+def events_times(s):
+    return [t for t, _ in events(s)]
+
+
+def test_dissipation_at_impacts_is_not_negative():
+    """T- - T+ + V p_t >= 0 at every bounce of a coupled blade on a moving belt."""
+
+    @jax.jit
+    def solve(duration):
+        return wiperjax.solve(
+            Wiper(
+                belt=SteadyBelt(0.3),
+                hinge_mass=4e-3,
+                attack_angle=-0.6,
+                support_stiffness=8000.0,
+                restitution=0.7,
+                mu_static=0.8,
+            ),
+            duration,
+            initial_state=((-0.0034, 5e-4), (0.2, 0.0)),
+            rtol=1e-10,
+        )
+
+    times = [t for t, k in events(solve(0.01)) if k == Event.IMPACT]
+    assert len(times) >= 3
+    body = Wiper(hinge_mass=4e-3, attack_angle=-0.6)
+    for t in times[:6]:
+        before, after = solve(t * (1 - 1e-9)), solve(t * (1 + 1e-9))
+        x = float(before.final_position[0])
+        along = body.directions(0.0, (x, 0.0))
+        inverse = np.array([[float(a) for a in row] for row in along])
+        mass = np.linalg.inv(inverse)
+        v0, v1 = np.asarray(before.final_velocity), np.asarray(after.final_velocity)
+        p_t = float((mass @ (v1 - v0))[0])
+        lost = 0.5 * v0 @ mass @ v0 - 0.5 * v1 @ mass @ v1 + 0.3 * p_t
+        assert lost >= -1e-9 * (v0 @ mass @ v0)
+
+
+# --- order ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "solver, order",
+    [(diffrax.Tsit5(), 5), (diffrax.Dopri5(), 5), (diffrax.Bosh3(), 3), (diffrax.Dopri8(), 8)],
+    ids=lambda x: getattr(type(x), "__name__", ""),
+)
+def test_event_times_converge_with_the_tolerance(solver, order):
+    problem = stop_oscillator()
+    tolerances = np.array([1e-4, 1e-6, 1e-8, 1e-10]) if order > 3 else np.array([1e-4, 1e-6, 1e-8])
+    errors = []
+    for rtol in tolerances:
+        s = trajectory(problem.system, problem.duration, problem.start, rtol, solver=solver)
+        found = events(s, Event.IMPACT)
+        assert len(found) == len(problem.times)
+        errors.append(np.max(np.abs(np.array(found) / problem.times - 1)))
+    slope = np.polyfit(np.log(tolerances), np.log(np.maximum(errors, 1e-15)), 1)[0]
+    assert slope > 0.8 and errors[-1] < 20 * tolerances[-1]
+
+
+def test_event_times_have_the_order_of_the_solver_with_fixed_steps():
+    """The located state is a full Runge-Kutta result: halving the step gains 2^5."""
+    problem = stop_oscillator()
+    errors = []
+    for parts in (8, 16, 32):
+        s = trajectory(
+            problem.system, 0.016, problem.start, 1e30, atol=1e30, max_step=problem.times[0] / (parts + 0.3)
+        )
+        errors.append(abs(events(s, Event.IMPACT)[1] / problem.times[1] - 1))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(orders > 4.5), (errors, orders)
+
+
+# --- batches --------------------------------------------------------------------------------------
+
+
+def test_a_lane_equals_the_same_trajectory_alone_in_any_order_with_failing_neighbours():
+    values, speed = draw(8)
+    values["normal_load"][2] = np.nan  # cannot be computed
+    values["attack_angle"][5] = 1.45  # collapses or stays: whatever it does, alone
+    budget = np.full(8, 100_000)
+    budget[3] = 40
+    batch = jax.jit(jax.vmap(blade, in_axes=(0, 0, None, None, 0)))
+    together = batch(values, speed, 0.02, 1e-10, budget)
+    order = np.random.default_rng(0).permutation(8)
+    shuffled = batch(
+        {k: v[order] for k, v in values.items()}, speed[order], 0.02, 1e-10, budget[order]
+    )
+    assert Result(int(together.result[2])) in (Result.NON_FINITE, Result.INCONSISTENT_START)
+    assert Result(int(together.result[3])) == Result.STEP_BUDGET_SPENT
+    for i in range(8):
+        alone = blade(lane(values, i), speed[i], 0.02, 1e-10, budget[i])
+        for other in (lane(together, i), lane(shuffled, int(np.flatnonzero(order == i)[0]))):
+            assert int(alone.result) == int(other.result)
+            if i == 2:
+                continue
+            if i != 3:
+                assert [k for _, k in events(alone)] == [k for _, k in events(other)]
+                np.testing.assert_allclose(events_times(alone), events_times(other), rtol=1e-8, atol=1e-12)
+                np.testing.assert_allclose(
+                    alone.final_position, other.final_position, rtol=0, atol=1e-10
+                )
+    # the place in the batch changes nothing at all
+    for i in range(8):
+        j = int(np.flatnonzero(order == i)[0])
+        np.testing.assert_array_equal(together.final_position[i], shuffled.final_position[j])
+        np.testing.assert_array_equal(together.events.time[i], shuffled.events.time[j])
+
+
+def test_one_compilation_for_all_parameters():
+    traces = []
+
+    @jax.jit
+    def solve(gravity, e, height, rtol):
+        traces.append(1)
+        return wiperjax.solve(
+            Ball(gravity, e), 1.0, initial_state=((height,), (0.0,)), rtol=rtol, max_events=8
+        )
+
+    for e in (0.1, 0.5, 0.9):
+        solve(9.81, e, 1.0, 1e-8)
+        solve(1.0 + e, 0.3, 0.3, 1e-5)
+    assert len(traces) == 1 and solve._cache_size() == 1
+
+
+# --- ties, order of listing, several roots in a step ----------------------------------------------
+
+
+class Gates(AbstractSystem):
+    """Free motion q' = 1 past gates at given places: each is a switching function, once."""
+
+    first: float = 0.3
+    second: float = 0.7
+    swapped: bool = False
+
+    def free_acceleration(self, t, q, v):
+        return (0.0 * t,)
+
+    def directions(self, t, q):
+        return (0.0,), (1.0,)
+
+    def gap(self, t, q):
+        return 10.0 + q[0]
+
+    def switches(self, t, q, v):
+        a, b = (q[0] - self.first), (q[0] - self.second)
+        return (jnp.where(self.swapped, b, a), jnp.where(self.swapped, a, b))
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_two_events_in_one_step_come_in_order_of_time(swapped):
+    s = trajectory(Gates(0.3, 0.3 + 1e-7, swapped), 1.0, ((0.0,), (1.0,)), 1e-4)
+    np.testing.assert_allclose(events_times(s), [0.3, 0.3 + 1e-7], rtol=1e-12)
+    s = trajectory(Gates(0.7, 0.2, swapped), 1.0, ((0.0,), (1.0,)), 1e-4)
+    np.testing.assert_allclose(events_times(s), [0.2, 0.7], rtol=1e-12)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_tie_is_two_events_at_one_time(swapped):
+    s = trajectory(Gates(0.4, 0.4, swapped), 1.0, ((0.0,), (1.0,)))
+    np.testing.assert_allclose(events_times(s), [0.4, 0.4], rtol=1e-12)
+    assert Result(int(s.result)) == Result.FINISHED
+
+
+class Parabola(AbstractSystem):
+    """Free fall through a switching function q - level: two roots, or none."""
+
+    level: float = 0.5
+
+    def free_acceleration(self, t, q, v):
+        return (-1.0 + 0 * t,)
+
+    def directions(self, t, q):
+        return (0.0,), (1.0,)
+
+    def gap(self, t, q):
+        return 1e3 + q[0]
+
+    def switches(self, t, q, v):
+        return (self.level - q[0],)
+
+
+@pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6, 1e-9])
+def test_a_double_root_inside_one_step_is_found(depth):
+    """The top of the flight is 0.5, at t = 1, inside the last step of a loose tolerance."""
+    s = trajectory(Parabola(0.5 - depth), 3.0, ((0.0,), (1.0,)), 1e-3)
+    reach = math.sqrt(2 * depth)
+    np.testing.assert_allclose(events_times(s), [1 - reach, 1 + reach], rtol=0, atol=1e-7)
+    s = trajectory(Parabola(0.5 + depth), 3.0, ((0.0,), (1.0,)), 1e-3)
+    assert int(s.events.count) == 0
+
+
+# --- how trajectories end -------------------------------------------------------------------------
+
+
+def test_result_codes():
+    ball = Ball(9.81, 0.5)
+    start = ((1.0,), (0.0,))
+    assert Result(int(trajectory(ball, 3.0, start).result)) == Result.FINISHED
+    s = trajectory(ball, 3.0, start, max_steps=3)
+    assert Result(int(s.result)) == Result.STEP_BUDGET_SPENT and int(s.steps) == 3
+    s = trajectory(ball, 3.0, ((-0.1,), (0.0,)))
+    assert Result(int(s.result)) == Result.INCONSISTENT_START
+    s = trajectory(Ball(np.nan, 0.5), 3.0, start)
+    assert Result(int(s.result)) in (Result.NON_FINITE, Result.INCONSISTENT_START)
+    s = trajectory(ball, 3.0, ((np.nan,), (0.0,)))
+    assert Result(int(s.result)) in (Result.NON_FINITE, Result.INCONSISTENT_START)
+    # flights shorter than the clock can tell, with completion switched off
+    s = trajectory(ball, 3.0, start, zeno_time=0.0, max_events=64)
+    assert Result(int(s.result)) == Result.ZENO_UNRESOLVED and s.event_overflow == (s.events.count > 64)
+
+
+def test_elastic_ball_never_rests_and_keeps_its_energy():
+    s = trajectory(Ball(9.81, 1.0), 40.0, ((1.0,), (0.0,)))
+    fall = math.sqrt(2 / 9.81)
+    exact = fall * (1 + 2 * np.arange(int(s.events.count)))
+    np.testing.assert_allclose(events_times(s), exact, rtol=1e-9)
+    assert {k for _, k in events(s)} == {Event.IMPACT}
+
+
+def test_event_log_overflow_is_flagged_and_counted():
+    s = trajectory(Ball(9.81, 0.5), 3.0, ((1.0,), (0.0,)), max_events=4)
+    full = trajectory(Ball(9.81, 0.5), 3.0, ((1.0,), (0.0,)), max_events=64)
+    assert bool(s.event_overflow) and not bool(full.event_overflow)
+    assert int(s.events.count) == int(full.events.count) > 4
+    np.testing.assert_array_equal(s.events.time, full.events.time[:4])
+    np.testing.assert_array_equal(s.final_position, full.final_position)
+
+
+def test_wrong_arguments_are_refused():
+    with pytest.raises(ValueError, match="explicit"):
+        trajectory(Ball(), 1.0, ((1.0,), (0.0,)), solver=diffrax.Euler())
+    with pytest.raises(ValueError, match="equal length"):
+        trajectory(Ball(), 1.0, ((1.0,), (0.0, 0.0)))
+    with pytest.raises(ValueError, match="no default start"):
+        wiperjax.solve(Ball(), 1.0)
+
+
+def test_derivative_of_an_event_time():
+    """d/dh of the time of fall sqrt(2 h / g), and of the rebound after it."""
+
+    def fall(height):
+        s = wiperjax.solve(
+            Ball(9.81, 0.5), 0.6, initial_state=((height,), (0.0,)), rtol=1e-10, max_events=4
+        )
+        return s.events.time[0], s.final_velocity[0]
+
+    height = 0.8
+    _, (slope, rebound) = jax.jit(lambda h: jax.jvp(fall, (h,), (1.0,)))(height)
+    assert float(slope) == pytest.approx(1 / math.sqrt(2 * 9.81 * height), rel=1e-9)
+    # v = e sqrt(2 g h) - g (t - t1)
+    exact = 0.5 * 9.81 / math.sqrt(2 * 9.81 * height) + 9.81 / math.sqrt(2 * 9.81 * height)
+    assert float(rebound) == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-12])
+def test_any_tolerance(rtol):
+    problem = stop_oscillator()
+    s = trajectory(problem.system, problem.duration, problem.start, rtol)
+    assert Result(int(s.result)) == Result.FINISHED
+    np.testing.assert_allclose(
+        events(s, Event.IMPACT), problem.times, rtol=max(30 * rtol, 1e-12), atol=0
+    )
+
+
+def test_statistics_agree_with_the_log():
+    s = trajectory(Block(0.4, 0.25, 1.0, 100.0, belt=0.05), 3.0, ((0.0,), (0.05,)))
+    stick = 0.0
+    before = 0.0
+    now = Regime.STICK
+    for t, after in zip(events_times(s), np.asarray(s.events.after), strict=False):
+        stick += (t - before) * (now == Regime.STICK)
+        before, now = t, Regime(int(after))
+    stick += (3.0 - before) * (now == Regime.STICK)
+    assert float(s.statistics.stick_time) == pytest.approx(stick, rel=1e-12)
+    total = s.statistics.stick_time + s.statistics.slip_time + s.statistics.flight_time
+    assert float(total) == pytest.approx(3.0, rel=1e-12)
+
+
+def test_a_puck_that_lands_sliding_stops_and_sticks():
+    """Impact with friction, slip, capture: all closed forms of school physics."""
+    mu, g = 0.25, 10.0
+    s = trajectory(Puck(mu=mu, gravity=g), 3.0, ((0.0, 0.2), (3.0, 0.0)))
+    fall = math.sqrt(2 * 0.2 / g)
+    after = 3.0 - mu * g * fall
+    expected = [(fall, Event.IMPACT), (fall + after / (mu * g), Event.CAPTURE)]
+    found = events(s)
+    assert [k for _, k in found][-1] == Event.CAPTURE
+    np.testing.assert_allclose([found[0][0], found[-1][0]], [e[0] for e in expected], rtol=1e-9)
+
+
+def test_stop_on_the_other_side_is_the_mirror_image():
+    a = trajectory(StopOscillator(load=0.1, restitution=0.7), 9.0, ((1.0,), (0.0,)))
+    b = trajectory(StopOscillator(load=-0.1, restitution=0.7, side=-1.0), 9.0, ((-1.0,), (0.0,)))
+    np.testing.assert_allclose(events_times(a), events_times(b), rtol=1e-12)
+    np.testing.assert_allclose(a.final_position, -b.final_position, rtol=1e-9)
