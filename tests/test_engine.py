@@ -12,7 +12,7 @@ from problems import Ball, Block, Puck, StopOscillator, events, stop_oscillator,
 from wiperjax import AbstractSystem, Event, Regime, Result, SteadyBelt, Wiper
 
 PARAMETERS = ("attack_angle", "normal_load", "restitution", "mu_static", "support_stiffness")
-TIMES = np.linspace(0, 0.02, 4001)
+TIMES = np.linspace(0, 0.02, 16001)
 
 
 @jax.jit

@@ -90,6 +90,9 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     slot = jnp.maximum(state.target, 0)
     value, slope = pick(trial.end_values, slot), pick(trial.end_slopes, slot)
     falling = slope < 0
+    # towards a double root the slope dies and Newton's error grows: go on for longer there
+    flat = jnp.abs(slope) / jnp.maximum(jnp.abs(pick(trial.starts, slot)), 1e-30)
+    tolerance = stop_gradient(tolerance * jnp.minimum(flat, 1.0))
     shift = keep(-value / jnp.where(falling, slope, -1.0), unit)
     close = falling & (jnp.abs(stop_gradient(shift)) <= tolerance)
     # as near as the clock can tell

@@ -10,9 +10,11 @@ of frequency, at the line and its next harmonics together (each weighted by its 
 keeps a fundamental with only five cycles in the window from being pulled by the skirts of its own
 harmonics.
 
-For stick-slip the strongest line of the tip VELOCITY is the repetition rate as long as the slip
-pulse fills more than a few per cent of the period; in a period-doubled motion the strongest line
-wins, not the subharmonic.
+If the strongest line is a harmonic of a lower line at least half as high, the lower one is the
+answer: the slip pulses of slow stick-slip fill a few per cent of the period, their comb of lines is
+flat, and which harmonic is highest by a few per cent is chance, while the motion repeats at the
+fundamental. In a period-doubled motion the strongest line wins as long as its subharmonic is less
+than half as high.
 """
 
 import numpy as np
@@ -20,6 +22,7 @@ import scipy.fft
 
 PADDING = 4  # spectrum points per bin of the unpadded transform, or a little more
 NEWTON_STEPS = 3
+FUNDAMENTAL_RATIO = 0.5  # height of a fundamental against its highest harmonic
 CHUNK = 500_000  # numbers transformed at once: bounds the memory used for a block of cells
 
 
@@ -84,12 +87,31 @@ def _strongest_line(signal: np.ndarray, minimum_cycles: float, harmonics: int) -
     inner = power[:, start:-1]
     is_peak = (inner >= power[:, start - 1 : -2]) & (inner >= power[:, start + 1 :])
     peak = start + np.argmax(np.where(is_peak, inner, -1.0), axis=1)
+    peak = _fundamental(power, np.pad(is_peak, ((0, 0), (start, 1))), peak, length / samples)
     row = np.arange(len(peak))
     left, top, right = (power[row, peak + k] for k in (-1, 0, 1))
     bend = left - 2.0 * top + right
     offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
     frequency = _refine(windowed, (peak + offset) / length, harmonics)
     return np.where(finite & (spread > 0), frequency, np.nan)
+
+
+def _fundamental(power, is_peak, peak, resolution) -> np.ndarray:
+    """Lower `peak` of each row to the line it is a harmonic of, if that one is half as high.
+
+    Only bins within half a line's width (`resolution`, bins a line) of peak / n are looked at, so
+    lines that merely lie lower do not count. Beyond n = 6 nothing below half has been seen.
+    """
+    row = np.arange(len(peak))
+    enough = FUNDAMENTAL_RATIO**2 * power[row, peak]
+    reach = int(np.ceil(0.5 * resolution))
+    best = peak.copy()
+    for n in range(2, 7):
+        for shift in range(-reach, reach + 1):
+            at = np.clip(np.round(peak / n).astype(int) + shift, 0, power.shape[1] - 1)
+            line = is_peak[row, at] & (power[row, at] >= enough)
+            best = np.where(line & (at < best), at, best)
+    return best
 
 
 def _refine(windowed: np.ndarray, frequency: np.ndarray, harmonics: int) -> np.ndarray:

@@ -128,6 +128,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     regime = jnp.where(closed, jnp.where(jam & ~at_rest, slip, decision.regime), int(Regime.FLIGHT))
     regime = regime.astype(jnp.int32)
     inconsistent = inside | (jam & at_rest)
+    start_code = jnp.where(inconsistent, int(Result.INCONSISTENT_START), RUNNING)
 
     flying = regime == Regime.FLIGHT
     sliding = ~flying & (regime != Regime.STICK)
@@ -151,6 +152,9 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     speed = jnp.max(
         jnp.stack([jnp.abs(f) / (a / problem.rtol + jnp.abs(y)) for f, y, a in pairs]), axis=0
     )
+    finite = jnp.isfinite(speed) & jnp.isfinite(start) & jnp.isfinite(problem.end)
+    for leaf in jax.tree.leaves((position, velocity, rate)):
+        finite = finite & jnp.isfinite(leaf)
     span = problem.end - start
     step = jnp.clip(0.01 / jnp.maximum(speed, 1e-30), 1e-9 * span, 0.1 * span)
     step = jax.lax.stop_gradient(step).astype(start.dtype)
@@ -181,7 +185,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         target=z - 1,
         trial=step,
         tries=z,
-        result=jnp.where(inconsistent, int(Result.INCONSISTENT_START), RUNNING).astype(jnp.int32),
+        result=jnp.where(finite, start_code, int(Result.NON_FINITE)).astype(jnp.int32),
         flagged=closed & decision.indeterminate,
         attempts=z,
         rejected=z,
