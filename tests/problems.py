@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb
 

@@ -59,7 +59,7 @@ class Stubs:
         )
         pieces = {
             "launch": {"configure": self.configure},
-            "sweep": {"run": self.run, "verify": self.verify},
+            "driver": {"run": self.run, "verify": self.verify},
             "scene": {"run": self.simulate},
             "plots": {"plot_file": self.plot_file},
         }

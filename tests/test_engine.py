@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import wiperjax
 from problems import Ball, Block, Puck, StopOscillator, events, stop_oscillator, trajectory
+
+import wiperjax
 from wiperjax import AbstractSystem, Event, Regime, Result, SteadyBelt, Wiper
 
 PARAMETERS = ("attack_angle", "normal_load", "restitution", "mu_static", "support_stiffness")
@@ -16,16 +17,21 @@ TIMES = np.linspace(0, 0.02, 16001)
 
 
 @jax.jit
-def blade(values, speed, duration, rtol=1e-10, max_steps=1_000_000):
+def blade(values, speed, duration, rtol=1e-10):
     """A wiper of given PARAMETERS, sampled."""
     return wiperjax.solve(
         Wiper(belt=SteadyBelt(speed), **values),
         duration,
         rtol=rtol,
         max_events=128,
-        max_steps=max_steps,
         sample_times=TIMES,
     )
+
+
+@jax.jit
+def plain_blade(values, speed, max_steps):
+    body = Wiper(belt=SteadyBelt(speed), **values)
+    return wiperjax.solve(body, 0.02, rtol=1e-10, max_events=128, max_steps=max_steps)
 
 
 def draw(count, seed=3):
@@ -141,7 +147,12 @@ def test_event_times_have_the_order_of_the_solver_with_fixed_steps():
     errors = []
     for parts in (8, 16, 32):
         s = trajectory(
-            problem.system, 0.016, problem.start, 1e30, atol=1e30, max_step=problem.times[0] / (parts + 0.3)
+            problem.system,
+            0.016,
+            problem.start,
+            1e30,
+            atol=1e30,
+            max_step=problem.times[0] / (parts + 0.3),
         )
         errors.append(abs(events(s, Event.IMPACT)[1] / problem.times[1] - 1))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -154,26 +165,27 @@ def test_event_times_have_the_order_of_the_solver_with_fixed_steps():
 def test_a_lane_equals_the_same_trajectory_alone_in_any_order_with_failing_neighbours():
     values, speed = draw(8)
     values["normal_load"][2] = np.nan  # cannot be computed
-    values["attack_angle"][5] = 1.45  # collapses or stays: whatever it does, alone
+    values["attack_angle"][5] = 1.2  # collapses
     budget = np.full(8, 100_000)
     budget[3] = 40
-    batch = jax.jit(jax.vmap(blade, in_axes=(0, 0, None, None, 0)))
-    together = batch(values, speed, 0.02, 1e-10, budget)
+    batch = jax.jit(jax.vmap(plain_blade))
+    together = batch(values, speed, budget)
     order = np.random.default_rng(0).permutation(8)
-    shuffled = batch(
-        {k: v[order] for k, v in values.items()}, speed[order], 0.02, 1e-10, budget[order]
-    )
-    assert Result(int(together.result[2])) in (Result.NON_FINITE, Result.INCONSISTENT_START)
+    shuffled = batch({k: v[order] for k, v in values.items()}, speed[order], budget[order])
+    assert Result(int(together.result[2])) == Result.NON_FINITE
+    assert Result(int(together.result[5])) == Result.COLLAPSED
     assert Result(int(together.result[3])) == Result.STEP_BUDGET_SPENT
     for i in range(8):
-        alone = blade(lane(values, i), speed[i], 0.02, 1e-10, budget[i])
+        alone = plain_blade(lane(values, i), speed[i], budget[i])
         for other in (lane(together, i), lane(shuffled, int(np.flatnonzero(order == i)[0]))):
             assert int(alone.result) == int(other.result)
             if i == 2:
                 continue
             if i != 3:
                 assert [k for _, k in events(alone)] == [k for _, k in events(other)]
-                np.testing.assert_allclose(events_times(alone), events_times(other), rtol=1e-8, atol=1e-12)
+                np.testing.assert_allclose(
+                    events_times(alone), events_times(other), rtol=1e-8, atol=1e-12
+                )
                 np.testing.assert_allclose(
                     alone.final_position, other.final_position, rtol=0, atol=1e-10
                 )
@@ -279,12 +291,14 @@ def test_result_codes():
     s = trajectory(ball, 3.0, ((-0.1,), (0.0,)))
     assert Result(int(s.result)) == Result.INCONSISTENT_START
     s = trajectory(Ball(np.nan, 0.5), 3.0, start)
-    assert Result(int(s.result)) in (Result.NON_FINITE, Result.INCONSISTENT_START)
+    assert Result(int(s.result)) == Result.NON_FINITE
     s = trajectory(ball, 3.0, ((np.nan,), (0.0,)))
-    assert Result(int(s.result)) in (Result.NON_FINITE, Result.INCONSISTENT_START)
+    assert Result(int(s.result)) == Result.NON_FINITE
     # flights shorter than the clock can tell, with completion switched off
     s = trajectory(ball, 3.0, start, zeno_time=0.0, max_events=64)
-    assert Result(int(s.result)) == Result.ZENO_UNRESOLVED and s.event_overflow == (s.events.count > 64)
+    assert Result(int(s.result)) == Result.ZENO_UNRESOLVED and s.event_overflow == (
+        s.events.count > 64
+    )
 
 
 def test_elastic_ball_never_rests_and_keeps_its_energy():

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference.impact_ode import integrate_impact
+
 from wiperjax.impact import poisson_impact
 
 impact = jax.jit(poisson_impact)
@@ -110,7 +111,9 @@ def test_impact_without_collision_agrees_too(cosine, excess, e, v_t):
     mu = excess / w_tn
     p_t, p_n, after_t, after_n = collide((1.0, w_tn, 1.0, mu, e, v_t, 0.0))
     expected = integrate_impact([[1.0, w_tn], [w_tn, 1.0]], mu, e, v_t, 0.0)
-    np.testing.assert_allclose([after_t, after_n, p_t, p_n], expected, rtol=0, atol=1e-7 * (1 + mu) * p_n)
+    np.testing.assert_allclose(
+        [after_t, after_n, p_t, p_n], expected, rtol=0, atol=1e-7 * (1 + mu) * p_n
+    )
     assert after_t == 0 and p_n > 0
 
 

@@ -5,8 +5,9 @@ import math
 import jax
 import numpy as np
 import pytest
-import wiperjax
 from problems import EXACT, Ball, Block, Rod, StopOscillator, events, trajectory
+
+import wiperjax
 from wiperjax import Event, Result
 from wiperjax.impact import poisson_impact
 
@@ -77,11 +78,15 @@ def test_v6_den_hartog(b, r, x_max):
 
 def test_v6_den_hartog_from_rest():
     """The transient from rest ends on the steady state."""
-    _, position = last_reversal(Block(0.3, 0.3, amplitude=1.0, frequency=2.0), ((0.0,), (0.0,)), 120)
+    _, position = last_reversal(
+        Block(0.3, 0.3, amplitude=1.0, frequency=2.0), ((0.0,), (0.0,)), 120
+    )
     assert abs(position) == pytest.approx(0.297676184991529, rel=1e-9)
 
 
-@pytest.mark.parametrize("b, f, eta", [(2.0, 0.5, 0.968245836551854), (1.5, 0.4, 0.886942313043338)])
+@pytest.mark.parametrize(
+    "b, f, eta", [(2.0, 0.5, 0.968245836551854), (1.5, 0.4, 0.886942313043338)]
+)
 def test_v6_block_on_a_shaken_surface(b, f, eta):
     """Surface position sin(b t); eta is relative to it."""
     system = Block(f, f, surface=b, frequency=b)
@@ -120,9 +125,7 @@ def test_v8_forced_impact_oscillator(w, e, psi, speed, multipliers):
     if psi is not None:
         assert phase % (2 * math.pi) == pytest.approx(psi, rel=1e-12)
     period = 2 * math.pi / w
-    system = StopOscillator(
-        amplitude=1.0, frequency=w, phase=phase, restitution=e, side=-1.0
-    )
+    system = StopOscillator(amplitude=1.0, frequency=w, phase=phase, restitution=e, side=-1.0)
     start = ((0.0,), (-e * v,))
     many = 40 if abs(multipliers[0]) < 1 else 4
     s = trajectory(system, (many + 0.5) * period, start)
@@ -177,7 +180,11 @@ def test_v9_rests_after_zeno_with_its_weight():
 
 @pytest.mark.parametrize(
     "phi, threshold",
-    [(math.atan(0.733799385705343), 1.46759877141069), (0.3, 2.05003601932968), (1.0, 1.90314990246570)],
+    [
+        (math.atan(0.733799385705343), 1.46759877141069),
+        (0.3, 2.05003601932968),
+        (1.0, 1.90314990246570),
+    ],
 )
 def test_v10_pendulum_is_paradoxical_above_the_threshold(phi, threshold):
     m1, m2 = 1.3, 0.7

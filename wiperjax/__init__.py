@@ -11,6 +11,8 @@ _jax.config.update("jax_enable_x64", True)
 from .belts import SteadyBelt as SteadyBelt  # noqa: E402
 from .belts import TrapezoidBelt as TrapezoidBelt  # noqa: E402
 from .belts import WipingBelt as WipingBelt  # noqa: E402
+from .driver import run as sweep  # noqa: E402, F401
+from .driver import verify as verify  # noqa: E402
 from .friction import AbstractFriction as AbstractFriction  # noqa: E402
 from .friction import Coulomb as Coulomb  # noqa: E402
 from .friction import Stribeck as Stribeck  # noqa: E402
@@ -18,8 +20,6 @@ from .observers import RegimeTotals as RegimeTotals  # noqa: E402
 from .results import Event as Event  # noqa: E402
 from .results import Regime as Regime  # noqa: E402
 from .results import Result as Result  # noqa: E402
-from .driver import run as sweep  # noqa: E402, F401
-from .driver import verify as verify  # noqa: E402
 from .solve import solve as solve  # noqa: E402
 from .spec import load_scene as load_scene  # noqa: E402
 from .spec import load_sweep as load_sweep  # noqa: E402

@@ -13,14 +13,14 @@ from .lanes import Outcome, Pool, run_pool
 from .noise import ReversalTotals
 from .observers import RegimeTotals
 from .results import Result
+from .sampling import SAMPLES_PER_STEP, Signal
 from .scene import SOLVERS, build_wiper, start_state
 from .solve import make_problem
 from .stability import steady_slip
 from .wiper import Wiper
 
 LANES = {"float64": 256, "float32": 512}  # a device; as much as its cache holds
-LIGHT_TURNS = 3  # a full turn
-SAMPLES_PER_STEP = 2  # a step never passes more samples of the signal than that: see `take_samples`
+LIGHT_TURNS = 2  # a full turn
 
 
 def identity() -> dict[str, str]:
@@ -57,7 +57,7 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     back = np.argsort(order)[: len(index)]
     outcome = jax.tree.map(lambda x: np.asarray(x)[back], outcome)
     columns = _columns(outcome, run, wiper, back)
-    columns["signal"] = np.asarray(signal)[back]
+    columns["signal"] = np.asarray(signal.output)[back]
     columns["sample_interval"] = run.window / run.samples
     columns["occupancy"] = float(np.sum(effort.useful) / np.sum(effort.executed))
     linear = steady_slip(wiper, wiper.belt.peak)
@@ -115,10 +115,6 @@ def _full(pair, size, precision):
     return tuple(jnp.broadcast_to(jnp.asarray(x, precision), (size,)) for x in pair)
 
 
-def _tip_velocity(system, t, q, v, regime, forces):
-    return v[0].astype(jnp.float32)
-
-
 @eqx.filter_jit
 def _compute(wiper, position, velocity, counts, settings: _Settings):
     """Run the cells on all devices, one share each; the shares do not wait for each other."""
@@ -151,13 +147,12 @@ def _run_share(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome,
         solver=SOLVERS[s.solver](),
         rtol=s.rtol,
         atol=s.atol,
-        sample_times=s.transient + interval * np.arange(s.samples),
+        signal=Signal(s.transient, interval, s.samples, SAMPLES_PER_STEP * (LIGHT_TURNS + 1)),
         max_steps=s.max_steps,
         max_step=SAMPLES_PER_STEP * interval,
         zeno_time=s.zeno_time,
         mark=s.transient,
         observer=totals,
-        record=_tip_velocity,
         dtype=jnp.dtype(s.precision),
     )
     pool = Pool(problem, q, v, start, count)

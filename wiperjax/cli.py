@@ -5,6 +5,7 @@ xarray, matplotlib) are imported inside the commands, after `launch.configure`, 
 `--help` stays fast, and the settings of XLA have to precede `import jax`.
 """
 
+import contextlib
 import importlib.metadata
 import os
 import shlex
@@ -99,6 +100,13 @@ def sweep(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Cores to use.", show_default="all")
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Compute on the workers of this dask cluster."),
+    ] = None,
+    local_cluster: Annotated[
+        int | None, typer.Option(min=1, help="Compute on a dask cluster of N processes here.")
+    ] = None,
     block: Annotated[
         int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
     ] = None,
@@ -108,6 +116,8 @@ def sweep(
 
     if force and resume:
         raise ValueError("--force starts anew and --resume continues: give one of them")
+    if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
+        raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
     spec = load_sweep(file)
     _check_output(output, MAP_SUFFIXES, force or resume, file)
     drawing = output.with_suffix(".png") if picture else None
@@ -115,18 +125,27 @@ def sweep(
         _check_output(drawing, PICTURE_SUFFIXES, force or resume, file)
     _print_plan(spec)
 
-    _configure(workers)
-    from wiperjax.labels import class_table
+    embedded = scheduler is None and local_cluster is None
+    if embedded:
+        _configure(workers)
     from wiperjax.driver import run
+    from wiperjax.labels import class_table
 
     command = ["wiperjax", "sweep", str(file), "-o", str(output)]
     command += [] if picture else ["--no-picture"]
     command += [] if workers is None else ["--workers", str(workers)]
+    command += [] if scheduler is None else ["--scheduler", scheduler]
+    command += [] if local_cluster is None else ["--local-cluster", str(local_cluster)]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     try:
-        dataset = run(
-            spec, output, resume=resume, force=force, command=shlex.join(command), **chosen
-        )
+        with contextlib.ExitStack() as stack:
+            if not embedded:
+                from wiperjax.cluster import connect
+
+                chosen["workers"] = stack.enter_context(connect(scheduler, local_cluster))
+            dataset = run(
+                spec, output, resume=resume, force=force, command=shlex.join(command), **chosen
+            )
     except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
         print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None

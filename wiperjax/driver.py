@@ -10,10 +10,11 @@ import importlib
 import json
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -26,10 +27,26 @@ from .results import RESULTS
 from .spectrum import dominant_frequency
 from .storage import StoreError, check_output, open_map, parts_of
 
+if TYPE_CHECKING:
+    from .cluster import Workers
+
 Evaluate = Callable[[Any, np.ndarray], Mapping[str, Any]]
 
 DECISIVE = ("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 """Libraries whose version has a part in the numbers; it must not change within a map."""
+
+
+class Block(NamedTuple):
+    """A computed block: its number, stored columns, the engine's occupancy, seconds it took."""
+
+    number: int
+    columns: dict[str, np.ndarray]
+    occupancy: float | None
+    seconds: float
+
+
+Spans = Mapping[int, tuple[int, int]]  # number of a block -> first cell, the one after the last
+Blocks = Callable[[Any, Spans], Iterator[Block]]
 
 
 class SweepInterrupted(KeyboardInterrupt):
@@ -44,6 +61,7 @@ def run(
     force: bool = False,
     block: int = 8192,
     evaluate: Evaluate | None = None,
+    workers: "Workers | None" = None,
     identity: Mapping[str, str] | None = None,
     progress: bool = True,
     command: str | None = None,
@@ -63,6 +81,7 @@ def run(
 
     - `block`: cells computed, and lost at worst, together. A sweep that is resumed keeps its own.
     - `evaluate`: what computes cells, `wiperjax.cells.evaluate` if None.
+    - `workers`: who computes, as `wiperjax.cluster.connect` gives them; this process if None.
     - `identity`: what else must agree between parts of one map (such as the kind of device), text
         -> text.
     - `progress`: show it, if standard error is a terminal.
@@ -70,12 +89,17 @@ def run(
 
     Raises: `StoreError` (one line) for everything about files; `SweepInterrupted` on Ctrl-C.
     """
-    known = _identity(spec) | dict(identity or {})
-    if evaluate is None:
-        evaluate, described = _engine()
-        known |= described
+    known = made_by(spec) | dict(identity or {})
+    if workers is not None:
+        known |= workers.made_by(spec, evaluate)
+        blocks: Blocks = partial(workers.blocks, evaluate=evaluate)
+    else:
+        if evaluate is None:
+            evaluate, described = engine()
+            known |= described
+        blocks = partial(_one_by_one, evaluate=evaluate)
     if output is None:
-        return _in_memory(spec, evaluate, block, known, progress, command)
+        return _in_memory(spec, blocks, block, known, progress, command)
     output = Path(output)
     if resume and output.exists() and _is_finished(output, spec, known):
         if parts_of(
@@ -90,14 +114,15 @@ def run(
     ) as store:
         with Report(store.cells, title=spec.title, show=progress) as report:
             try:
-                _compute(spec, store, evaluate, report)
+                _compute(spec, store, blocks, report)
             except KeyboardInterrupt:
                 raise SweepInterrupted(_how_to_resume(store, output, command)) from None
-        finalize(store, output, _made(known) | dataset.provenance(command, 0.0))
+        host = workers.host if workers is not None else None
+        finalize(store, output, _made(known) | dataset.provenance(command, 0.0, host))
     return open_map(output)
 
 
-def _engine() -> tuple[Evaluate, dict[str, str]]:
+def engine() -> tuple[Evaluate, dict[str, str]]:
     """What computes cells, and what of it must not change in a map; the only way to jax."""
     cells = importlib.import_module("wiperjax.cells")
     return cells.evaluate, dict(getattr(cells, "identity", dict)())
@@ -132,7 +157,14 @@ def evaluate_block(
     )
 
 
-def _compute(spec: Any, store: BlockStore, evaluate: Evaluate, report: Report) -> None:
+def _one_by_one(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]:
+    for number, (start, stop) in spans.items():
+        begun = time.perf_counter()
+        columns, occupancy = evaluate_block(spec, np.arange(start, stop), evaluate)
+        yield Block(number, columns, occupancy, time.perf_counter() - begun)
+
+
+def _compute(spec: Any, store: BlockStore, blocks: Blocks, report: Report) -> None:
     """Computes and stores every block that is not done."""
     done = store.done()
     for number in np.flatnonzero(done):
@@ -143,36 +175,36 @@ def _compute(spec: Any, store: BlockStore, evaluate: Evaluate, report: Report) -
         start, stop = store.span(int(number))
         report.done += stop - start
         report.count(found[0])
-    for number in np.flatnonzero(~done):
-        start, stop = store.span(int(number))
-        begun = time.perf_counter()
-        columns, occupancy = evaluate_block(spec, np.arange(start, stop), evaluate)
-        store.write(int(number), columns, time.perf_counter() - begun)
+    spans = {int(number): store.span(int(number)) for number in np.flatnonzero(~done)}
+    for number, columns, occupancy, seconds in blocks(spec, spans):
+        store.write(number, columns, seconds)
+        start, stop = spans[number]
         report.update(columns, stop - start, occupancy)
 
 
 def _in_memory(
     spec: Any,
-    evaluate: Evaluate,
+    blocks: Blocks,
     block: int,
     known: dict[str, str],
     progress: bool,
     command: str | None,
 ) -> xr.Dataset:
     begun = time.perf_counter()
-    pieces = []
+    starts = range(0, spec.size, block)
+    spans = {k: (start, min(spec.size, start + block)) for k, start in enumerate(starts)}
+    pieces: dict[int, dict[str, np.ndarray]] = {}
     with Report(spec.size, title=spec.title, show=progress) as report:
-        for start in range(0, spec.size, block):
-            stop = min(spec.size, start + block)
-            columns, occupancy = evaluate_block(spec, np.arange(start, stop), evaluate)
-            pieces.append(columns)
+        for number, columns, occupancy, _ in blocks(spec, spans):
+            pieces[number] = columns
+            start, stop = spans[number]
             report.update(columns, stop - start, occupancy)
-    whole = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    whole = {name: np.concatenate([pieces[k][name] for k in spans]) for name in pieces[0]}
     made = _made(known) | dataset.provenance(command, time.perf_counter() - begun)
     return dataset.assemble(spec, whole, attributes=made)
 
 
-def _identity(spec: Any) -> dict[str, str]:
+def made_by(spec: Any) -> dict[str, str]:
     """What must agree between blocks of one map, beside the specification."""
     made = {name: dataset.version(name) for name in DECISIVE}
     return made | {"precision": str(spec.run.precision), "machine": platform.machine()}
@@ -283,7 +315,7 @@ def verify(
             cell = ds.isel(dict(zip(ds.sizes, map(int, place), strict=True))).load()
             for name, values in stored.items():
                 values.append(cell[name].item())
-    fresh, _ = evaluate_block(spec, index, evaluate or _engine()[0])
+    fresh, _ = evaluate_block(spec, index, evaluate or engine()[0])
     largest: dict[str, float] = {}
     wrong = np.zeros(len(index), dtype=bool)
     for name in fresh.keys() & stored.keys():

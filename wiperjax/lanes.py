@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from .results import RUNNING, Result
-from .sampling import empty_samples
+from .sampling import flush
 from .state import Problem, State, initial_state
 from .step import advance, advance_light
 from .transition import where
@@ -112,44 +112,55 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
     case = jnp.where(first < cases, first, capacity)
     idle = jnp.where(case < capacity, state.result, int(Result.FINISHED))
     state = state._replace(result=idle)
-    buffers = empty_samples(_rebuild(problem, parts, shared), state)
+    signal = problem.signal
+    if signal is not None:
+        state = state._replace(samples=signal.empty((lanes,)))
+    record = signal and signal.record(lanes)
     blank = jax.tree.map(lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype), _outcome(state))
-    signal = jax.tree.map(lambda b: jnp.zeros((capacity, b.shape[0]), b.dtype), buffers)
+    taken = jax.tree.map(lambda r: jnp.zeros((capacity, signal.count), r.dtype), record)
     wait = max(1, lanes // 64)  # lanes that may idle before a refill is worth its cost
 
     def refill(carry):
-        parts, state, case, upcoming, outcome, signal = carry
+        parts, state, case, upcoming, outcome, record, taken = carry
         ended = state.result != RUNNING
         at = jnp.where(ended, case, capacity)
         outcome = jax.tree.map(
             lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"), outcome, _outcome(state)
         )
-        signal = jax.tree.map(
-            lambda o, b: o.at[at].set(b.T, mode="drop"), signal, state.samples
+        taken = jax.tree.map(
+            lambda o, r: o.at[at].set(r[:, : o.shape[1]], mode="drop"), taken, record
+        )
+        # a new case starts with an empty record: one that ends early must not show its predecessor
+        record = jax.tree.map(
+            lambda r, e: jnp.where(ended[:, None], e, r), record, signal and signal.record(lanes)
         )
         new = upcoming + jnp.cumsum(ended, dtype=jnp.int32) - 1
         takes = ended & (new < cases)
         fresh_parts, fresh = fill(jnp.clip(new, 0, capacity - 1))
-        fresh = fresh._replace(samples=None, log=None)
-        kept = state._replace(samples=None, log=None)
-        merged = where(takes, fresh, kept)._replace(samples=state.samples, log=state.log)
+        if signal is not None:
+            fresh = fresh._replace(samples=signal.empty((lanes,)))
+        kept = state._replace(log=None)
+        merged = where(takes, fresh._replace(log=None), kept)._replace(log=state.log)
         parts = where(takes, fresh_parts, parts)
         case = jnp.where(takes, new, jnp.where(ended, capacity, case))
-        return parts, merged, case, upcoming + jnp.sum(takes, dtype=jnp.int32), outcome, signal
+        upcoming = upcoming + jnp.sum(takes, dtype=jnp.int32)
+        return parts, merged, case, upcoming, outcome, record, taken
 
     def round_(carry):
-        parts, state, case, upcoming, outcome, signal, useful, executed = carry
+        parts, state, case, upcoming, outcome, record, taken, useful, executed = carry
         local = _rebuild(problem, parts, shared)
         before = jnp.sum(state.attempts)
         state = lax.fori_loop(0, light_turns, lambda _, s: advance_light(local, s), state)
         state = advance(local, state)
+        if signal is not None:
+            record, ring = flush(record, state.samples, state.sample_index)
+            state = state._replace(samples=ring)
         useful = useful + jnp.sum(state.attempts) - before
         executed = executed + (light_turns + 1) * lanes
         ended = jnp.sum((state.result != RUNNING) & (case < capacity))
         due = (ended >= wait) | ((ended > 0) & (upcoming >= cases))
-        inner = (parts, state, case, upcoming, outcome, signal)
-        parts, state, case, upcoming, outcome, signal = lax.cond(due, refill, lambda c: c, inner)
-        return parts, state, case, upcoming, outcome, signal, useful, executed
+        inner = (parts, state, case, upcoming, outcome, record, taken)
+        return *lax.cond(due, refill, lambda c: c, inner), useful, executed
 
     def busy(carry):
         state, case = carry[1], carry[2]
@@ -158,13 +169,14 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
     zero = jnp.zeros((), jnp.int64)
     carry = (
         parts,
-        state._replace(samples=buffers),
+        state,
         case,
         jnp.minimum(jnp.int32(lanes), cases),
         blank,
-        signal,
+        record,
+        taken,
         zero,
         zero,
     )
     carry = lax.while_loop(busy, round_, carry)
-    return carry[4], carry[5], Effort(carry[6], carry[7])
+    return carry[4], carry[6], Effort(carry[7], carry[8])

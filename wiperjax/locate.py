@@ -12,10 +12,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .barrier import keep
 from .guards import JAM
 from .polynomials import first_root
 from .results import RUNNING
-from .barrier import keep
 from .state import Problem, State
 from .system import Scalar
 from .trial import Trial, pick

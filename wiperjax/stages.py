@@ -43,8 +43,8 @@ def weighted_sum(weights, increments, start):
 def rk_step(solver, term, t, y, h, rate, args, unit) -> Step:
     """One trial step of ``solver`` from (t, y); ``rate`` is the vector field there."""
     tableau = solver.tableau
-    size = jnp.asarray(h)
-    stages = [jtu.tree_map(lambda f: size.astype(f.dtype) * f, rate)]
+    size = jnp.asarray(h).astype(jtu.tree_leaves(y)[0].dtype)  # time may have more digits
+    stages = [jtu.tree_map(lambda f: size * f, rate)]
     y_last = y
     for a, c in zip(tableau.a_lower, tableau.c, strict=True):
         y_last = weighted_sum(a, stages, y)

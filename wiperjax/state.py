@@ -8,11 +8,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .barrier import ROWS
 from .guards import first_switch
 from .observers import AbstractObserver
 from .regimes import acceleration, decide, forces
 from .results import RUNNING, Regime, Result
-from .barrier import ROWS
 from .system import AbstractSystem, Contact, Scalar, contact
 
 
@@ -29,6 +29,7 @@ class Problem(eqx.Module):
     mark: Scalar  # a time to be stepped onto exactly (start of observation)
     observer: AbstractObserver
     sample_times: jax.Array | None  # increasing
+    signal: Any  # a `sampling.Signal`, or None
     solver: diffrax.AbstractERK = eqx.field(static=True)
     record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree
     log_capacity: int = eqx.field(static=True, default=0)
@@ -150,9 +151,9 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         strict=True,
     )
     speed = jnp.max(
-        jnp.stack([jnp.abs(f) / (a / problem.rtol + jnp.abs(y)) for f, y, a in pairs]), axis=0
+        jnp.stack([jnp.abs(f) / (a / problem.rtol + jnp.abs(y) + 1e-30) for f, y, a in pairs]), axis=0
     )
-    finite = jnp.isfinite(speed) & jnp.isfinite(start) & jnp.isfinite(problem.end)
+    finite = jnp.isfinite(start) & jnp.isfinite(problem.end)
     for leaf in jax.tree.leaves((position, velocity, rate)):
         finite = finite & jnp.isfinite(leaf)
     span = problem.end - start

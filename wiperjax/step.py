@@ -4,12 +4,12 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .barrier import keep
 from .locate import Plan, light, locate
 from .observers import Happening, Stretch
 from .regimes import acceleration
 from .results import RUNNING, Regime, Result
-from .sampling import take_samples
-from .barrier import keep
+from .sampling import take_samples, take_signal
 from .state import Problem, State
 from .transition import settle, transition, where
 from .trial import Trial, attempt
@@ -162,7 +162,10 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
         trial.contact_forces,
     )
     observed = problem.observer.stretch(state.observed, stretch)
-    index, samples = take_samples(problem, state, trial, moves, length)
+    if problem.signal is None:
+        index, samples = take_samples(problem, state, trial, moves, length)
+    else:
+        index, samples = take_signal(problem.signal, system, state, q, v, rate, moves, length)
     return state._replace(
         sample_index=index,
         samples=samples,

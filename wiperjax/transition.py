@@ -5,11 +5,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from .barrier import keep
 from .guards import FIRST, JAM, SECOND, first_switch
 from .impact import poisson_impact
 from .regimes import acceleration, decide, forces, slip_forces, slip_sign
 from .results import Event, Regime
-from .barrier import keep
 from .state import Problem, State, start_of_slip_order
 from .system import Contact, Scalar, contact
 

@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .barrier import keep
 from .guards import JAM, SECOND, guard_values
 from .polynomials import control_values, deflated, hull_cut, interpolation_error, minimum
 from .regimes import Forces, forces
 from .results import RUNNING, Regime
-from .barrier import keep
 from .stages import NODES, Step, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact
@@ -62,7 +62,7 @@ def error_norm(problem: Problem, y0, step: Step):
         strict=True,
     )
     ratios = [
-        jnp.abs(e) / (a + problem.rtol * jnp.maximum(jnp.abs(y), jnp.abs(z)))
+        jnp.abs(e) / (a + problem.rtol * jnp.maximum(jnp.abs(y), jnp.abs(z)) + 1e-30)
         for e, y, z, a in leaves
     ]
     return jnp.max(jnp.stack(ratios), axis=0)
@@ -116,7 +116,8 @@ def attempt(problem: Problem, state: State) -> Trial:
     clear = minimum(control) > blur
     error_of_guards = blur
     # below this the estimate is rounding: the polynomial itself decides
-    blur = keep(jnp.where(blur > 1e-9 * size, blur, 0.0), unit)
+    rounding = max(1e-9, 32 * float(jnp.finfo(size.dtype).eps))
+    blur = keep(jnp.where(blur > rounding * size, blur, 0.0), unit)
     control = keep(tuple(b - blur for b in control), unit)
     g0, g1, g2, g3, g4 = nodes
     return Trial(

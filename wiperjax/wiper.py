@@ -200,7 +200,9 @@ class Wiper(AbstractSystem):
         return (self.lip_length * jnp.sin(self.attack_angle), 0.0), (0.0, 0.0)
 
     def scales(self, n):
-        length, speed = self.lip_length, self.belt.peak
+        # a belt at rest sets no scale: then a small part of the speed that the load can give
+        natural = jnp.sqrt(self.normal_load * self.lip_length / self.tip_mass)
+        length, speed = self.lip_length, jnp.maximum(self.belt.peak, 1e-4 * natural)
         return (length, length), (speed, speed)
 
     def output(self, t, q, v):

@@ -1,0 +1,265 @@
+"""Scenes at which event-driven codes usually fail, each with a known or independently computed answer."""
+
+import math
+
+import jax
+import numpy as np
+import pytest
+from problems import Block, Puck, Rod, StopOscillator, events, trajectory
+from reference.blade import REFERENCE, Steady, Trapezoid, Wiping, energy, simulate
+from test_against_reference import common, largest_shift, listed, logged, twin
+
+import wiperjax
+from wiperjax import Event, Regime, Result, SteadyBelt, Wiper
+
+BASE = {
+    k: v for k, v in REFERENCE.items() if k not in ("belt_speed", "hinge_mass", "hinge_damping")
+}
+BASE.pop("gravity")
+BASE.pop("stribeck_shape")
+LENGTH = BASE["lip_length"]
+
+
+@jax.jit
+def engine(blade, belt, start, duration):
+    state = ((start[0], start[1]), (start[2], start[3]))
+    return wiperjax.solve(
+        Wiper(belt=belt, **blade), duration, initial_state=state, rtol=1e-10, max_events=512
+    )
+
+
+def once(events):
+    """Without corners of the belt that coincide up to rounding (two ramps that meet)."""
+    kept = []
+    for event in events:
+        if not (kept and event[1] == kept[-1][1] == "belt" and event[0] - kept[-1][0] < 1e-15):
+            kept.append(event)
+    return kept
+
+
+LEANING = dict(attack_angle=-0.6, support_stiffness=8000.0)
+FROM_ABOVE = (LENGTH * math.sin(-0.6), 5e-4, 0.2, 0.0)
+SCENES = {  # name: (changes of the blade, belt, start or None for at rest, duration)
+    "complete chatter on a moving belt": (LEANING, Steady(0.3), FROM_ABOVE, 0.02),
+    "chatter that ends in stick": (
+        dict(LEANING, mu_static=3.0, mu_minimum=2.0, restitution=0.6),
+        Steady(0.02),
+        FROM_ABOVE,
+        0.01,
+    ),
+    "e = 0": (dict(LEANING, restitution=0.0), Steady(0.3), FROM_ABOVE, 0.02),
+    "e = 1": (dict(LEANING, restitution=1.0), Steady(0.3), FROM_ABOVE, 0.006),
+    "shoulder 100 times stiffer": (dict(shoulder_stiffness=200.0), Steady(0.3), None, 0.005),
+    "Stribeck speed 1e-3": (dict(stribeck_speed=1e-3), Steady(0.3), None, 0.01),
+    "load 0.5": (dict(normal_load=0.5), Steady(0.3), None, 0.02),
+    "load 100": (dict(normal_load=100.0), Steady(0.3), None, 0.01),
+    "belt 1e-3": (dict(), Steady(1e-3), None, 0.05),
+    "belt 3": (dict(), Steady(3.0), None, 0.01),
+    "belt at rest": (dict(), Steady(0.0), None, 0.01),
+    "belt backwards": (dict(attack_angle=0.3), Steady(-0.3), None, 0.01),
+    "no friction": (dict(mu_static=0.0, mu_minimum=0.0), Steady(0.3), None, 0.01),
+    "collapse": (dict(attack_angle=1.1), Steady(0.3), None, 0.05),
+    "stick through V = 0": (dict(mu_static=2.0), Wiping(0.02, 20.0), None, 0.06),
+    "V = 0 at the start": (dict(), Wiping(0.3, 30.0), None, 0.05),
+    "reversal faster than the blade": (dict(), Wiping(0.5, 3000.0), None, 0.004),
+    "trapezoid": (dict(attack_angle=-0.3), Trapezoid(0.3, 50.0, 0.4, 2e-3), None, 0.04),
+    "triangle: no plateau": (dict(), Trapezoid(0.3, 50.0, 0.4, 1e-2), None, 0.04),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_wiper_scene_against_the_reference(name):
+    changes, belt, start, duration = SCENES[name]
+    blade = {**BASE, **changes}
+    if start is None:
+        start = (LENGTH * math.sin(blade["attack_angle"]), 0.0, 0.0, 0.0)
+    run = simulate(blade, belt, duration, start)
+    solution = engine(blade, twin(belt), start, duration)
+    found, truth = once(logged(solution)), once(listed(run))
+    n = common(found, truth)
+    assert n == len(truth) == len(found), (found[n - 1 : n + 2], truth[n - 1 : n + 2])
+    assert largest_shift(found, truth) < 1e-8 * duration
+    np.testing.assert_allclose(solution.final_position, run.position, rtol=0, atol=1e-8 * LENGTH)
+    code = {"finished": Result.FINISHED, "collapsed": Result.COLLAPSED}[run.result]
+    assert Result(int(solution.result)) == code
+
+
+@pytest.mark.parametrize("depth", [1e-9, -1e-9])
+def test_grazing_from_both_sides(depth):
+    """q = 1 + (1 + depth) cos t dips by `depth` below the stop at t = pi."""
+    system = StopOscillator(load=-1.0, restitution=0.5)
+    s = trajectory(system, 5.0, ((2.0 + depth,), (0.0,)), 1e-12)
+    if depth < 0:
+        assert int(s.events.count) == 0
+    else:
+        first = events(s)[0]
+        assert first[1] in (Event.IMPACT, Event.ZENO)
+        assert first[0] == pytest.approx(math.pi - math.sqrt(2 * depth), abs=2e-7)
+
+
+@pytest.mark.parametrize("depth", [1e-9, -1e-9])
+def test_tangent_capture(depth):
+    """Slip speed 1 - depth - sin t touches zero at pi / 2 and goes on: no friction, no stick."""
+    s = trajectory(Block(0.0, 0.0, belt=-1.0 + depth), 4.0, ((1.0,), (0.0,)), 1e-12)
+    kinds = [k for _, k in events(s)]
+    if depth > 0:
+        assert kinds[:2] == [Event.REVERSAL, Event.REVERSAL]
+        reach = math.acos(1 - depth)
+        times = [t for t, _ in events(s)][:2]
+        np.testing.assert_allclose(times, [math.pi / 2 - reach, math.pi / 2 + reach], atol=2e-7)
+    else:
+        assert kinds == []
+
+
+def test_simultaneous_capture_and_lift_off():
+    """Normal force g - 2 g sin(w t) and slip speed vanish at one instant, w t = pi / 6."""
+    mu, g, w = 0.3, 10.0, 7.0
+    end = math.pi / 6 / w
+    speed = mu * (g * end - 2 * g / w * (1 - math.cos(w * end)))
+    puck = Puck(mu=mu, gravity=g, lift=2 * g, frequency=w)
+    s = trajectory(puck, end * 1.2, ((0.0, 0.0), (speed, 0.0)))
+    assert Result(int(s.result)) == Result.FINISHED
+    assert int(s.final_regime) == Regime.FLIGHT and float(s.final_position[1]) > 0
+    assert events(s)[-1][0] == pytest.approx(end, rel=1e-4)
+    assert float(s.final_velocity[0]) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("push, after", [(0.0, Regime.STICK), (4.0, Regime.SLIP_POS)])
+def test_impact_with_zero_slip_speed(push, after):
+    """Touches at once with v_t = 0; e = 0. Pushed harder than mu g = 3, it slips from there."""
+    puck = Puck(mu=0.3, push=push, restitution=0.0)
+    s = trajectory(puck, 1.0, ((0.0, 0.0), (0.0, -1.0)))
+    assert events(s)[0][0] == 0.0
+    assert int(s.events.after[0]) == int(s.final_regime) == after
+    assert float(s.final_velocity[0]) == pytest.approx(max(push - 3.0, 0.0), abs=1e-12)
+    assert Result(int(s.result)) == Result.FINISHED
+
+
+@pytest.mark.parametrize(
+    "start", [((0.0, -1e-4), (0.0, 0.0)), ((0.0, -1e-9), (0.3, 0.0))], ids=["deep", "shallow"]
+)
+def test_a_start_in_the_glass_is_an_error(start):
+    s = engine(BASE, SteadyBelt(0.3), (*start[0], *start[1]), 0.01)
+    assert Result(int(s.result)) == Result.INCONSISTENT_START and int(s.steps) == 0
+
+
+def test_impact_at_the_start():
+    s = trajectory(Puck(restitution=0.5), 1.0, ((0.0, 0.0), (1.0, -1.0)))
+    assert events(s)[0] == (0.0, Event.IMPACT)
+    assert events(s)[1][0] == pytest.approx(0.1, rel=1e-9)
+
+
+# --- hinge mass -----------------------------------------------------------------------------------
+
+HEAVY = dict(hinge_mass=4e-3, hinge_damping=2e-5, gravity=9.81)
+FINE = np.linspace(0, 0.004, 8001)
+
+
+@jax.jit
+def heavy(blade, speed, start, duration):
+    body = Wiper(belt=SteadyBelt(speed), **blade)
+    state = ((start[0], start[1]), (start[2], start[3]))
+    return wiperjax.solve(
+        body, duration, initial_state=state, rtol=1e-11, max_events=64, sample_times=FINE
+    )
+
+
+def test_hinge_mass_energy_balance():
+    blade = {**BASE, **HEAVY, "attack_angle": -0.4}
+    start = (LENGTH * math.sin(-0.4), 0.0, 0.0, 0.0)
+    s = heavy(blade, 0.3, start, FINE[-1])
+    assert Result(int(s.result)) == Result.FINISHED
+    q, v = np.asarray(s.samples.position), np.asarray(s.samples.velocity)
+    cos = np.sqrt(1 - (q[0] / LENGTH) ** 2)
+    rate = v[1] - q[0] / LENGTH / cos * v[0]
+    power = np.asarray(s.samples.friction_force) * v[0] - blade["support_damping"] * rate**2
+    power -= blade["hinge_damping"] * (v[0] / (LENGTH * cos)) ** 2
+    stored = np.array([energy(blade, a, b) for a, b in zip(q.T[::8], v.T[::8], strict=True)])
+    edges = [0.0, *[t for t, _ in events(s)], FINE[-1]]
+    checked = 0
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        inside = np.flatnonzero((a + 1e-9 < FINE[::8]) & (b - 1e-9 > FINE[::8]))
+        if len(inside) < 20:
+            continue
+        i, j = int(inside[0]), int(inside[-1])
+        p = power[8 * i : 8 * j + 1]
+        simpson = (FINE[1] / 3) * (p[0] + p[-1] + 4 * p[1:-1:2].sum() + 2 * p[2:-1:2].sum())
+        scale = np.abs(p).max() * (j - i) * 8 * FINE[1]
+        assert stored[j] - stored[i] == pytest.approx(simpson, abs=1e-6 * scale)
+        checked += 1
+    assert checked
+
+
+def test_vanishing_hinge_mass_is_the_wiper():
+    blade = {**BASE, "attack_angle": -0.4}
+    start = (LENGTH * math.sin(-0.4), 2e-4, 0.0, 0.0)
+    plain = engine(blade, SteadyBelt(0.3), start, FINE[-1])
+    light = heavy(
+        {**blade, **HEAVY, "hinge_mass": 1e-11, "hinge_damping": 0.0, "gravity": 0.0},
+        0.3,
+        start,
+        FINE[-1],
+    )
+    assert [k for _, k in events(plain)] == [k for _, k in events(light)]
+    np.testing.assert_allclose(
+        plain.final_position, light.final_position, rtol=0, atol=1e-7 * LENGTH
+    )
+
+
+# --- Painleve -------------------------------------------------------------------------------------
+
+
+def test_rod_released_at_31_degrees_is_followed_to_the_singular_point():
+    """tan phi = 1 is the border D = 0 for mu = 5/3; the motion ends there in a named way."""
+    rod = Rod()
+    times = np.linspace(0, 2.0, 4001)
+    s = trajectory(rod, 2.0, rod.start(math.radians(31), 30.0), sample_times=times)
+    phi, spin = np.asarray(s.samples.position[2]), np.asarray(s.samples.velocity[2])
+    regime, force = np.asarray(s.samples.regime), np.asarray(s.samples.normal_force)
+    assert Result(int(s.result)) in (Result.FINISHED, Result.PAINLEVE_INDETERMINATE)
+    first = events(s)[0]
+    assert first[1] in (Event.LIFT_OFF, Event.JAM)
+    sliding = regime == Regime.SLIP_POS
+    assert np.all(force[sliding] > 0) and np.all(np.isfinite(force[sliding]))
+    # in slip D > 0 and the force is -b_n / D
+    d = 1 + 3 * np.cos(phi) ** 2 - rod.mu * 3 * np.sin(phi) * np.cos(phi)
+    exact = (rod.gravity - np.sin(phi) * spin**2) / d
+    np.testing.assert_allclose(force[sliding], exact[sliding], rtol=1e-6)
+    assert np.all(d[sliding] > 0)
+    assert math.degrees(phi[sliding][-1]) > 40
+
+
+def test_jam_in_a_stribeck_blade_agrees_with_the_reference():
+    """Slip slows down, mu grows, D falls to zero under load; found by drawing blades."""
+    rng = np.random.default_rng(7)
+    found = 0
+    for _ in range(200):
+        tau = rng.uniform(0.5, 0.9)
+        blade = {
+            **BASE,
+            **HEAVY,
+            "hinge_mass": 2e-2,
+            "attack_angle": math.atan(tau) - rng.uniform(0, 0.3),
+            "mu_static": rng.uniform(1.0, 1.6),
+            "stribeck_speed": rng.uniform(0.1, 0.3),
+        }
+        start = (LENGTH * math.sin(math.atan(tau)), 0.0, 0.6, 0.0)
+        run = simulate(blade, Steady(0.1), 0.002, start)
+        if not any(e.kind == "jam" for e in run.events) or run.flags:
+            continue
+        found += 1
+        s = heavy(blade, 0.1, start, 0.002)
+        mine, truth = logged(s), listed(run)
+        assert common(mine, truth) == len(truth)
+        assert largest_shift(mine, truth) < 1e-9
+        if found == 5:
+            break
+    assert found == 5
+
+
+def test_indeterminate_start_is_flagged():
+    """D < 0 while the rod turns fast enough to leave the ground: both motions are possible."""
+    rod = Rod()
+    s = trajectory(rod, 0.01, rod.start(math.radians(60), 1.0, spin=5.0))
+    assert Result(int(s.result)) == Result.PAINLEVE_INDETERMINATE
+    assert float(s.final_position[1]) > math.sin(float(s.final_position[2]))
