@@ -141,7 +141,7 @@ class Block(AbstractSystem):
 
 
 class Rod(AbstractSystem):
-    """Painleve's rod: q = (x, y, phi) of the centre; the tip (x + s cos phi, y - s sin phi) slides."""
+    """Painleve's rod: q = (x, y, phi) of the centre, tip at (x + s cos phi, y - s sin phi)."""
 
     mu: float = 5 / 3
     restitution: float = 0.0

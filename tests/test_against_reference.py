@@ -170,8 +170,10 @@ def test_random_blades(kind, hinge, count, record_property, capsys):
             place = np.max(np.abs(run.position - np.asarray(solution.final_position)))
             worst_place = max(worst_place, float(place) / LENGTH)
     line = (
-        f"{kind}{' with hinge mass' if hinge else ''}: {count} blades, {compared} of {total} events agree, "
-        f"times to {worst_time:.1e} of the duration, final positions to {worst_place:.1e} of the lip"
+        f"{kind}{' with hinge mass' if hinge else ''}: {count} blades, "
+        f"{compared} of {total} events agree, "
+        f"times to {worst_time:.1e} of the duration, "
+        f"final positions to {worst_place:.1e} of the lip"
     )
     record_property("agreement", line)
     with capsys.disabled():

@@ -1,4 +1,4 @@
-"""The event engine itself: order, energy, batches, failures, ties, logs, and how often it compiles."""
+"""The event engine itself: order, energy, batches, failures, ties, logs and compilations."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Scenes at which event-driven codes usually fail, each with a known or independently computed answer."""
+"""Scenes at which event-driven codes fail, each with a known or independently computed answer."""
 
 import math
 

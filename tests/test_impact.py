@@ -1,9 +1,10 @@
-"""The impact law for any contact inertia: properties, and a fine integration of the impulse equations.
+"""The impact law for any contact inertia: properties, and a fine integration along the impulse.
 
-Energy: for ONE contact, Poisson's law with Coulomb friction never gains kinetic energy in the frame
-of the partner, whatever the coupling and wherever slip stops or reverses (no counterexample in three
-million draws; property below). Against the ground the belt may do work, V p_t. Nothing is promised for
-a mu that changes during the impact, nor for several contacts at once: the engine has neither.
+Energy: for ONE contact, Poisson's law with Coulomb friction never gains kinetic energy in the
+frame of the partner, whatever the coupling and wherever slip stops or reverses (no counterexample
+in three million draws; property below). Against the ground the belt may do work, V p_t. Nothing is
+promised for a mu that changes during the impact, nor for several contacts at once: the engine has
+neither.
 """
 
 import math
@@ -79,7 +80,7 @@ def test_energy_is_never_gained(case):
 
 
 def test_energy_is_never_gained_in_many_draws():
-    """Vectorised, elastic for one half, sign changes of slip and impacts without collision included."""
+    """Vectorised; half of them elastic; impacts without collision included."""
     rng, n = np.random.default_rng(0), 200_000
     w_tn, mu = rng.uniform(-0.999, 0.999, n), 10 ** rng.uniform(-2, 2, n)
     e = np.where(np.arange(n) % 2, rng.uniform(0, 1, n), 1.0)

@@ -191,7 +191,8 @@ class BlockStore:
         with h5py.File(buffer, "w") as file:
             file.attrs.update({"start": start, "stop": stop, "wall_time": float(wall_time)})
             for name, values in chosen.items():
-                file.create_dataset(name, data=values)
+                packed = {"compression": "gzip"} if values.ndim > 1 else {}
+                file.create_dataset(name, data=values, **packed)
         content = buffer.getvalue()
         name = f"block-{number:08d}-{hashlib.sha256(content).hexdigest()}.h5"
         write_bytes(self.parts / name, content)

@@ -1,14 +1,15 @@
 """The engine's side of a sweep: cells of a specification in, columns of the map out."""
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
 
 from .belts import SteadyBelt
+from .dataset import raster_index
 from .lanes import Outcome, Pool, run_pool
 from .noise import ReversalTotals
 from .observers import RegimeTotals
@@ -40,26 +41,39 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     # every call of a sweep has the same shapes (one compilation): short blocks are filled up
     size = _capacity(len(index), shares)
     padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
-    # neighbours cost alike: deal the cells out like cards, so that the devices end together
-    order = np.arange(size).reshape(-1, shares).T.ravel()
-    counts = np.array([len(index[d::shares]) for d in range(shares)], np.int32)
-
-    parameters = spec.cells(padded[order])
-    wiper = build_wiper(parameters, spec.belt.kind)
+    wiper = build_wiper(spec.cells(padded), spec.belt.kind)
     position, velocity = start_state(wiper, spec.start)
-    outcome, signal, effort = _compute(
+    cells = (
         _arrays(wiper, run.precision),
         _full(position, size, run.precision),
         _full(velocity, size, run.precision),
-        jnp.asarray(counts),
-        _settings(spec),
     )
-    back = np.argsort(order)[: len(index)]
-    outcome = jax.tree.map(lambda x: np.asarray(x)[back], outcome)
+    varying, fixed = eqx.partition(cells, eqx.is_array)
+    settings = _settings(spec)
+    if devices[0].platform == "cpu":
+        devices = devices[:1] * shares  # one compilation; a thread for each share fills a core
+
+    def compute(share):
+        # neighbours cost alike: deal the cells out like cards, so that the shares end together
+        mine = jax.tree.map(lambda x: np.asarray(x)[share::shares] if x.ndim else x, varying)
+        count = jnp.asarray(len(index[share::shares]), jnp.int32)
+        mine, count = jax.device_put((mine, count), devices[share])
+        return jax.tree.map(np.asarray, _compute(*eqx.combine(mine, fixed), count, settings))
+
+    with ThreadPoolExecutor(shares) as pool:
+        answers = list(pool.map(compute, range(shares)))
+    outcome, signal = jax.tree.map(
+        lambda *parts: np.stack(parts, 1).reshape(-1, *parts[0].shape[1:])[: len(index)],
+        *(answer[:2] for answer in answers),
+    )
+    useful, executed = np.sum([answer[2] for answer in answers], axis=0)
+    back = np.arange(len(index))
     columns = _columns(outcome, run, wiper, back)
-    columns["signal"] = np.asarray(signal.output)[back]
+    columns["signal"] = signal.output
+    if run.raster is not None:
+        columns["regime_raster"] = signal.regime
     columns["sample_interval"] = run.window / run.samples
-    columns["occupancy"] = float(np.sum(effort.useful) / np.sum(effort.executed))
+    columns["occupancy"] = float(useful / executed)
     linear = steady_slip(wiper, wiper.belt.peak)
     columns["growth_rate"] = _cellwise(linear.growth_rate, back)
     columns["linear_frequency"] = _cellwise(linear.frequency, back)
@@ -84,6 +98,7 @@ class _Settings(NamedTuple):
     max_steps: int
     zeno_time: float
     samples: int
+    raster: int | None
     reversal_window: float
 
 
@@ -116,25 +131,10 @@ def _full(pair, size, precision):
 
 
 @eqx.filter_jit
-def _compute(wiper, position, velocity, counts, settings: _Settings):
-    """Run the cells on all devices, one share each; the shares do not wait for each other."""
-    shares = counts.shape[0]
-    mesh = Mesh(np.array(jax.devices()[:shares]), ("device",))
-    varying, fixed = eqx.partition((wiper, position, velocity), eqx.is_array)
-
-    def share(varying, count):
-        wiper, position, velocity = eqx.combine(varying, fixed)
-        return _run_share(wiper, position, velocity, count[0], settings)
-
-    spread, same = PartitionSpec("device"), PartitionSpec()
-    specs = jax.tree.map(lambda x: spread if x.ndim else same, varying)
-    run = jax.shard_map(
-        share, mesh=mesh, in_specs=(specs, spread), out_specs=spread, check_vma=False
-    )
-    return run(varying, counts)
-
-
-def _run_share(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, Any, Any]:
+def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, Any, Any]:
+    """Run the cells of one share. A program for one device: compiled for several together it
+    would round otherwise, and a map would depend on the number of cores.
+    """
     interval = s.window / s.samples
     if isinstance(wiper.belt, SteadyBelt):
         totals = RegimeTotals(s.transient)
@@ -147,7 +147,13 @@ def _run_share(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome,
         solver=SOLVERS[s.solver](),
         rtol=s.rtol,
         atol=s.atol,
-        signal=Signal(s.transient, interval, s.samples, SAMPLES_PER_STEP * (LIGHT_TURNS + 1)),
+        signal=Signal(
+            s.transient,
+            interval,
+            s.samples,
+            SAMPLES_PER_STEP * (LIGHT_TURNS + 1),
+            s.raster is not None,
+        ),
         max_steps=s.max_steps,
         max_step=SAMPLES_PER_STEP * interval,
         zeno_time=s.zeno_time,
@@ -158,7 +164,10 @@ def _run_share(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome,
     pool = Pool(problem, q, v, start, count)
     lanes = min(LANES[s.precision], q[0].shape[-1])
     outcome, signal, effort = run_pool(pool, lanes, LIGHT_TURNS)
-    return outcome, signal, jax.tree.map(lambda x: x[None], effort)
+    if s.raster is not None:
+        kept = np.array(raster_index(s.samples, s.raster))
+        signal = signal._replace(regime=signal.regime[:, kept])
+    return outcome, signal, effort
 
 
 def _columns(outcome: Outcome, run, wiper: Wiper, back) -> dict[str, np.ndarray]:

@@ -102,7 +102,9 @@ def sweep(
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="Compute on the workers of this dask cluster."),
+        typer.Option(
+            metavar="tcp://HOST:PORT", help="Compute on this dask cluster."
+        ),
     ] = None,
     local_cluster: Annotated[
         int | None, typer.Option(min=1, help="Compute on a dask cluster of N processes here.")

@@ -149,7 +149,9 @@ class Workers:
             deaths = error.allowed_failures + 1
             raise ClusterError(f"{what} was lost with its worker {deaths} times; {kept}") from error
         except (CancelledError, OSError, TimeoutError) as error:
-            raise ClusterError(f"the scheduler was lost ({error or type(error)}); {kept}") from error
+            raise ClusterError(
+                f"the scheduler was lost ({error or type(error)}); {kept}"
+            ) from error
 
 
 def _compare(theirs: Mapping[str, str], expected: Mapping[str, str]) -> None:

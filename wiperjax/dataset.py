@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from .parameters import PARAMETERS
-from .results import RESULTS
+from .results import RESULTS, Regime
 
 CONVENTIONS = "CF-1.11"
 LABELS = {
@@ -32,6 +32,7 @@ LABELS = {
     "failed": 6,
 }
 NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
+REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": 255}
 
 RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time")
 """Attributes that say how a map came to be; two runs of one sweep agree in everything else, bit for
@@ -54,6 +55,7 @@ class Column:
     long_name: str
     flags: Mapping[str, int] | None = None  # meaning -> code, for categories
     comment: str = ""
+    along: str = ""  # the dimension it has beside those of the map, if any
 
     def attributes(self) -> dict[str, Any]:
         """CF attributes of the variable; netCDF-valid types only."""
@@ -70,6 +72,8 @@ class Column:
     @property
     def missing(self) -> Any:
         """Value of a cell that is not computed (yet)."""
+        if np.dtype(self.dtype).kind == "u":
+            return np.iinfo(self.dtype).max
         return np.nan if np.dtype(self.dtype).kind == "f" else NOT_COMPUTED
 
 
@@ -107,13 +111,23 @@ _TABLE = (
     Column("final_y", "float64", "m", "gap at the end"),
     Column("final_vx", "float64", "m/s", "tip velocity along the glass at the end"),
     Column("final_vy", "float64", "m/s", "tip velocity normal to the glass at the end"),
+    Column(
+        "regime_raster", "uint8", "", "regime over time in the settled window", REGIMES,
+        comment="none: the cell ended before", along="raster_time",
+    ),
 )  # fmt: skip
 
 SCHEMA: Mapping[str, Column] = {column.name: column for column in _TABLE}
 
 
+def raster_index(samples: int, instants: int) -> list[int]:
+    """Samples of the window at which the raster has its instants: evenly spaced, or nearly."""
+    return [k * samples // instants for k in range(instants)]
+
+
 def select(columns: Mapping[str, Any], length: int) -> dict[str, np.ndarray]:
-    """Columns of the schema among `columns`, in its order and types, each of shape (length,).
+    """Columns of the schema among `columns`, in its order and types, each of shape (length,), or
+    (length, size of the further dimension).
 
     Raises: `ValueError` if a column has another shape, or an integer column holds what its type
     cannot.
@@ -123,10 +137,9 @@ def select(columns: Mapping[str, Any], length: int) -> dict[str, np.ndarray]:
         if name not in columns:
             continue
         given = np.asarray(columns[name])
-        if given.shape != (length,):
-            raise ValueError(
-                f"column {name} must have the shape ({length},), but has {given.shape}"
-            )
+        if given.shape[:1] != (length,) or given.ndim != 1 + bool(column.along):
+            shape = f"({length}, {column.along})" if column.along else f"({length},)"
+            raise ValueError(f"column {name} must have the shape {shape}, but has {given.shape}")
         dtype = np.dtype(column.dtype)
         if dtype.kind == "i" and given.dtype != dtype and length:
             limits = np.iinfo(dtype)
@@ -149,7 +162,19 @@ def describe(spec: Any) -> dict[str, Any]:
                 "long_name": entry.long_name if entry else name.replace("_", " "),
             },
         }
-    return {"shape": [int(n) for n in spec.shape], "coords": coords, "attrs": _attributes(spec)}
+    further = {}
+    if (instants := getattr(spec.run, "raster", None)) is not None:
+        step = spec.run.window / spec.run.samples
+        further["raster_time"] = {
+            "values": [k * step for k in raster_index(spec.run.samples, instants)],
+            "attrs": {"units": "s", "long_name": "time since the start of the settled window"},
+        }
+    return {
+        "shape": [int(n) for n in spec.shape],
+        "coords": coords,
+        "further_coords": further,
+        "attrs": _attributes(spec),
+    }
 
 
 def _attributes(spec: Any) -> dict[str, Any]:
@@ -211,15 +236,25 @@ def build(
     shape = tuple(description["shape"])
     coords = {
         name: ((name,), np.array(entry["values"], dtype=np.float64), dict(entry["attrs"]))
-        for name, entry in description["coords"].items()
+        for name, entry in (description["coords"] | description["further_coords"]).items()
     }
     chosen = select(columns, int(np.prod(shape)))
     variables = {
-        name: (tuple(coords), values.reshape(shape), SCHEMA[name].attributes())
+        name: (
+            dimensions(name, description),
+            values.reshape(*shape, *values.shape[1:]),
+            SCHEMA[name].attributes(),
+        )
         for name, values in chosen.items()
     }
     attrs = dict(description["attrs"]) | dict(attributes or {})
     return xr.Dataset(variables, coords=coords, attrs=plain_attributes(attrs))
+
+
+def dimensions(name: str, description: Mapping[str, Any]) -> tuple[str, ...]:
+    """Dimensions of the variable `name` in a map from the result of `describe`."""
+    further = SCHEMA[name].along
+    return (*description["coords"], further) if further else tuple(description["coords"])
 
 
 def plain_attributes(attrs: Mapping[str, Any]) -> dict[str, Any]:

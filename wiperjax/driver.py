@@ -312,9 +312,9 @@ def verify(
         )
         stored: dict[str, list[Any]] = {str(name): [] for name in ds.data_vars}
         for place in zip(*np.unravel_index(index, spec.shape), strict=True):
-            cell = ds.isel(dict(zip(ds.sizes, map(int, place), strict=True))).load()
+            cell = ds.isel(dict(zip(spec.axes_values(), map(int, place), strict=True))).load()
             for name, values in stored.items():
-                values.append(cell[name].item())
+                values.append(cell[name].values)
     fresh, _ = evaluate_block(spec, index, evaluate or engine()[0])
     largest: dict[str, float] = {}
     wrong = np.zeros(len(index), dtype=bool)
@@ -329,7 +329,8 @@ def verify(
             )
         gap = np.where(equal, 0.0, np.nan_to_num(gap, nan=np.inf))
         largest[name] = float(gap.max())
-        wrong |= gap > (tolerance if now.dtype.kind == "f" else 0.0)
+        too_far = gap > (tolerance if now.dtype.kind == "f" else 0.0)
+        wrong |= too_far.reshape(len(index), -1).any(axis=1)
     return VerifyReport(
         cells=len(index),
         columns=len(fresh.keys() & stored.keys()),

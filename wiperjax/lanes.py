@@ -15,6 +15,7 @@ from jax import lax
 
 from .results import RUNNING, Result
 from .sampling import flush
+from .solve import final_velocity
 from .state import Problem, State, initial_state
 from .step import advance, advance_light
 from .transition import where
@@ -74,12 +75,12 @@ def _rebuild(problem: Problem, varying, shared) -> Problem:
     return eqx.tree_at(_per_case, problem, parts, is_leaf=lambda x: x is None)
 
 
-def _outcome(state: State) -> Outcome:
+def _outcome(problem: Problem, state: State) -> Outcome:
     return Outcome(
         state.result,
         state.time,
         state.position,
-        state.velocity,
+        final_velocity(problem, state),
         state.regime,
         state.attempts,
         state.rejected,
@@ -116,16 +117,18 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
     if signal is not None:
         state = state._replace(samples=signal.empty((lanes,)))
     record = signal and signal.record(lanes)
-    blank = jax.tree.map(lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype), _outcome(state))
+    local = _rebuild(problem, parts, shared)
+    blank = jax.tree.map(lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype), _outcome(local, state))
     taken = jax.tree.map(lambda r: jnp.zeros((capacity, signal.count), r.dtype), record)
     wait = max(1, lanes // 64)  # lanes that may idle before a refill is worth its cost
 
     def refill(carry):
         parts, state, case, upcoming, outcome, record, taken = carry
         ended = state.result != RUNNING
+        local = _rebuild(problem, parts, shared)
         at = jnp.where(ended, case, capacity)
         outcome = jax.tree.map(
-            lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"), outcome, _outcome(state)
+            lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"), outcome, _outcome(local, state)
         )
         taken = jax.tree.map(
             lambda o, r: o.at[at].set(r[:, : o.shape[1]], mode="drop"), taken, record

@@ -51,7 +51,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     slots = jnp.arange(trial.proved.shape[0]).reshape((-1,) + (1,) * state.time.ndim)
     clear = trial.proved | (pending & (state.target == slots))
     violated = ~clear & jnp.where(state.orders == 0, trial.starts <= 0, trial.starts < -trial.blurs)
-    # an estimated error near the value itself makes roots at the start out of nothing: shorten first
+    # an error estimate near the value itself makes roots out of nothing: shorten the step first
     murky = ~clear & ~violated & (trial.starts <= 8 * trial.blurs)
     unit = state.unit
     clear, violated, murky = keep((clear, violated, murky), unit)

@@ -113,38 +113,43 @@ def _write(
 ) -> list[tuple[Slab, dict[str, int]]]:
     """Writes the map; returns the checksum of each variable in each slab."""
     described = store.manifest["map"]
-    shape = tuple(described["shape"])
-    chunk = chunk_shape(shape)
+    coords = described["coords"] | described["further_coords"]
     reader = _Reader(store)
     sums = []
     with h5netcdf.File(target, "w") as file:
-        file.dimensions = {
-            name: size for name, size in zip(described["coords"], shape, strict=True)
-        }
-        for name, entry in described["coords"].items():
+        file.dimensions = {name: len(entry["values"]) for name, entry in coords.items()}
+        for name, entry in coords.items():
             values = np.array(entry["values"], dtype=np.float64)
             file.create_variable(name, (name,), data=values).attrs.update(entry["attrs"])
+        # Columns of one shape go together: those of the map's, then those with a further dimension.
+        groups: dict[tuple[str, ...], list[str]] = {}
         for name in reader.names:
-            column = dataset.SCHEMA[name]
-            variable = file.create_variable(
-                name,
-                tuple(described["coords"]),
-                dtype=column.dtype,
-                chunks=chunk,
-                compression="gzip",
-                compression_opts=4,
-                shuffle=True,
-            )
-            variable.attrs.update(column.attributes())
-        for start, stop, index in slabs(shape, chunk):
-            columns = reader.cells(start, stop)
-            extent = tuple(part.stop - part.start for part in index)
-            for name, values in columns.items():
-                file.variables[name][index] = values.reshape(extent)
-                target.check()
-            sums.append(
-                (index, {name: zlib.crc32(values.data) for name, values in columns.items()})
-            )
+            groups.setdefault(dataset.dimensions(name, described), []).append(name)
+        for dims, names in groups.items():
+            shape = tuple(len(coords[name]["values"]) for name in dims)
+            chunk = chunk_shape(shape)
+            for name in names:
+                column = dataset.SCHEMA[name]
+                variable = file.create_variable(
+                    name,
+                    dims,
+                    dtype=column.dtype,
+                    chunks=chunk,
+                    compression="gzip",
+                    compression_opts=4,
+                    shuffle=True,
+                )
+                variable.attrs.update(column.attributes())
+            each = math.prod(shape) // store.cells  # numbers of a cell; a slab has whole cells
+            for start, stop, index in slabs(shape, chunk):
+                columns = reader.cells(start // each, stop // each, names)
+                extent = tuple(part.stop - part.start for part in index)
+                for name, values in columns.items():
+                    file.variables[name][index] = values.reshape(extent)
+                    target.check()
+                sums.append(
+                    (index, {name: zlib.crc32(values.data) for name, values in columns.items()})
+                )
         attrs = described["attrs"] | attributes | {"cells": store.cells, "block_cells": store.block}
         if "wall_time" in attrs:
             attrs["wall_time"] = reader.wall_time  # seconds, summed over blocks: survives a resume
@@ -170,14 +175,22 @@ class _Reader:
         self._store = store
         self._number = -1
         self._columns: dict[str, np.ndarray] = {}
-        self.wall_time = 0.0
+        self._times: dict[int, float] = {}
         self._load(0)
         self.names = [name for name in dataset.SCHEMA if name in self._columns]
 
-    def cells(self, start: int, stop: int) -> dict[str, np.ndarray]:
-        """Columns of the cells from `start` up to `stop`."""
+    @property
+    def wall_time(self) -> float:
+        """Seconds that all the blocks read so far took."""
+        return sum(self._times.values())
+
+    def cells(self, start: int, stop: int, names: Sequence[str]) -> dict[str, np.ndarray]:
+        """Columns `names` of the cells from `start` up to `stop`."""
         columns = {
-            name: np.empty(stop - start, dtype=dataset.SCHEMA[name].dtype) for name in self.names
+            name: np.empty(
+                (stop - start, *self._columns[name].shape[1:]), dtype=dataset.SCHEMA[name].dtype
+            )
+            for name in names
         }
         cell = start
         while cell < stop:
@@ -202,7 +215,7 @@ class _Reader:
             raise StoreError(
                 f"{self._store.parts}: block {number} has other columns than the first; use --force"
             )
-        self.wall_time += wall_time
+        self._times[number] = wall_time
         self._number, self._columns = number, columns
 
 
@@ -234,17 +247,19 @@ def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> x
         for name, values in found[0].items():
             if name not in columns:
                 columns[name] = np.full(
-                    store.cells, dataset.SCHEMA[name].missing, dtype=values.dtype
+                    (store.cells, *values.shape[1:]),
+                    dataset.SCHEMA[name].missing,
+                    dtype=values.dtype,
                 )
             columns[name][start:stop] = values
     ds = dataset.build(described, columns, {"cells": store.cells, "cells_done": int(done.sum())})
     for variable in ds.data_vars.values():
-        if "flag_values" in variable.attrs:
+        if "flag_values" in variable.attrs and variable.dtype.kind == "i":
             codes = variable.attrs["flag_values"]
             variable.attrs["flag_values"] = np.append(codes, codes.dtype.type(dataset.NOT_COMPUTED))
             variable.attrs["flag_meanings"] += " not_computed"
     ds["done"] = (
-        tuple(ds.sizes),
+        tuple(described["coords"]),
         done.reshape(shape),
         {"long_name": "whether the cell is computed", "units": "1"},
     )

@@ -13,7 +13,7 @@ from .sampling import empty_samples
 from .stages import check_solver
 from .state import EventLog, Problem, State, initial_state
 from .step import advance
-from .system import AbstractSystem, Scalar
+from .system import AbstractSystem, Scalar, rates
 
 
 class Solution(NamedTuple):
@@ -45,7 +45,8 @@ class Sample(NamedTuple):
 
 def record_sample(system, t, q, v, regime, forces) -> Sample:
     """Everything a person plots."""
-    return Sample(q, v, regime.astype(jnp.int8), forces.normal, forces.tangential)
+    speeds = rates(system, t, q, v)
+    return Sample(q, speeds, regime.astype(jnp.int8), forces.normal, forces.tangential)
 
 
 def make_problem(
@@ -200,12 +201,18 @@ def solve(
     return solution(problem, run(problem, begin(problem, q, v, start)))
 
 
+def final_velocity(problem: Problem, state: State):
+    """Return q' at the end, a tuple of n."""
+    system = problem.system.on_piece(state.piece)
+    return rates(system, state.time, state.position, state.velocity)
+
+
 def solution(problem: Problem, state: State) -> Solution:
     """Return what a finished loop state says to the outside."""
     return Solution(
         final_time=state.time,
         final_position=jnp.stack(state.position),
-        final_velocity=jnp.stack(state.velocity),
+        final_velocity=jnp.stack(final_velocity(problem, state)),
         final_regime=state.regime,
         events=state.log,
         event_overflow=state.log.count > problem.log_capacity,

@@ -145,6 +145,7 @@ class SweepRun(Table):
         max_events: event budget of one cell; None: no budget but that of steps.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
         samples: samples of the settled window.
+        raster: instants of the settled window at which the regime is stored; None: it is not.
     """
 
     transient: NonNegative
@@ -157,12 +158,16 @@ class SweepRun(Table):
     max_events: Count | None = None
     zeno_time: Positive = 1e-8
     samples: Annotated[int, Field(ge=16)] = 2048
+    raster: Annotated[int, Field(ge=1, le=65536)] | None = None
 
     @model_validator(mode="after")
     def _precision_holds_the_tolerance(self) -> "SweepRun":
         if self.precision == "float32" and self.rtol < 1e-6:
             must = "must be at least 1e-06 with precision = 'float32'"
             raise Fault("rtol", f"{must}, was {self.rtol:g}")
+        if self.raster is not None and self.raster > self.samples:
+            must = f"must be at most the number of samples ({self.samples})"
+            raise Fault("raster", f"{must}, was {self.raster}")
         return self
 
 

@@ -118,7 +118,8 @@ class _Motion(NamedTuple):
 def _slip(wiper: Wiper, x, velocity, regime) -> _Motion:
     """Return the engine's slip of ``regime`` with the tip at (x, 0) moving along the glass."""
     t = jnp.zeros_like(x)
-    q, v = (x, jnp.zeros_like(x)), (velocity, jnp.zeros_like(x))
+    q = (x, jnp.zeros_like(x))
+    v = wiper.from_rates(t, q, (velocity, jnp.zeros_like(x)))
     acceleration = vector_field(t, (q, v), (wiper, regime))[1][0]
     c = contact(wiper, t, q, v)
     normal = forces(wiper, c, regime).normal

@@ -13,7 +13,7 @@ from .guards import first_switch
 from .observers import AbstractObserver
 from .regimes import acceleration, decide, forces
 from .results import RUNNING, Regime, Result
-from .system import AbstractSystem, Contact, Scalar, contact
+from .system import AbstractSystem, Contact, Scalar, contact, rates
 
 
 class Problem(eqx.Module):
@@ -89,7 +89,7 @@ def vector_field(t, y, args):
     system, regime, *unit = args
     position, velocity = y
     c = contact(system, t, position, velocity, *unit)
-    return velocity, acceleration(c, forces(system, c, regime))
+    return rates(system, t, position, velocity), acceleration(c, forces(system, c, regime))
 
 
 TERM = diffrax.ODETerm(vector_field)
@@ -108,10 +108,17 @@ def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
 
 
 def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> State:
-    """Return the loop state at ``start``: regime, sides of the switches and a first step size."""
+    """Return the loop state at ``start``: regime, sides of the switches and a first step size.
+
+    ``velocity`` is q'; the state holds what the system computes with (`AbstractSystem.rates`).
+    """
     system = problem.system
     piece = jnp.zeros_like(start, jnp.int32) + jnp.asarray(system.first_piece(start), jnp.int32)
     local = system.on_piece(piece)
+    velocity = tuple(
+        jnp.asarray(x, p.dtype)
+        for x, p in zip(local.from_rates(start, position, velocity), position, strict=True)
+    )
     c = contact(local, start, position, velocity)
     z, no = jnp.zeros_like(start, jnp.int32), jnp.zeros_like(start, bool)
 

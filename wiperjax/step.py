@@ -11,6 +11,7 @@ from .regimes import acceleration
 from .results import RUNNING, Regime, Result
 from .sampling import take_samples, take_signal
 from .state import Problem, State
+from .system import rates
 from .transition import settle, transition, where
 from .trial import Trial, attempt
 
@@ -146,9 +147,10 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
     touching = state.regime != Regime.FLIGHT
     q, v = settle(system, c, q, v, touching, touching, state.regime == Regime.STICK)
     q, v, a = keep((q, v, a), state.unit)
-    rate = (v, a)
+    speeds = rates(system, state.time + trial.h, q, v)
+    rate = (speeds, a)
     d = correction.astype(q[0].dtype)
-    q = tuple(x + d * (y + 0.5 * d * z) for x, y, z in zip(q, v, a, strict=True))
+    q = tuple(x + d * (y + 0.5 * d * z) for x, y, z in zip(q, speeds, a, strict=True))
     v = tuple(x + d * y for x, y in zip(v, a, strict=True))
     length = trial.h + correction
     stretch = Stretch(

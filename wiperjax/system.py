@@ -71,6 +71,18 @@ class AbstractSystem(eqx.Module):
         """Tangential velocity of the contact point relative to its partner; friction opposes it."""
         return 0.0 * v[0]
 
+    def rates(self, t: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
+        """q' of the velocities ``v`` that the system computes with; the same unless overridden.
+
+        A system may measure velocities relative to its moving partner: the slip speed is then a
+        coordinate, without cancellation. All its functions take such ``v``; the outside sees q'.
+        """
+        return v
+
+    def from_rates(self, t: Scalar, q: Coordinates, rates: Coordinates) -> Coordinates:
+        """Inverse of `rates`."""
+        return rates
+
     def switches(self, t: Scalar, q: Coordinates, v: Coordinates) -> tuple[Scalar, ...]:
         """Smooth functions whose zeros are corners of the vector field (a spring's kink)."""
         return ()
@@ -129,7 +141,7 @@ def contact(system: AbstractSystem, t, q, v, unit=None) -> Contact:
     """Return the contact-space quantities of ``system`` at (t, q, v).
 
     Speeds are linear in v, so W's columns are derivatives of the speeds along the directions;
-    the bias terms are total time derivatives along (1, v, a_free). ``unit`` (see `barrier`) keeps
+    the bias terms are total time derivatives along (1, q', a_free). ``unit`` (see `barrier`) keeps
     the free acceleration, which everything else uses, from being computed again for each use.
     """
     free = _cast(system.free_acceleration(t, q, v), v)
@@ -145,7 +157,8 @@ def contact(system: AbstractSystem, t, q, v, unit=None) -> Contact:
     def along(f, tangent_t, tangent_q, tangent_v):
         return jax.jvp(f, (t, q, v), (tangent_t, tangent_q, tangent_v))
 
-    slip_speed, b_t = along(slip, one, v, free)
+    rates = _cast(system.rates(t, q, v), v)
+    slip_speed, b_t = along(slip, one, rates, free)
     w_tt = along(slip, zero, still, along_t)[1]
 
     if not system.unilateral:
@@ -157,15 +170,20 @@ def contact(system: AbstractSystem, t, q, v, unit=None) -> Contact:
         def gap(t, q):
             return _like(system.gap(t, q), q[0])
 
-        return jax.jvp(gap, (t, q), (jnp.ones_like(t), v))
+        return jax.jvp(gap, (t, q), (jnp.ones_like(t), _cast(system.rates(t, q, v), v)))
 
-    (gap, normal_speed), (_, b_n) = along(approach, one, v, free)
+    (gap, normal_speed), (_, b_n) = along(approach, one, rates, free)
     w_nn = along(approach, zero, still, along_n)[1][1]
     w_tn = along(slip, zero, still, along_n)[1]
     load = jnp.zeros_like(b_n)
     return Contact(
         gap, normal_speed, slip_speed, free, along_t, along_n, b_t, b_n, w_tt, w_tn, w_nn, load
     )
+
+
+def rates(system: AbstractSystem, t, q, v):
+    """Return q' in the state's dtype."""
+    return _cast(system.rates(t, q, v), v)
 
 
 def _like(value, model):

@@ -24,7 +24,7 @@ from .observers import Nothing
 from .parameters import PARAMETERS
 from .regimes import forces
 from .results import ADVICE, RESULTS, RUNNING, Event, Regime, Result
-from .solve import active, begin, make_problem
+from .solve import active, begin, final_velocity, make_problem
 from .state import Problem, State
 from .step import advance
 from .system import AbstractSystem, contact
@@ -171,8 +171,8 @@ def _begin(problem: Problem, position, velocity, start) -> State:
     """Return the loop state at the start, with the first sample taken: no run is without any."""
     state = begin(problem, position, velocity, start)
     system = problem.system.on_piece(state.piece)
-    f = forces(system, contact(system, state.time, position, velocity), state.regime)
-    first = problem.record(system, state.time, position, velocity, state.regime, f)
+    f = forces(system, contact(system, state.time, state.position, state.velocity), state.regime)
+    first = problem.record(system, state.time, state.position, state.velocity, state.regime, f)
     samples = jax.tree.map(lambda buffer, x: buffer.at[0].set(x), state.samples, first)
     return state._replace(samples=samples, sample_index=state.sample_index + 1)
 
@@ -319,7 +319,7 @@ def _labelled(given, times, state: State, log: _Events, attributes) -> xr.Datase
         "event_impulse": ("event", log.impulse, impulse),
         "final_time": ((), float(state.time), about("time reached", "s")),
         "final_position": ("axis", np.stack(state.position), position),
-        "final_velocity": ("axis", np.stack(state.velocity), velocity),
+        "final_velocity": ("axis", np.stack(final_velocity(problem, state)), velocity),
         "final_regime": ((), code(state.regime), about("regime at the end", flags=REGIMES)),
         "result": ((), code(state.result), about("how the trajectory ended", flags=RESULTS)),
     }

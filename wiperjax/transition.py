@@ -11,7 +11,7 @@ from .impact import poisson_impact
 from .regimes import acceleration, decide, forces, slip_forces, slip_sign
 from .results import Event, Regime
 from .state import Problem, State, start_of_slip_order
-from .system import Contact, Scalar, contact
+from .system import Contact, Scalar, contact, rates
 
 
 def where(condition, a, b):
@@ -195,7 +195,7 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     landed = push(rest_of_flight, c.along_t, c.along_n, zeno.tangential, zeno.normal)
     carried = tuple(
         x + zeno.duration * (y - n * leaving / c.w_nn)
-        for x, y, n in zip(q, v, c.along_n, strict=True)
+        for x, y, n in zip(q, rates(system, time, q, v), c.along_n, strict=True)
     )
     q, v = where(completes, carried, q), where(completes, landed, v)
     time = jnp.where(completes, time + zeno.duration, time)
@@ -249,7 +249,7 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     switched = fires & (slot >= base) & (slot < base + len(sides))
     stopped = fires & (slot == base + len(sides))
 
-    rate = (v, acceleration(c, forces(system, c, after)))
+    rate = (rates(system, time, q, v), acceleration(c, forces(system, c, after)))
     touch = jnp.where(leaving > 0, int(Event.IMPACT), int(Event.TOUCH))
     turn_kind = jnp.where(
         after == Regime.STICK,

@@ -76,6 +76,8 @@ def attempt(problem: Problem, state: State) -> Trial:
     mark = jnp.minimum(problem.end, system.break_time(state.piece)).astype(state.time.dtype)
     mark = jnp.where(problem.mark > state.time, jnp.minimum(problem.mark, mark), mark)
     to_mark = mark - state.time
+    # a rest that the clock cannot divide: an event in it fires after the mark, if ever
+    sliver = 4 * jnp.finfo(mark.dtype).eps * jnp.abs(mark)
     wanted = stop_gradient(jnp.where(state.target >= 0, state.trial, state.step))
     wanted = jnp.where(state.time >= problem.mark, jnp.minimum(wanted, problem.max_step), wanted)
     # a sliver left over before a known time would be a step of rounding errors only
@@ -138,7 +140,7 @@ def attempt(problem: Problem, state: State) -> Trial:
         end_values=values[:, -1],
         end_slopes=(25 * g4 - 48 * g3 + 36 * g2 - 16 * g1 + 3 * g0) / 3,
         controls=control,
-        proved=keep(clear | (to_mark <= 0), unit),
+        proved=keep(clear | (to_mark <= sliver), unit),
         cuts=hull_cut(control),
         starts=quotient[0],
         blurs=blur,

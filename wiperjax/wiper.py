@@ -1,6 +1,7 @@
 """The wiper: a rigid lip on springs whose tip touches moving glass (MODEL.md sections 1 to 3)."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -108,10 +109,10 @@ class Wiper(AbstractSystem):
         past = past + jnp.minimum(theta + self.shoulder_angle, 0.0)
         return self.neck_stiffness * theta + extra * past
 
-    def support_force(self, q, v, sin, cos):
-        """Downward force F of the support spring and dashpot [N/m]."""
+    def support_force(self, q, speeds, sin, cos):
+        """Downward force F of the support spring and dashpot [N/m] at q' = ``speeds``."""
         eta = q[1] + self.lip_length * cos
-        eta_rate = v[1] - sin / cos * v[0]
+        eta_rate = speeds[1] - sin / cos * speeds[0]
         return (
             self.normal_load
             + self.support_stiffness * (eta - self._rest_height)
@@ -123,21 +124,23 @@ class Wiper(AbstractSystem):
     def free_acceleration(self, t, q, v):
         sin, cos, phi = self.lean(q)
         tau, arm = sin / cos, self.lip_length * cos
-        down = self.support_force(q, v, sin, cos)
+        speeds = self.rates(t, q, v)
+        down = self.support_force(q, speeds, sin, cos)
         moment = self.moment(phi - self.attack_angle)
         if not _absent(self.hinge_damping):
-            moment = moment + self.hinge_damping * v[0] / arm
+            moment = moment + self.hinge_damping * speeds[0] / arm
+        pull = self._belt(t)[1]
         m = self.tip_mass
         if _absent(self.hinge_mass):
             f_t = -moment / arm + down * tau
-            return f_t / m, -down / m - self.gravity
+            return f_t / m - pull, -down / m - self.gravity
         h = self.hinge_mass
         f_t = -moment / arm + (down + h * self.gravity) * tau
         f_n = -down - (m + h) * self.gravity
-        centripetal = h * v[0] * v[0] / (self.lip_length * cos**3)
+        centripetal = h * speeds[0] * speeds[0] / (self.lip_length * cos**3)
         (tt, tn), (_, nn) = self.directions(t, q)
         r_t, r_n = f_t - centripetal * tau, f_n + centripetal
-        return tt * r_t + tn * r_n, tn * r_t + nn * r_n
+        return tt * r_t + tn * r_n - pull, tn * r_t + nn * r_n
 
     def directions(self, t, q):
         m, h = self.tip_mass, self.hinge_mass
@@ -152,8 +155,25 @@ class Wiper(AbstractSystem):
     def gap(self, t, q):
         return q[1]
 
+    # Velocities inside are (x' - V, y'): friction needs the slip speed to its last digit, where
+    # the difference of two speeds of the glass would have lost it.
+
+    def _belt(self, t):
+        """Return V [m/s] and V' [m/s^2]."""
+
+        def velocity(t):
+            return jnp.broadcast_to(jnp.asarray(self.belt.velocity(t, self.piece)), jnp.shape(t))
+
+        return jax.jvp(velocity, (t,), (jnp.ones_like(t),))
+
+    def rates(self, t, q, v):
+        return v[0] + self._belt(t)[0], v[1]
+
+    def from_rates(self, t, q, rates):
+        return rates[0] - self._belt(t)[0], rates[1]
+
     def slip_speed(self, t, q, v):
-        return v[0] - self.belt.velocity(t, self.piece)
+        return v[0]
 
     def switches(self, t, q, v):
         theta = self.lean(q)[2] - self.attack_angle
@@ -206,12 +226,12 @@ class Wiper(AbstractSystem):
         return (length, length), (speed, speed)
 
     def output(self, t, q, v):
-        return v[0]
+        return v[0] + self._belt(t)[0]
 
     # --- for tests and studies ------------------------------------------------------------------
 
     def energy(self, q, v):
-        """Kinetic plus stored energy [J per m] of a tip at ``q`` moving with ``v``."""
+        """Kinetic plus stored energy [J per m] of a tip at ``q`` with q' = ``v``."""
         sin, cos, phi = self.lean(q)
         theta = phi - self.attack_angle
         past = jnp.maximum(jnp.abs(theta) - self.shoulder_angle, 0.0)
