@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from .barrier import ROWS
-from .guards import first_switch
+from .guards import first_switch, guard_values
 from .observers import AbstractObserver
 from .regimes import acceleration, decide, forces
 from .results import RUNNING, Regime, Result
@@ -60,6 +60,7 @@ class State(NamedTuple):
     piece: Scalar  # smooth piece of the prescribed motion
     sides: tuple  # sign of each switching function
     orders: jax.Array  # multiplicity of each guard's known zero at `time`, slots first
+    reach: jax.Array  # largest size of each guard so far: what its rounding errors scale with
     rate: Any  # vector field here (the first stage of the next step)
     # step control
     step: Scalar  # the controller's next step
@@ -186,6 +187,9 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         piece=piece,
         sides=sides,
         orders=orders,
+        reach=jnp.abs(
+            guard_values(local, c, start, position, velocity, regime, sides)
+        ),
         rate=rate,
         step=step,
         step_of=(step, step, step),

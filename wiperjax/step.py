@@ -176,6 +176,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
         velocity=where(moves, v, state.velocity),
         rate=where(moves, rate, state.rate),
         orders=jnp.where(moves, 0, state.orders),
+        reach=jnp.where(moves, trial.sizes, state.reach),
         observed=where(moves, observed, state.observed),
     )
 

@@ -20,6 +20,9 @@ from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact
 
 
+NOISE = 16  # rounding errors of a guard, in units of its size's last digit
+
+
 class Trial(NamedTuple):
     """Everything a trial step of size ``h`` tells."""
 
@@ -46,6 +49,9 @@ class Trial(NamedTuple):
     cuts: jax.Array  # lower bound of each guard's first zero
     starts: jax.Array  # deflated value at the start, and its error estimate
     blurs: jax.Array
+    orders: jax.Array  # multiplicity of the zero each is divided by
+    noise: jax.Array  # rounding error of the deflated guard
+    sizes: jax.Array  # of each guard so far, this step included
     errors: jax.Array  # the estimate before it was set aside as rounding
 
 
@@ -111,15 +117,21 @@ def attempt(problem: Problem, state: State) -> Trial:
     values = keep(values, unit)
 
     nodes = tuple(stop_gradient(values[:, i]) for i in range(len(NODES)))
-    quotient = keep(deflated(nodes, state.orders), unit)
+    # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
+    # one that starts at zero, by the way it goes.
+    sizes = jnp.maximum(state.reach, jnp.max(jnp.abs(jnp.stack(nodes)), axis=0))
+    noise = keep(NOISE * jnp.finfo(sizes.dtype).eps * sizes, unit)
+    orders = jnp.where((state.orders == 0) & (jnp.abs(nodes[0]) <= noise), 1, state.orders)
+    noise = noise * jnp.where(orders == 0, 1.0, 10.0**orders).astype(noise.dtype)
+    quotient = keep(deflated(nodes, orders), unit)
     control = control_values(quotient)
     size = jnp.max(jnp.abs(jnp.stack(quotient)), axis=0)
-    blur = interpolation_error(quotient, state.orders)
+    blur = interpolation_error(quotient, orders)
     clear = minimum(control) > blur
+    clear = clear | ((orders > 0) & (minimum(control) > -noise) & (blur <= noise))
     error_of_guards = blur
     # below this the estimate is rounding: the polynomial itself decides
-    rounding = max(1e-9, 32 * float(jnp.finfo(size.dtype).eps))
-    blur = keep(jnp.where(blur > rounding * size, blur, 0.0), unit)
+    blur = keep(jnp.where(blur > jnp.maximum(1e-9 * size, noise), blur, 0.0), unit)
     control = keep(tuple(b - blur for b in control), unit)
     g0, g1, g2, g3, g4 = nodes
     return Trial(
@@ -144,6 +156,9 @@ def attempt(problem: Problem, state: State) -> Trial:
         cuts=hull_cut(control),
         starts=quotient[0],
         blurs=blur,
+        orders=orders,
+        noise=noise,
+        sizes=sizes,
         errors=error_of_guards,
     )
 
