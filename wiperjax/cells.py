@@ -58,7 +58,9 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
         mine = jax.tree.map(lambda x: np.asarray(x)[share::shares] if x.ndim else x, varying)
         count = jnp.asarray(len(index[share::shares]), jnp.int32)
         mine, count = jax.device_put((mine, count), devices[share])
-        return jax.tree.map(np.asarray, _compute(*eqx.combine(mine, fixed), count, settings))
+        wiper, position, velocity = eqx.combine(mine, fixed)
+        found = _compute(wiper, position, velocity, count, settings)
+        return jax.tree.map(np.asarray, found)
 
     with ThreadPoolExecutor(shares) as pool:
         answers = list(pool.map(compute, range(shares)))
@@ -68,7 +70,7 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     )
     useful, executed = np.sum([answer[2] for answer in answers], axis=0)
     back = np.arange(len(index))
-    columns = _columns(outcome, run, wiper, back)
+    columns: dict[str, Any] = _columns(outcome, run, wiper, back)
     columns["signal"] = signal.output
     if run.raster is not None:
         columns["regime_raster"] = signal.regime

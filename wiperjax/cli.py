@@ -102,9 +102,7 @@ def sweep(
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(
-            metavar="tcp://HOST:PORT", help="Compute on this dask cluster."
-        ),
+        typer.Option(metavar="tcp://HOST:PORT", help="Compute on this dask cluster."),
     ] = None,
     local_cluster: Annotated[
         int | None, typer.Option(min=1, help="Compute on a dask cluster of N processes here.")
@@ -211,6 +209,8 @@ def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a r
     with open_map(file) as dataset:
         print(", ".join(f"{name} {count}" for name, count in dataset.sizes.items()))
         for name, value in dataset.attrs.items():
+            if name in ("specification", "specification_canonical"):  # for machines
+                continue
             lines = str(value).splitlines()
             if len(lines) > 1:
                 print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")

@@ -62,7 +62,7 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
                 n_workers=local,
                 threads_per_worker=1,
                 memory_limit=0,  # dask would end workers for memory that XLA keeps for later
-                dashboard_address=None,
+                dashboard_address=None,  # pyright: ignore[reportArgumentType]
                 silence_logs=logging.ERROR,
             )
             stack.enter_context(address)
@@ -149,9 +149,7 @@ class Workers:
             deaths = error.allowed_failures + 1
             raise ClusterError(f"{what} was lost with its worker {deaths} times; {kept}") from error
         except (CancelledError, OSError, TimeoutError) as error:
-            raise ClusterError(
-                f"the scheduler was lost ({error or type(error)}); {kept}"
-            ) from error
+            raise ClusterError(f"the scheduler was lost ({error!r}); {kept}") from error
 
 
 def _compare(theirs: Mapping[str, str], expected: Mapping[str, str]) -> None:

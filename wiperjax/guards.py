@@ -21,6 +21,21 @@ from .system import AbstractSystem, Contact
 FIRST, SECOND, JAM = 0, 1, 2
 
 
+def contact_sizes(system: AbstractSystem, c: Contact, regime, speed):
+    """Sizes of the contact's guards just after an event, which their rounding errors scale with.
+
+    In stick the load on the cone, in slip the typical ``speed``; a gap or a pressing force that
+    starts from zero has none but what it grows to.
+    """
+    zero = jnp.zeros_like(c.b_t)
+    cone = zero
+    if system.law is not None:
+        cone = jnp.abs(system.law.static * stick_forces(c, True, system.unilateral).normal)
+    cone = jnp.where(regime == Regime.STICK, cone, zero)
+    first = jnp.where(slip_sign(regime) != 0, speed, cone)
+    return [first, cone] + [zero] * (first_switch(system) - 2)
+
+
 def first_switch(system: AbstractSystem) -> int:
     """Slot of the first switching function."""
     return 3 if system.coupled else 2

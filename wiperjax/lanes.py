@@ -108,11 +108,11 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
         start = jnp.broadcast_to(pool.start, at.shape)
         return parts, initial_state(_rebuild(problem, parts, shared), q, v, start)
 
-    first = jnp.arange(lanes, dtype=jnp.int32)
-    parts, state = fill(jnp.clip(first, 0, capacity - 1))
-    case = jnp.where(first < cases, first, capacity)
-    idle = jnp.where(case < capacity, state.result, int(Result.FINISHED))
-    state = state._replace(result=idle)
+    # Every lane is idle at first, and filled inside the loop like any other: the same arithmetic
+    # compiled in two places rounds in two ways.
+    parts, state = fill(jnp.zeros(lanes, jnp.int32))
+    case = jnp.full(lanes, capacity, jnp.int32)
+    state = state._replace(result=jnp.full_like(state.result, int(Result.FINISHED)))
     signal = problem.signal
     if signal is not None:
         state = state._replace(samples=signal.empty((lanes,)))
@@ -150,7 +150,12 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
         return parts, merged, case, upcoming, outcome, record, taken
 
     def round_(carry):
-        parts, state, case, upcoming, outcome, record, taken, useful, executed = carry
+        state, case, upcoming = carry[1:4]
+        ended = jnp.sum((state.result != RUNNING) & (case < capacity))
+        due = (ended >= wait) | ((ended > 0) & (upcoming >= cases)) | (upcoming == 0)
+        *inner, useful, executed = carry
+        inner = lax.cond(due, refill, lambda c: c, tuple(inner))
+        parts, state, case, upcoming, outcome, record, taken = inner
         local = _rebuild(problem, parts, shared)
         before = jnp.sum(state.attempts)
         state = lax.fori_loop(0, light_turns, lambda _, s: advance_light(local, s), state)
@@ -160,21 +165,18 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
             state = state._replace(samples=ring)
         useful = useful + jnp.sum(state.attempts) - before
         executed = executed + (light_turns + 1) * lanes
-        ended = jnp.sum((state.result != RUNNING) & (case < capacity))
-        due = (ended >= wait) | ((ended > 0) & (upcoming >= cases))
-        inner = (parts, state, case, upcoming, outcome, record, taken)
-        return *lax.cond(due, refill, lambda c: c, inner), useful, executed
+        return parts, state, case, upcoming, outcome, record, taken, useful, executed
 
     def busy(carry):
-        state, case = carry[1], carry[2]
-        return jnp.any((state.result == RUNNING) | (case < capacity))
+        state, case, upcoming = carry[1:4]
+        return jnp.any((state.result == RUNNING) | (case < capacity)) | (upcoming < cases)
 
     zero = jnp.zeros((), jnp.int64)
     carry = (
         parts,
         state,
         case,
-        jnp.minimum(jnp.int32(lanes), cases),
+        jnp.int32(0),
         blank,
         record,
         taken,

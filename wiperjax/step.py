@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from .barrier import keep
+from .guards import first_switch
 from .locate import Plan, light, locate
 from .observers import Happening, Stretch
 from .regimes import acceleration
@@ -67,6 +68,10 @@ def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     )
     after = keep(after, state.unit)
     happens = keep(fires | breaks, state.unit)
+    # the first slots mean something else in another regime, and so do their sizes
+    rows = jnp.arange(state.reach.shape[0]).reshape((-1,) + (1,) * state.time.ndim)
+    contact_slot = plan.slot < first_switch(problem.system)
+    anew = fires & contact_slot & (rows < first_switch(problem.system))
     old, new = _kind(state.regime), _kind(after.regime)
     remembered = tuple(
         jnp.where(happens & (old == i), plan.step, s) for i, s in enumerate(state.step_of)
@@ -113,6 +118,7 @@ def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
         piece=piece,
         sides=where(happens, after.sides, state.sides),
         orders=jnp.where(happens, after.orders, state.orders),
+        reach=jnp.where(anew, after.sizes, state.reach),
         rate=where(happens, after.rate, state.rate),
         step=stop_gradient(step),
         last_error=jnp.where(happens, 1.0, jnp.where(plan.accept, trial.error, state.last_error)),

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from .barrier import keep
-from .guards import FIRST, JAM, SECOND, first_switch
+from .guards import FIRST, JAM, SECOND, contact_sizes, first_switch
 from .impact import poisson_impact
 from .regimes import acceleration, decide, forces, slip_forces, slip_sign
 from .results import Event, Regime
@@ -115,6 +115,7 @@ class Outcome(NamedTuple):
     regime: Scalar
     sides: tuple
     orders: jax.Array
+    sizes: jax.Array  # of the guards, see `contact_sizes`
     rate: tuple
     kind: Scalar
     impulse: Scalar
@@ -249,6 +250,10 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     switched = fires & (slot >= base) & (slot < base + len(sides))
     stopped = fires & (slot == base + len(sides))
 
+    speed = jnp.max(jnp.stack([a / problem.rtol for a in problem.atol[1]]), axis=0)
+    speed = jnp.broadcast_to(speed, c.b_t.shape)
+    sizes = contact_sizes(system, c, after, speed)
+    sizes += [jnp.zeros_like(c.b_t)] * (len(orders) - len(sizes))
     rate = (rates(system, time, q, v), acceleration(c, forces(system, c, after)))
     touch = jnp.where(leaving > 0, int(Event.IMPACT), int(Event.TOUCH))
     turn_kind = jnp.where(
@@ -283,6 +288,7 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
         regime=after,
         sides=tuple(sides),
         orders=jnp.stack(orders),
+        sizes=jnp.stack(sizes),
         rate=rate,
         kind=kind.astype(jnp.int32),
         impulse=impulse,

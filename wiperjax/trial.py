@@ -20,7 +20,7 @@ from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact
 
 
-NOISE = 16  # rounding errors of a guard, in units of its size's last digit
+NOISE = 256  # rounding errors of a guard, in units of its size's last digit
 
 
 class Trial(NamedTuple):

@@ -1,0 +1,193 @@
+"""Blocks as tasks of `dask.distributed`: the same map bit for bit, also when a worker is killed.
+
+The workers are processes of their own. Most tests use a stub engine; the last one the real one.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_storage as stub
+import xarray as xr
+
+from wiperjax import cluster, driver
+from wiperjax.storage import open_map, parts_of
+
+pytestmark = [
+    pytest.mark.slow,
+    # of dask and of sockets that a killed worker leaves
+    pytest.mark.filterwarnings("default"),
+]
+
+
+@pytest.fixture(scope="module")
+def workers():
+    with cluster.connect(local=2) as found:
+        yield found
+
+
+def slow(spec, index):
+    time.sleep(0.1)
+    return stub.evaluate(spec, index) | {"normal_force_max": np.sin(index)}
+
+
+def sweep(spec, path, workers, **options):
+    with driver.run(
+        spec, path, workers=workers, evaluate=slow, block=stub.BLOCK, progress=False, **options
+    ) as ds:
+        return ds.load()
+
+
+def pids(workers):
+    return list(workers._client.run(os.getpid).values())
+
+
+def test_a_cluster_makes_the_same_map(tmp_path, workers):
+    spec, path = stub.make_spec(), tmp_path / "map.h5"
+    ds = sweep(spec, path, workers)
+    stub.assert_same_map(path, spec)
+    assert ds.attrs["host"] and ds.attrs["wall_time"] >= 8 * 0.1
+    in_memory = driver.run(spec, None, workers=workers, evaluate=slow, block=33, progress=False)
+    xr.testing.assert_identical(stub.data_of(in_memory), stub.data_of(stub.whole(spec)))
+
+
+def test_a_killed_worker_costs_a_retry(tmp_path, workers):
+    spec, path = stub.make_spec(angles=14), tmp_path / "map.h5"
+    before = pids(workers)
+    killed = []
+
+    def kill():
+        for _ in range(2):
+            time.sleep(0.35)
+            killed.append(pids(workers)[0])
+            os.kill(killed[-1], signal.SIGKILL)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    sweep(spec, path, workers)
+    thread.join()
+    stub.assert_same_map(path, spec)
+    assert len(set(killed)) == 2 and killed[0] in before
+
+
+def test_a_block_that_kills_its_workers_is_named_and_the_rest_is_kept(tmp_path, workers):
+    spec, path = stub.make_spec(), tmp_path / "map.h5"
+
+    def deadly(spec, index):
+        if index[0] == 5 * stub.BLOCK:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return stub.evaluate(spec, index)
+
+    with pytest.raises(cluster.ClusterError, match="^block 5 was lost with its worker 4 times"):
+        driver.run(spec, path, workers=workers, evaluate=deadly, block=stub.BLOCK, progress=False)
+    assert len(stub.block_files(path)) >= 1
+    sweep(spec, path, workers, resume=True)
+    stub.assert_same_map(path, spec)
+
+
+def test_an_error_in_a_worker_is_the_error_of_the_sweep(tmp_path, workers):
+    def wrong(spec, index):
+        raise ValueError("wrong in a worker")
+
+    with pytest.raises(ValueError, match="wrong in a worker"):
+        driver.run(stub.make_spec(), tmp_path / "map.h5", workers=workers, evaluate=wrong)
+
+
+def test_a_worker_of_another_version_is_refused(tmp_path, workers, monkeypatch):
+    monkeypatch.setattr(driver, "made_by", lambda spec: {"jax": "0.1"})
+    with pytest.raises(cluster.ClusterError, match=r"a worker differs.*jax is [\d.]+, not 0.1"):
+        sweep(stub.make_spec(), tmp_path / "map.h5", workers)
+    assert not parts_of(tmp_path / "map.h5").exists()
+
+
+def test_no_scheduler_is_one_line():
+    import dask
+
+    with dask.config.set({"distributed.comm.timeouts.connect": "200ms"}):
+        with pytest.raises(cluster.ClusterError, match="^tcp://127.0.0.1:9: no scheduler answers"):
+            with cluster.connect("tcp://127.0.0.1:9"):
+                pass
+
+
+def test_every_worker_takes_an_accelerator_of_its_own(tmp_path):
+    code = (
+        "import os, sys; from pathlib import Path; from wiperjax.cluster import claim_accelerator\n"
+        "try: print(claim_accelerator(Path(sys.argv[1])), flush=True)\n"
+        "except RuntimeError as error: print(error, flush=True)\n"
+        "sys.stdin.read()"
+    )
+    for name in ("nvidia0", "nvidia1", "nvidiactl", "null"):
+        (tmp_path / name).touch()
+    environment = stub.environment() | {"SLURM_JOB_ID": f"test-{os.getpid()}"}
+    environment.pop("CUDA_VISIBLE_DEVICES", None)
+
+    def start(**more):
+        return subprocess.Popen(
+            [sys.executable, "-c", code, tmp_path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment | more,
+        )
+
+    held = []
+    try:
+        said = []
+        for more in ({}, {}, {}, {"CUDA_VISIBLE_DEVICES": "1"}, {"CUDA_VISIBLE_DEVICES": "1,7"}):
+            held.append(start(**more))
+            said.append(held[-1].stdout.readline().strip())
+    finally:
+        for process in held:
+            process.communicate("")
+    assert said[:2] == ["0", "1"] and "more workers than accelerators" in said[2]
+    assert said[3:] == ["None", "7"]
+
+
+SWEEP = """
+[axes]
+attack_angle = { start = -40, stop = 40, num = 10 }
+belt_speed = { start = 0.1, stop = 1.0, num = 10, spacing = "geometric" }
+[run]
+transient = 0.01
+window = 0.02
+samples = 128
+raster = 20
+"""
+
+
+def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
+    """One core in one block, two cores in blocks of 30, two processes in blocks of 17: the same
+    bits.
+    """
+    (tmp_path / "s.toml").write_text(textwrap.dedent(SWEEP))
+    ways = {
+        "one": ["--workers", "1"],
+        "two": ["--workers", "2", "--block", "30"],
+        "cluster": ["--local-cluster", "2", "--block", "17"],
+    }
+    found = {}
+    for name, options in ways.items():
+        path = tmp_path / f"{name}.h5"
+        words = ["sweep", tmp_path / "s.toml", "-o", path, "--no-picture", *options]
+        ran = subprocess.run(
+            [sys.executable, "-m", "wiperjax", *map(str, words)],
+            capture_output=True,
+            text=True,
+            env=stub.environment(),
+            cwd=Path(__file__).parent,
+        )
+        assert ran.returncode == 0, ran.stderr
+        assert ran.stderr == ""
+        with open_map(path) as ds:
+            found[name] = stub.data_of(ds)
+    assert found["one"].regime_raster.shape == (10, 10, 20)
+    assert set(np.unique(found["one"].regime_raster)) <= {0, 1, 2, 3, 255}
+    xr.testing.assert_identical(found["two"], found["one"])
+    xr.testing.assert_identical(found["cluster"], found["one"])
