@@ -152,8 +152,8 @@ def test_every_worker_takes_an_accelerator_of_its_own(tmp_path):
 
 SWEEP = """
 [axes]
-attack_angle = { start = -40, stop = 40, num = 10 }
-belt_speed = { start = 0.1, stop = 1.0, num = 10, spacing = "geometric" }
+attack_angle = { start = -40, stop = 40, num = 20 }
+belt_speed = { start = 0.1, stop = 1.0, num = 15, spacing = "geometric" }
 [run]
 transient = 0.01
 window = 0.02
@@ -163,14 +163,14 @@ raster = 20
 
 
 def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
-    """One core in one block, two cores in blocks of 30, two processes in blocks of 17: the same
-    bits.
+    """One core in one block (more cells than lanes), two cores in blocks of 90, two processes in
+    blocks of 40: the same bits.
     """
     (tmp_path / "s.toml").write_text(textwrap.dedent(SWEEP))
     ways = {
         "one": ["--workers", "1"],
-        "two": ["--workers", "2", "--block", "30"],
-        "cluster": ["--local-cluster", "2", "--block", "17"],
+        "two": ["--workers", "2", "--block", "90"],
+        "cluster": ["--local-cluster", "2", "--block", "40"],
     }
     found = {}
     for name, options in ways.items():
@@ -187,7 +187,7 @@ def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
         assert ran.stderr == ""
         with open_map(path) as ds:
             found[name] = stub.data_of(ds)
-    assert found["one"].regime_raster.shape == (10, 10, 20)
+    assert found["one"].regime_raster.shape == (20, 15, 20)
     assert set(np.unique(found["one"].regime_raster)) <= {0, 1, 2, 3, 255}
     xr.testing.assert_identical(found["two"], found["one"])
     xr.testing.assert_identical(found["cluster"], found["one"])

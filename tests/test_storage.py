@@ -219,6 +219,39 @@ def test_a_map_larger_than_a_slab_is_put_together_right(tmp_path, monkeypatch):
     assert_same_map(tmp_path / "map.h5", assert_same_map_of)
 
 
+def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
+    monkeypatch.setattr(mapfile.slabs, "__defaults__", (40,))
+    monkeypatch.setattr(mapfile.chunk_shape, "__defaults__", (16, 40))
+    spec, path = make_spec(raster=7), tmp_path / "map.h5"
+
+    def with_raster(spec, index):
+        raster = (index[:, None] * 7 + np.arange(7)) % 4
+        raster[index % 17 == 3, 4:] = 255
+        return evaluate(spec, index) | {"regime_raster": raster.astype(np.uint8)}
+
+    expected = with_raster(spec, np.arange(385))["regime_raster"].reshape(7, 5, 11, 7)
+    with open_store(path, spec) as store:
+        columns, _ = sweep.evaluate_block(spec, np.arange(50, 100), with_raster)
+        store.write(1, columns)
+        part = mapfile.open_partial(parts_of(path)).regime_raster
+        store.remove()
+    np.testing.assert_array_equal(part.values.reshape(385, 7)[50:100], columns["regime_raster"])
+    assert (part.values.reshape(385, 7)[:50] == 255).all()
+
+    ds = run(spec, path, evaluate=with_raster)
+    np.testing.assert_array_equal(ds.regime_raster, expected)
+    assert ds.regime_raster.dtype == np.uint8 and ds.regime_raster.dims[-1] == "raster_time"
+    assert dataset.flag_names(ds.regime_raster)[255] == "none"
+    step = spec.run.window / spec.run.samples
+    np.testing.assert_allclose(ds.raster_time, np.arange(7) * 256 // 7 * step)
+    whole_ = sweep.run(spec, evaluate=with_raster, block=BLOCK, progress=False)
+    xr.testing.assert_identical(data_of(ds), data_of(whole_))
+    assert sweep.verify(path, cells=20, evaluate=with_raster).passed
+    with h5py.File(path, "r+") as file:
+        file["regime_raster"][...] = 0
+    assert len(sweep.verify(path, cells=20, evaluate=with_raster).differing) == 20
+
+
 # --- interruption ---------------------------------------------------------------------------------
 
 

@@ -7,6 +7,7 @@ the other side of a corner.
 """
 
 from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -39,12 +40,12 @@ class AbstractBelt(eqx.Module):
 
     @property
     @abstractmethod
-    def peak(self):
+    def peak(self) -> Any:
         """Largest belt speed [m/s]: the scale of velocities."""
 
     @property
     @abstractmethod
-    def rms(self):
+    def rms(self) -> Any:
         """Root mean square of V [m/s] over a period."""
 
 

@@ -29,6 +29,7 @@ from .launch import configure
 from .lock import acquire
 from .storage import StoreError, log
 
+_DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the client
 AHEAD = 2  # blocks in flight for each thread of the workers: one computed, one ready
 
 
@@ -64,6 +65,7 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
                 memory_limit=0,  # dask would end workers for memory that XLA keeps for later
                 dashboard_address=None,  # pyright: ignore[reportArgumentType]
                 silence_logs=logging.ERROR,
+                preload=_DEAF,
             )
             stack.enter_context(address)
         try:

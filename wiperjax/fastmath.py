@@ -1,4 +1,4 @@
-"""Elementary functions that vectorise, where XLA's own are several times the cost of a step's rest."""
+"""Elementary functions that vectorise, where XLA's own cost more than the rest of a step."""
 
 import jax
 import jax.numpy as jnp

@@ -1,18 +1,19 @@
-"""Set-valued friction laws: a static limit at rest and a coefficient in slip (MODEL.md section 4)."""
+"""Set-valued friction laws: a limit at rest and a coefficient in slip (MODEL.md section 4)."""
 
 from abc import abstractmethod
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 
 
 class AbstractFriction(eqx.Module):
-    """``|lambda_t| <= static * lambda_n`` in stick, ``lambda_t = -sign(v_t) mu(|v_t|) lambda_n`` in slip."""
+    """``|l_t| <= static l_n`` in stick, ``l_t = -sign(v_t) mu(|v_t|) l_n`` in slip."""
 
     static: eqx.AbstractVar[float]
 
     @abstractmethod
-    def coefficient(self, speed):
+    def coefficient(self, speed) -> Any:
         """mu at slip speed ``speed = sign * v_t`` [m/s].
 
         A step that runs past ``v_t = 0`` before the crossing is located evaluates it at slightly
@@ -31,7 +32,7 @@ class Coulomb(AbstractFriction):
 
 
 class Stribeck(AbstractFriction):
-    """mu(v) = mu_m + (mu_s - mu_m) exp(-(|v|/v_s)^delta) + beta |v|  (wet glass; MODEL.md section 4)."""
+    """mu(v) = mu_m + (mu_s - mu_m) exp(-(|v|/v_s)^delta) + beta |v|: wet glass."""
 
     static: float
     minimum: float
@@ -42,7 +43,7 @@ class Stribeck(AbstractFriction):
     def coefficient(self, speed):
         ratio = speed / self.stribeck_speed
         if not (isinstance(self.shape, float | int) and self.shape == 1):
-            # |.|^delta has no smooth continuation through zero; the floor keeps its derivative finite
+            # |.|^delta has no smooth continuation through zero; the floor keeps its slope finite
             ratio = jnp.sign(ratio) * jnp.maximum(jnp.abs(ratio), 1e-30) ** self.shape
         # the clamp keeps wild trial stages finite; accepted states have speed >= 0
         decay = jnp.exp(-jnp.maximum(ratio, -2.0))

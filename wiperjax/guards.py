@@ -12,6 +12,7 @@ same arithmetic:
 | limit | the system's own limit | same | same |
 """
 
+import jax
 import jax.numpy as jnp
 
 from .regimes import friction_coefficient, slip_sign, stick_forces
@@ -50,28 +51,25 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides):
     one = jnp.ones_like(c.b_t)
     sign = slip_sign(regime)
     sticking, flying = regime == Regime.STICK, regime == Regime.FLIGHT
-    frictional, unilateral = system.law is not None, system.unilateral
+    law, unilateral = system.law, system.unilateral
 
-    first = sign * c.slip_speed if frictional else one
+    first = one if law is None else sign * c.slip_speed
     second = -c.b_n if unilateral else one
-    if frictional:
+    if law is not None:
         stick = stick_forces(c, True, unilateral)
-        limit = system.law.static * stick.normal
+        limit = law.static * stick.normal
         first = jnp.where(sticking, limit - stick.tangential, first)
         second = jnp.where(sticking, limit + stick.tangential, second)
     if unilateral:
         first = jnp.where(flying, c.gap, first)
         second = jnp.where(flying, one, second)
-    slots = [first, second]
+    slots: list[jax.Array] = [first, second]
     if system.coupled:
         d = (c.w_nn - sign * friction_coefficient(system, c, sign) * c.w_tn) / c.w_nn
         slots.append(jnp.where(sign == 0, one, d))
     switches = system.switches(t, q, v)
-    slots += [
-        jnp.asarray(side * s, one.dtype) for side, s in zip(sides, switches, strict=True)
-    ]
+    slots += [jnp.asarray(side * s, one.dtype) for side, s in zip(sides, switches, strict=True)]
     bound = system.limit(t, q, v)
     if bound is not None:
         slots.append(jnp.asarray(bound, one.dtype))
     return jnp.stack([jnp.broadcast_to(s, one.shape) for s in slots])
-

@@ -28,7 +28,8 @@ def poisson_impact(
     """Impulse of an impact at (v_t, v_n <= 0).
 
     With ``normal_speed = 0`` and D = W_nn - s mu W_tn <= 0 it is Painleve's impact without
-    collision; ``jam`` says so where D is zero up to rounding, and slip does not decompress then. ``w_tt = 0`` is a frictionless contact. Post-impact v_t is exactly 0 where the contact sticks.
+    collision; ``jam`` says so where D is zero up to rounding, and slip does not decompress then.
+    ``w_tt = 0`` is a frictionless contact. Post-impact v_t is exactly 0 where the contact sticks.
     """
     sign = jnp.sign(slip_speed)
     frictional = w_tt > 0

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from .results import RUNNING, Result
-from .sampling import flush
+from .sampling import Signal, flush
 from .solve import final_velocity
 from .state import Problem, State, initial_state
 from .step import advance, advance_light
@@ -113,13 +113,16 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
     parts, state = fill(jnp.zeros(lanes, jnp.int32))
     case = jnp.full(lanes, capacity, jnp.int32)
     state = state._replace(result=jnp.full_like(state.result, int(Result.FINISHED)))
-    signal = problem.signal
+    signal: Signal | None = problem.signal
     if signal is not None:
         state = state._replace(samples=signal.empty((lanes,)))
     record = signal and signal.record(lanes)
     local = _rebuild(problem, parts, shared)
-    blank = jax.tree.map(lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype), _outcome(local, state))
-    taken = jax.tree.map(lambda r: jnp.zeros((capacity, signal.count), r.dtype), record)
+    blank = jax.tree.map(
+        lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype), _outcome(local, state)
+    )
+    samples = 0 if signal is None else signal.count
+    taken = jax.tree.map(lambda r: jnp.zeros((capacity, samples), r.dtype), record)
     wait = max(1, lanes // 64)  # lanes that may idle before a refill is worth its cost
 
     def refill(carry):
@@ -128,7 +131,9 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
         local = _rebuild(problem, parts, shared)
         at = jnp.where(ended, case, capacity)
         outcome = jax.tree.map(
-            lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"), outcome, _outcome(local, state)
+            lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"),
+            outcome,
+            _outcome(local, state),
         )
         taken = jax.tree.map(
             lambda o, r: o.at[at].set(r[:, : o.shape[1]], mode="drop"), taken, record

@@ -117,7 +117,9 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     stretch = jnp.clip(1 + stop_gradient(shift), 0.5, 1.5).astype(dtype)
     new_trial = jnp.where(retarget, h * ahead.astype(dtype), h * stretch)
     # a shortened step must not teach the controller: it keeps its own step until one is accepted
-    grown = jnp.where(trial.lands | pending, jnp.maximum(state.step, trial.next_step), trial.next_step)
+    grown = jnp.where(
+        trial.lands | pending, jnp.maximum(state.step, trial.next_step), trial.next_step
+    )
     step = jnp.where(accept, grown, state.step)
     step = jnp.where(rejected, trial.next_step, step)
     step = jnp.where(trial.ok & murky, 0.25 * h, step)

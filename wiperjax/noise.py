@@ -1,4 +1,4 @@
-"""Online statistics of the reversal: the contact force around V = 0 against the rest of the stroke."""
+"""Online statistics of the reversal: contact force around V = 0 against the rest of the stroke."""
 
 from typing import NamedTuple
 

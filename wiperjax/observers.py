@@ -88,7 +88,7 @@ class Totals(NamedTuple):
 
 
 class RegimeTotals(AbstractObserver):
-    """Time in each regime, moments of the output velocity, extremes and event counts from ``start`` on."""
+    """Times in the regimes, moments of the output, extremes and event counts from ``start`` on."""
 
     start: Scalar = 0.0
 

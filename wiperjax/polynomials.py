@@ -18,7 +18,9 @@ from .system import Scalar
 DEGREE = 4
 _THETA = np.linspace(0.0, 1.0, DEGREE + 1)
 _BINOMIAL = np.array([1.0, 4.0, 6.0, 4.0, 1.0])
-_BERNSTEIN = _BINOMIAL * _THETA[:, None] ** np.arange(5) * (1 - _THETA[:, None]) ** (4 - np.arange(5))
+_BERNSTEIN = (
+    _BINOMIAL * _THETA[:, None] ** np.arange(5) * (1 - _THETA[:, None]) ** (4 - np.arange(5))
+)
 _TO_CONTROL = np.linalg.inv(_BERNSTEIN)
 
 

@@ -38,12 +38,10 @@ def stick_forces(c: Contact, frictional: bool, unilateral: bool) -> Forces:
     if not unilateral:
         return Forces(-c.b_t / c.w_tt, c.load)
     det = c.w_tt * c.w_nn - c.w_tn * c.w_tn
-    return Forces(
-        (c.w_tn * c.b_n - c.w_nn * c.b_t) / det, (c.w_tn * c.b_t - c.w_tt * c.b_n) / det
-    )
+    return Forces((c.w_tn * c.b_n - c.w_nn * c.b_t) / det, (c.w_tn * c.b_t - c.w_tt * c.b_n) / det)
 
 
-def friction_coefficient(system: AbstractSystem, c: Contact, sign):
+def friction_coefficient(system: AbstractSystem, c: Contact, sign) -> Scalar:
     """mu at the slip speed of ``c``, continued smoothly through zero along ``sign``."""
     if system.law is None:
         return jnp.zeros_like(c.b_t)
@@ -82,26 +80,26 @@ class Decision(NamedTuple):
     indeterminate: Scalar  # D <= 0 with a separating free acceleration
 
 
-def decide(system: AbstractSystem, c: Contact, forbid_stick=False) -> Decision:
+def decide(system: AbstractSystem, c: Contact) -> Decision:
     """Regime of a closed contact (gap and normal speed zero) at this instant.
 
     STICK if its forces lie in the cone; else SLIP of a sign whose friction makes s a_t > 0 with
-    lambda_n > 0 and D > 0; else FLIGHT (MODEL.md section 5). ``forbid_stick`` says that the cone
-    has just been left: at its edge rounding alone would send the tip back.
+    lambda_n > 0 and D > 0; else FLIGHT (MODEL.md section 5).
     """
     unilateral = system.unilateral
-    if system.law is None:
+    law = system.law
+    if law is None:
         holds = (c.b_n < 0) | (not unilateral)
         no = jnp.zeros_like(holds)
         return Decision(jnp.where(holds, int(Regime.SLIP_POS), int(Regime.FLIGHT)), no, no)
 
     at_rest = c.slip_speed == 0
     stick = stick_forces(c, True, unilateral)
-    in_cone = (stick.normal > 0) & (jnp.abs(stick.tangential) <= system.law.static * stick.normal)
-    sticks = at_rest & in_cone & ~jnp.asarray(forbid_stick)
+    in_cone = (stick.normal > 0) & (jnp.abs(stick.tangential) <= law.static * stick.normal)
+    sticks = at_rest & in_cone
 
     def start_of_slip(sign):
-        f, d = slip_forces(c, sign, system.law.coefficient(jnp.zeros_like(c.b_t)), unilateral)
+        f, d = slip_forces(c, sign, law.coefficient(jnp.zeros_like(c.b_t)), unilateral)
         a_t = c.b_t + c.w_tt * f.tangential + c.w_tn * f.normal
         return (sign * a_t >= 0) & (f.normal > 0) & (d > 0), d
 

@@ -1,6 +1,6 @@
 """Names of everything discrete that a trajectory reports: regimes, event kinds and result codes.
 
-Plain integers, because they live in arrays inside compiled loops and in CF ``flag_values`` of files.
+Plain integers, because they live in arrays of compiled loops and in CF ``flag_values`` of files.
 """
 
 from enum import IntEnum
@@ -34,7 +34,7 @@ class Event(IntEnum):
 
 
 class Result(IntEnum):
-    """How a trajectory ended. Anything but FINISHED and COLLAPSED is a failure of that one alone."""
+    """How a trajectory ended. All but FINISHED and COLLAPSED are failures of that one alone."""
 
     FINISHED = 0
     COLLAPSED = 1

@@ -17,7 +17,7 @@ _POINTS = 9  # the dense output of every supported solver has degree < 9
 
 
 def dense_polynomial(solver_type) -> np.ndarray:
-    """Coefficients (degree, stage), lowest degree first, of the dense output's weights b_i(theta)."""
+    """Coefficients (degree, stage), lowest first, of the dense output's weights b_i(theta)."""
     # Chebyshev points: an interpolation that loses no digits
     points = 0.5 - 0.5 * np.cos(np.pi * np.arange(_POINTS) / (_POINTS - 1))
     values = np.stack([dense_weights(solver_type, float(p)) for p in points])
@@ -110,7 +110,7 @@ class Signal(eqx.Module):
         return Ring(output, regimes, jnp.zeros(lanes, jnp.int32))
 
     def record(self, lanes: int) -> "Record":
-        """Return empty records, (lanes, samples); a ring's length of room behind the last sample."""
+        """Return empty records, (lanes, samples), with room for a ring behind the last sample."""
         shape = (lanes, self.count + self.ring)
         output = jnp.full(shape, jnp.nan, jnp.float32)
         return Record(output, jnp.full(shape, 255, jnp.uint8) if self.regimes else None)
@@ -174,10 +174,10 @@ def flush(record: Record, ring: Ring, index) -> tuple[Record, Ring]:
     """Move the ring of every lane into its record; ``index`` samples are then recorded."""
 
     def write(rows, new):
-        if rows is None:
-            return None
         put = jax.vmap(lambda row, values, at: jax.lax.dynamic_update_slice(row, values, (at,)))
         return put(rows, new.T, ring.first)
 
-    filled = Record(write(record.output, ring.output), write(record.regime, ring.regime))
-    return filled, ring._replace(first=index)
+    regime = record.regime
+    if regime is not None:
+        regime = write(regime, ring.regime)
+    return Record(write(record.output, ring.output), regime), ring._replace(first=index)

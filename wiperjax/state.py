@@ -155,11 +155,14 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
 
     rate = vector_field(start, (position, velocity), (local, regime))
     pairs = zip(
-        jax.tree.leaves(rate), jax.tree.leaves((position, velocity)), jax.tree.leaves(problem.atol),
+        jax.tree.leaves(rate),
+        jax.tree.leaves((position, velocity)),
+        jax.tree.leaves(problem.atol),
         strict=True,
     )
     speed = jnp.max(
-        jnp.stack([jnp.abs(f) / (a / problem.rtol + jnp.abs(y) + 1e-30) for f, y, a in pairs]), axis=0
+        jnp.stack([jnp.abs(f) / (a / problem.rtol + jnp.abs(y) + 1e-30) for f, y, a in pairs]),
+        axis=0,
     )
     finite = jnp.isfinite(start) & jnp.isfinite(problem.end)
     for leaf in jax.tree.leaves((position, velocity, rate)):
@@ -179,7 +182,8 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     )
     return State(
         # 1 + 0 * rate: the compiler may not assume that the rate is finite
-        unit=jnp.ones((ROWS, *start.shape), dtype) + 0.0 * jax.lax.stop_gradient(step).astype(dtype),
+        unit=jnp.ones((ROWS, *start.shape), dtype)
+        + 0.0 * jax.lax.stop_gradient(step).astype(dtype),
         time=start,
         position=position,
         velocity=velocity,
@@ -187,9 +191,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         piece=piece,
         sides=sides,
         orders=orders,
-        reach=jnp.abs(
-            guard_values(local, c, start, position, velocity, regime, sides)
-        ),
+        reach=jnp.abs(guard_values(local, c, start, position, velocity, regime, sides)),
         rate=rate,
         step=step,
         step_of=(step, step, step),

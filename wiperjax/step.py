@@ -46,8 +46,8 @@ def advance_light(problem: Problem, state: State) -> State:
 
 def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     """Return the state after carrying out ``plan``."""
-    moves = plan.accept | plan.arrive
-    fires = plan.fire | plan.arrive
+    moves = jnp.logical_or(plan.accept, plan.arrive)
+    fires = jnp.logical_or(plan.fire, plan.arrive)
     breaks = (
         plan.accept
         & trial.lands
@@ -64,7 +64,16 @@ def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     system = problem.system.on_piece(before.piece)
     end = jnp.minimum(problem.end, system.break_time(before.piece))
     after = transition(
-        problem, state, state.time, state.position, state.velocity, plan.slot, fires, breaks, piece, end
+        problem,
+        state,
+        state.time,
+        state.position,
+        state.velocity,
+        plan.slot,
+        fires,
+        breaks,
+        piece,
+        end,
     )
     after = keep(after, state.unit)
     happens = keep(fires | breaks, state.unit)
@@ -95,9 +104,7 @@ def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     piled = piled & moves & (state.time == before.time)
     result = jnp.where(piled, int(Result.ZENO_UNRESOLVED), result).astype(jnp.int32)
 
-    happening = Happening(
-        system, state.time, after.kind, state.regime, after.regime, after.impulse
-    )
+    happening = Happening(system, state.time, after.kind, state.regime, after.regime, after.impulse)
     observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
     log = state.log
     if problem.log_capacity:

@@ -109,7 +109,9 @@ class AbstractSystem(eqx.Module):
 
     def default_state(self) -> tuple[Coordinates, Coordinates]:
         """Return (position, velocity) of the default start."""
-        raise ValueError("this system has no default start: pass initial_state=(position, velocity)")
+        raise ValueError(
+            "this system has no default start: pass initial_state=(position, velocity)"
+        )
 
     def scales(self, n: int) -> tuple[Coordinates, Coordinates]:
         """Typical sizes of positions and velocities; absolute tolerances are rtol times these."""

@@ -160,7 +160,7 @@ def simulate(
         "source": f"wiperjax {dataset.version('wiperjax')}",
         "versions": json.dumps(dataset.versions(), sort_keys=True),
     }
-    return _labelled(given, times, state, log, attributes)
+    return _labelled(given, problem, state, log, attributes)
 
 
 # --- on the device ----------------------------------------------------------------------------
@@ -285,7 +285,7 @@ def _check_start(system: AbstractSystem, start, result: int) -> None:
 # --- what a person gets -----------------------------------------------------------------------
 
 
-def _labelled(given, times, state: State, log: _Events, attributes) -> xr.Dataset:
+def _labelled(given, problem: Problem, state: State, log: _Events, attributes) -> xr.Dataset:
     """Return the dataset of a finished loop state."""
     blade = isinstance(given, Wiper)
     whose = " of the tip" if blade else ""
@@ -326,7 +326,7 @@ def _labelled(given, times, state: State, log: _Events, attributes) -> xr.Datase
     n = len(state.position)
     names = ["x", "y"] if blade else [f"q{i}" for i in range(n)]
     coords = {
-        "time": ("time", times[:reached], about("time", "s")),
+        "time": ("time", np.asarray(problem.sample_times)[:reached], about("time", "s")),
         "axis": ("axis", names, about("coordinate")),
     }
     parameters = _parameters(given)

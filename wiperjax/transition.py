@@ -153,11 +153,10 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     c = keep(contact(system, time, q, v, unit), unit)
 
     # impact: the closing gap, or a jam (Painleve's impact without collision)
-    static = law.static if law is not None else 0.0
     moving = c.slip_speed != 0
     mu = jnp.zeros_like(c.b_t)
     if law is not None:
-        mu = jnp.where(moving, law.coefficient(jnp.abs(c.slip_speed)), static)
+        mu = jnp.where(moving, law.coefficient(jnp.abs(c.slip_speed)), jnp.asarray(law.static))
     if system.coupled:
         braked, mu = brake_to_jam(system, c, sign, mu)
         v = where(jams, push(v, c.along_t, c.along_n, *braked), v)
@@ -181,7 +180,9 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     blow = keep(blow, unit)
     v = where(collides, push(v, c.along_t, c.along_n, blow.tangential, blow.normal), v)
     impulse = jnp.where(collides, blow.normal, 0.0)
-    slip_speed = jnp.where(collides, blow.slip_speed, jnp.where(sticking | turns, 0.0, c.slip_speed))
+    slip_speed = jnp.where(
+        collides, blow.slip_speed, jnp.where(sticking | turns, 0.0, c.slip_speed)
+    )
     leaving = jnp.where(collides, blow.normal_speed, jnp.where(hits, c.normal_speed, 0.0))
     v, slip_speed, leaving, collides = keep((v, slip_speed, leaving, collides), unit)
 
@@ -265,9 +266,14 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
             jnp.where(slip_sign(after) == -sign, int(Event.REVERSAL), int(Event.TOUCH)),
         ),
     )
+    hit_kind = jnp.where(collides, int(Event.IMPACT), touch)
+    hit_kind = jnp.where(completes, int(Event.ZENO), hit_kind)
     kind = jnp.zeros_like(state.regime)
     table = (
-        (hits, jnp.where(completes, int(Event.ZENO), jnp.where(collides, int(Event.IMPACT), touch))),
+        (
+            hits,
+            jnp.where(completes, int(Event.ZENO), jnp.where(collides, int(Event.IMPACT), touch)),
+        ),
         (turns, turn_kind),
         (leaves_cone, jnp.where(slips, int(Event.RELEASE), int(Event.LIFT_OFF))),
         (lifts, int(Event.LIFT_OFF)),

@@ -19,7 +19,6 @@ from .stages import NODES, Step, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact
 
-
 NOISE = 256  # rounding errors of a guard, in units of its size's last digit
 
 
@@ -99,6 +98,7 @@ def attempt(problem: Problem, state: State) -> Trial:
         finite = finite & jnp.isfinite(leaf)
     ok = finite & (error <= 1) & (state.result == RUNNING)  # an ended lane of a batch stays put
     order = solver.order(TERM)
+    assert order is not None  # check_solver: a Runge-Kutta pair
     error = jnp.where(finite, jnp.maximum(error, 1e-8), 1e10)
     # PI control (Gustafsson): the step shrinks steadily where friction steepens towards v_t = 0,
     # and the plain rule would have every other step refused there

@@ -1,0 +1,176 @@
+"""The batch: lanes that never wait, and never know of each other."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import wiperjax
+from wiperjax import Result, SteadyBelt, Wiper, cells
+from wiperjax.lanes import Pool, run_pool
+from wiperjax.sampling import Signal
+from wiperjax.solve import make_problem
+from wiperjax.spec import parse_sweep
+
+DURATION = 0.02
+CASES = 24
+SAMPLES = 64
+
+
+def blades(rng, cases=CASES):
+    wiper = Wiper(
+        belt=SteadyBelt(jnp.asarray(rng.uniform(0.05, 1.0, cases))),
+        attack_angle=jnp.asarray(np.deg2rad(rng.uniform(-40, 40, cases))),
+        normal_load=jnp.asarray(rng.uniform(5, 30, cases)),
+    )
+    traced = lambda x: jnp.asarray(x) if isinstance(x, int | float) and x != 0 else x
+    return jax.tree.map(traced, wiper)
+
+
+@eqx.filter_jit
+def run(wiper, position, count, lanes=8, light_turns=2, max_steps=20_000):
+    still = jnp.zeros_like(position)
+    interval = DURATION / SAMPLES
+    problem, q, v, start = make_problem(
+        wiper,
+        DURATION,
+        initial_state=((position, still), (still, still)),
+        solver=None,
+        rtol=1e-8,
+        atol=None,
+        max_steps=max_steps,
+        max_step=2 * interval,
+        signal=Signal(0.0, interval, SAMPLES, 2 * (light_turns + 1)),
+    )
+    return run_pool(Pool(problem, q, v, start, count), lanes, light_turns)
+
+
+@pytest.fixture(scope="module")
+def pool():
+    rng = np.random.default_rng(5)
+    wiper = blades(rng)
+    position = wiper.lip_length * jnp.sin(wiper.attack_angle)
+    return wiper, position, run(wiper, position, jnp.int32(CASES))
+
+
+def same(a, b):
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        np.testing.assert_array_equal(np.asarray(x), np.asarray(y))
+
+
+def test_the_cases_differ(pool):
+    outcome = pool[2][0]
+    assert len(set(np.asarray(outcome.steps).tolist())) > CASES // 2
+    assert np.all(np.asarray(outcome.result) == Result.FINISHED)
+    assert np.asarray(outcome.events).max() > 20
+
+
+def test_each_case_equals_the_same_alone(pool):
+    wiper, position, (outcome, _, _) = pool
+    for case in (0, 7, 23):
+        one = jax.tree.map(lambda x, k=case: x[k] if jnp.ndim(x) else x, wiper)
+        alone = alone_solver(one)
+        assert int(alone.result) == int(outcome.result[case])
+        for k in range(2):
+            found = float(outcome.position[k][case]) - float(alone.final_position[k])
+            assert abs(found) < 1e-7 * wiper.lip_length  # steps differ in their caps: rtol is 1e-8
+
+
+@eqx.filter_jit
+def alone_solver(wiper):
+    return wiperjax.solve(wiper, DURATION, rtol=1e-8, max_step=2 * DURATION / SAMPLES)
+
+
+def test_bitwise_the_same_in_any_order(pool):
+    wiper, position, (outcome, signal, _) = pool
+    order = np.random.default_rng(1).permutation(CASES)
+    turned = jax.tree.map(lambda x: x[order] if jnp.ndim(x) else x, wiper)
+    other, other_signal, _ = run(turned, position[order], jnp.int32(CASES))
+    same(jax.tree.map(lambda x: x[order], (outcome, signal)), (other, other_signal))
+
+
+def test_bitwise_the_same_with_failing_neighbours(pool):
+    wiper, position, (outcome, signal, _) = pool
+    broken = [3, 4, 11]
+    load = wiper.normal_load.at[jnp.asarray(broken)].set(jnp.nan)
+    sick = eqx.tree_at(lambda w: w.normal_load, wiper, load)
+    other, other_signal, _ = run(sick, position, jnp.int32(CASES))
+    assert np.all(np.asarray(other.result)[broken] == Result.NON_FINITE)
+    well = np.setdiff1d(np.arange(CASES), broken)
+    same(
+        jax.tree.map(lambda x: x[well], (outcome, signal)),
+        jax.tree.map(lambda x: x[well], (other, other_signal)),
+    )
+
+
+def test_a_part_of_the_pool_leaves_the_rest_alone(pool):
+    wiper, position, (outcome, signal, _) = pool
+    some, _, _ = run(wiper, position, jnp.int32(10))
+    same(jax.tree.map(lambda x: x[:10], outcome), jax.tree.map(lambda x: x[:10], some))
+    assert np.all(np.asarray(some.steps)[10:] == 0)
+
+
+def test_the_signal_is_the_output_velocity(pool):
+    wiper, position, (_, signal, _) = pool
+    times = DURATION / SAMPLES * np.arange(SAMPLES)
+    for case in (0, 7):
+        one = jax.tree.map(lambda x, k=case: x[k] if jnp.ndim(x) else x, wiper)
+        dense = sampled_solver(one, jnp.asarray(times)).samples.velocity[0]
+        speed = float(one.belt.speed)
+        # friction bends the curve sharply at captures: the cubic is good to a part in a thousand
+        assert np.max(np.abs(np.asarray(signal.output)[case] - dense)) < 2e-3 * max(speed, 0.3)
+
+
+@eqx.filter_jit
+def sampled_solver(wiper, times):
+    return wiperjax.solve(
+        wiper, DURATION, rtol=1e-8, max_step=2 * DURATION / SAMPLES, sample_times=times
+    )
+
+
+def sweep_spec(**run):
+    settings = {"transient": 0.005, "window": 0.01, "samples": 64, **run}
+    return parse_sweep(
+        {
+            "axes": {"attack_angle": {"start": -30, "stop": 30, "num": 7}},
+            "run": settings,
+        },
+        "test.toml",
+    )
+
+
+def test_one_compilation_serves_a_whole_sweep():
+    spec = sweep_spec()
+    cells.evaluate(spec, np.arange(7))
+    compiled = cells._compute._cached._cache_size()
+    for part in (np.arange(3), np.arange(3, 7), np.array([6])):
+        cells.evaluate(spec, part)
+    assert cells._compute._cached._cache_size() == compiled
+
+
+def test_blocks_do_not_matter():
+    spec = sweep_spec()
+    whole = cells.evaluate(spec, np.arange(7))
+    parts = [cells.evaluate(spec, part) for part in (np.arange(2), np.arange(2, 7))]
+    for name, values in whole.items():
+        if np.ndim(values):
+            joined = np.concatenate([part[name] for part in parts])
+            np.testing.assert_array_equal(values, joined, err_msg=name)
+
+
+def test_a_cell_that_spends_its_budget_fails_alone():
+    columns = cells.evaluate(sweep_spec(max_steps=150), np.arange(7))
+    spent = columns["result"] == Result.STEP_BUDGET_SPENT
+    assert 0 < spent.sum() < 7
+    assert np.all(np.isnan(columns["stick_fraction"][spent]))
+    assert np.all(np.isfinite(columns["stick_fraction"][~spent]))
+
+
+def test_float32_sees_the_same_events():
+    index = np.arange(7)
+    double = cells.evaluate(sweep_spec(rtol=1e-5), index)
+    single = cells.evaluate(sweep_spec(rtol=1e-5, precision="float32"), index)
+    assert np.all(single["result"] == Result.FINISHED)
+    np.testing.assert_array_equal(single["stick_count"], double["stick_count"])
+    np.testing.assert_allclose(single["stick_fraction"], double["stick_fraction"], atol=5e-3)
