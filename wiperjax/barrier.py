@@ -6,6 +6,11 @@ import jax.tree_util as jtu
 ROWS = 8  # largest leading axis (nodes, slots) that `keep` serves
 
 
+def begin_unit(lanes, dtype):
+    """Return the ones that `keep` divides by, (ROWS, *lanes); to be carried through a loop."""
+    return jnp.ones((ROWS, *lanes), dtype)
+
+
 def keep(tree, unit):
     """Divide by ``unit``, ones that the compiler cannot see: a fusion barrier.
 

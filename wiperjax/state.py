@@ -8,7 +8,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .barrier import ROWS
 from .guards import first_switch, guard_values
 from .observers import AbstractObserver
 from .regimes import acceleration, decide, forces
@@ -181,9 +180,8 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         z,
     )
     return State(
-        # 1 + 0 * rate: the compiler may not assume that the rate is finite
-        unit=jnp.ones((ROWS, *start.shape), dtype)
-        + 0.0 * jax.lax.stop_gradient(step).astype(dtype),
+        # 1 + 0 step: the compiler may not assume that the step is finite
+        unit=begin_unit(start.shape, dtype) + 0.0 * step.astype(dtype),
         time=start,
         position=position,
         velocity=velocity,

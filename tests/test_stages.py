@@ -1,0 +1,56 @@
+"""The unrolled Runge-Kutta step is diffrax's own, to rounding, and compiles to little."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import wiperjax
+from wiperjax.barrier import begin_unit
+from wiperjax.stages import check_solver, node_states, rk_step
+
+SOLVERS = [diffrax.Tsit5(), diffrax.Dopri5(), diffrax.Dopri8(), diffrax.Bosh3()]
+
+
+def field(t, y, args):
+    (x,), (v,) = y
+    return (v,), (args * jnp.sin(3 * x) - 0.3 * v + jnp.cos(t),)
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=lambda s: type(s).__name__)
+def test_step_and_dense_output_equal_diffrax(solver):
+    term = diffrax.ODETerm(field)
+    y0 = ((jnp.asarray(0.3),), (jnp.asarray(-0.7),))
+    t0, h, args = jnp.asarray(0.2), jnp.asarray(0.17), jnp.asarray(-2.0)
+    unit = begin_unit((), float)
+    ours = rk_step(solver, term, t0, y0, h, field(t0, y0, args), args, unit)
+    state = solver.init(term, t0, t0 + h, y0, args)
+    y1, error, dense, _, _ = solver.step(term, t0, t0 + h, y0, args, state, made_jump=False)
+    path = solver.interpolation_cls(t0=t0, t1=t0 + h, **dense)
+    for a, b in zip(jax.tree.leaves(ours.y1), jax.tree.leaves(y1), strict=True):
+        np.testing.assert_allclose(a, b, rtol=4e-16, atol=4e-16)
+    for a, b in zip(jax.tree.leaves(ours.error), jax.tree.leaves(error), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-16)
+    nodes = node_states(solver, y0, ours)
+    for i, theta in enumerate((0.0, 0.25, 0.5, 0.75, 1.0)):
+        expected = path.evaluate(t0 + theta * h)
+        for a, b in zip(jax.tree.leaves(nodes), jax.tree.leaves(expected), strict=True):
+            np.testing.assert_allclose(a[i], b, rtol=2e-13, atol=2e-13)
+
+
+@pytest.mark.parametrize(
+    "solver", [diffrax.Kvaerno5(), diffrax.Euler(), diffrax.LeapfrogMidpoint()]
+)
+def test_unsuitable_solvers_are_refused(solver):
+    with pytest.raises(ValueError, match="solver must be an explicit diffrax Runge-Kutta"):
+        check_solver(solver)
+
+
+def test_the_compiled_program_does_not_repeat_itself():
+    # without the fusion barriers (see wiperjax.barrier) this is 66 000 lines
+    def run(angle):
+        return wiperjax.solve(wiperjax.Wiper(attack_angle=angle), 0.01, rtol=1e-8, max_events=8)
+
+    program = jax.jit(run).lower(0.1).compile().as_text()
+    assert program.count("\n") < 20_000
