@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .barrier import begin_unit
 from .guards import first_switch, guard_values
 from .observers import AbstractObserver
 from .regimes import acceleration, decide, forces
