@@ -87,7 +87,9 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     )
 
     # the event being located: Newton on the length of the step
-    tolerance = jnp.minimum(1e-3, 0.1 * jnp.sqrt(problem.rtol))
+    # (the slope comes from a polynomial and may be a per cent off, in stick most of all)
+    eps = float(jnp.finfo(trial.starts.dtype).eps)
+    tolerance = jnp.clip(0.01 * jnp.sqrt(problem.rtol), 2000 * eps, 1e-3)
     slot = jnp.maximum(state.target, 0)
     value, slope = pick(trial.end_values, slot), pick(trial.end_slopes, slot)
     falling = slope < 0

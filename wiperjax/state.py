@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from .barrier import begin_unit
 from .guards import first_switch, guard_values
 from .observers import AbstractObserver
-from .regimes import acceleration, decide, forces
+from .regimes import acceleration, decide, forces, slip_sign
 from .results import RUNNING, Regime, Result
 from .system import AbstractSystem, Contact, Scalar, contact, rates
 
@@ -105,7 +105,8 @@ def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
     f = forces(system, c, regime)
     a_t = c.b_t + c.w_tt * f.tangential + c.w_tn * f.normal
     size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
-    return jnp.where(jnp.abs(a_t) > 1e-7 * size, 1, 2)
+    # an acceleration the wrong way is what the tolerance left of the release's own zero
+    return jnp.where(slip_sign(regime) * a_t > 1e-7 * size, 1, 2)
 
 
 def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> State:

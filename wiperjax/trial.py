@@ -120,10 +120,17 @@ def attempt(problem: Problem, state: State) -> Trial:
     # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
     # one that starts at zero, by the way it goes.
     sizes = jnp.maximum(state.reach, jnp.max(jnp.abs(jnp.stack(nodes)), axis=0))
-    noise = keep(NOISE * jnp.finfo(sizes.dtype).eps * sizes, unit)
+    # sizes of what was committed: a wild trial step must not widen its own doubt
+    noise = keep(NOISE * jnp.finfo(sizes.dtype).eps * state.reach, unit)
     orders = jnp.where((state.orders == 0) & (jnp.abs(nodes[0]) <= noise), 1, state.orders)
     noise = noise * jnp.where(orders == 0, 1.0, 10.0**orders).astype(noise.dtype)
-    quotient = keep(deflated(nodes, orders), unit)
+    start, *rest = keep(deflated(nodes, orders), unit)
+    # A double or triple zero is left upwards by construction (release, lift-off). Its event was
+    # located to within the tolerance, so a hair's breadth downwards is not a new event.
+    height = jnp.max(jnp.abs(jnp.stack(rest)), axis=0)
+    upwards = (orders >= 2) & (start > -0.05 * height)
+    start = jnp.where(upwards, jnp.maximum(start, 1e-6 * height), start)
+    quotient = (start, *rest)
     control = control_values(quotient)
     size = jnp.max(jnp.abs(jnp.stack(quotient)), axis=0)
     blur = interpolation_error(quotient, orders)
