@@ -50,8 +50,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     pending = state.target >= 0
     slots = jnp.arange(trial.proved.shape[0]).reshape((-1,) + (1,) * state.time.ndim)
     clear = trial.proved | (pending & (state.target == slots))
-    doubt = trial.blurs + trial.noise
-    violated = ~clear & jnp.where(trial.orders == 0, trial.starts <= 0, trial.starts < -doubt)
+    violated = ~clear & trial.falls
     # an error estimate near the value itself makes roots out of nothing: shorten the step first
     murky = ~clear & ~violated & (trial.starts <= 8 * trial.blurs)
     unit = state.unit

@@ -48,8 +48,7 @@ class Trial(NamedTuple):
     cuts: jax.Array  # lower bound of each guard's first zero
     starts: jax.Array  # deflated value at the start, and its error estimate
     blurs: jax.Array
-    orders: jax.Array  # multiplicity of the zero each is divided by
-    noise: jax.Array  # rounding error of the deflated guard
+    falls: jax.Array  # the guard is violated from the start of the step on
     sizes: jax.Array  # of each guard so far, this step included
     errors: jax.Array  # the estimate before it was set aside as rounding
 
@@ -130,6 +129,10 @@ def attempt(problem: Problem, state: State) -> Trial:
     height = jnp.max(jnp.abs(jnp.stack(rest)), axis=0)
     upwards = (orders >= 2) & (start > -0.05 * height)
     start = jnp.where(upwards, jnp.maximum(start, 1e-6 * height), start)
+    # Only a guard that goes down from its zero all along counts as violated there; an extrapolation
+    # that merely turns negative asks for a shorter step.
+    falls = (jnp.max(jnp.stack(rest), axis=0) <= 0) & (start <= -0.5 * height)
+    falls = keep(jnp.where(orders == 0, start <= 0, falls & (start < -noise)), unit)
     quotient = (start, *rest)
     control = control_values(quotient)
     size = jnp.max(jnp.abs(jnp.stack(quotient)), axis=0)
@@ -163,8 +166,7 @@ def attempt(problem: Problem, state: State) -> Trial:
         cuts=hull_cut(control),
         starts=quotient[0],
         blurs=blur,
-        orders=orders,
-        noise=noise,
+        falls=falls,
         sizes=sizes,
         errors=error_of_guards,
     )
