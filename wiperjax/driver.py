@@ -24,6 +24,7 @@ from .blocks import BlockStore
 from .mapfile import finalize
 from .progress import Report
 from .results import RESULTS
+from .spec import load_sweep, parse_sweep
 from .spectrum import dominant_frequency
 from .storage import StoreError, check_output, open_map, parts_of
 
@@ -70,7 +71,8 @@ def run(
 
     Main arguments:
 
-    - `spec`: the sweep (`wiperjax.spec.SweepSpec`).
+    - `spec`: the sweep: a `wiperjax.spec.SweepSpec`, a mapping shaped like a sweep file, or the
+        path of one.
     - `output`: HDF5 file to make; finished blocks are kept in `<output>.parts` until it is
         complete. None keeps everything in memory.
     - `resume`: go on with a sweep that was cut short; the result is bit-identical to one that was
@@ -87,8 +89,13 @@ def run(
     - `progress`: show it, if standard error is a terminal.
     - `command`: what was typed, for the file and for the hint after Ctrl-C.
 
-    Raises: `StoreError` (one line) for everything about files; `SweepInterrupted` on Ctrl-C.
+    Raises: `StoreError` (one line) for everything about files; `SpecError` (one line) for a wrong
+    sweep; `SweepInterrupted` on Ctrl-C.
     """
+    if isinstance(spec, str | Path):
+        spec = load_sweep(spec)
+    elif isinstance(spec, Mapping):
+        spec = parse_sweep(spec)
     known = made_by(spec) | dict(identity or {})
     if workers is not None:
         known |= workers.made_by(spec, evaluate)
@@ -102,9 +109,8 @@ def run(
         return _in_memory(spec, blocks, block, known, progress, command)
     output = Path(output)
     if resume and output.exists() and _is_finished(output, spec, known):
-        if parts_of(
-            output
-        ).is_dir():  # killed after the map was complete, before its parts were gone
+        # killed after the map was complete, before its parts were gone
+        if parts_of(output).is_dir():
             with BlockStore.open(output, spec, block=block, identity=known, resume=True) as store:
                 store.remove()
         return open_map(output)
@@ -299,8 +305,6 @@ def verify(
         if "specification_digest" not in ds.attrs:
             raise StoreError(f"{path}: is not a map (it holds no specification)")
         if spec is None:
-            from .spec import parse_sweep
-
             spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
         if spec.digest() != ds.attrs["specification_digest"]:
             raise StoreError(
