@@ -63,7 +63,7 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
                 n_workers=local,
                 threads_per_worker=1,
                 memory_limit=0,  # dask would end workers for memory that XLA keeps for later
-                dashboard_address=None,  # pyright: ignore[reportArgumentType]
+                dashboard_address="127.0.0.1:0",  # any free port: several sweeps may run here
                 silence_logs=logging.ERROR,
                 preload=_DEAF,
             )
