@@ -117,11 +117,11 @@ def _capacity(cells: int, shares: int) -> int:
 def _arrays(wiper: Wiper, precision: str) -> Wiper:
     """Turn parameters into arrays, (cells,) where they vary and () where they do not.
 
-    A Python 0 stays one: its terms are left out of the compiled program.
+    A Python 0 or 1 stays one: its terms, or a power of 1, are left out of the compiled program.
     """
 
     def leaf(value):
-        if isinstance(value, int | float) and value == 0:
+        if isinstance(value, int | float) and value in (0, 1):
             return value
         return jnp.asarray(value, precision)
 
