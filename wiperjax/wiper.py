@@ -173,7 +173,8 @@ class Wiper(AbstractSystem):
 
     def switches(self, t, q, v):
         theta = self.lean(q)[2] - self.attack_angle
-        return (self.shoulder_angle - theta, theta + self.shoulder_angle)
+        # one function for both shoulders: it vanishes at either
+        return ((self.shoulder_angle - theta) * (self.shoulder_angle + theta),)
 
     def limit(self, t, q, v):
         # in the sine: smooth, and cheap
