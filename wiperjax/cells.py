@@ -20,7 +20,8 @@ from .solve import make_problem
 from .stability import steady_slip
 from .wiper import Wiper
 
-LANES = {"float64": 256, "float32": 512}  # a device; as much as its cache holds
+LANES = {"float64": 512, "float32": 1024}  # a device, at most: as much as its cache holds
+CASES_PER_LANE = 16  # at least: the last cases of a block leave lanes empty
 FLOWS = 3  # a jump
 
 
@@ -164,7 +165,7 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
         dtype=jnp.dtype(s.precision),
     )
     pool = Pool(problem, q, v, start, count)
-    lanes = min(LANES[s.precision], q[0].shape[-1])
+    lanes = max(1, min(LANES[s.precision], q[0].shape[-1] // CASES_PER_LANE))
     outcome, signal, effort = run_pool(pool, lanes, FLOWS)
     if s.raster is not None:
         kept = np.array(raster_index(s.samples, s.raster))

@@ -52,7 +52,8 @@ class ReversalTotals(AbstractObserver):
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),
             jnp.where(on, jnp.maximum(record.force_max_reversal, peak), record.force_max_reversal),
-            record.force_integral_stroke + integral(h, [w * f for w, f in zip(far, force, strict=True)]),
+            record.force_integral_stroke
+            + integral(h, [w * f for w, f in zip(far, force, strict=True)]),
             record.stroke_time + integral(h, far),
             record.impulse_max_reversal,
             record.vibration_integral + integral(h, vibration),

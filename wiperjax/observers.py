@@ -125,10 +125,13 @@ class RegimeTotals(AbstractObserver):
             slip_time=record.slip_time
             + jnp.where((s.regime == Regime.SLIP_POS) | (s.regime == Regime.SLIP_NEG), h, 0.0),
             output_integral=record.output_integral + integral(h, out),
-            output_square_integral=record.output_square_integral + integral(h, [x * x for x in out]),
+            output_square_integral=record.output_square_integral
+            + integral(h, [x * x for x in out]),
             normal_force_integral=record.normal_force_integral + integral(h, force),
             normal_force_max=jnp.where(
-                counts, jnp.maximum(record.normal_force_max, largest(force)), record.normal_force_max
+                counts,
+                jnp.maximum(record.normal_force_max, largest(force)),
+                record.normal_force_max,
             ),
             gap_max=jnp.where(counts, jnp.maximum(record.gap_max, gap), record.gap_max),
         )

@@ -100,9 +100,7 @@ def hull_cut(control):
         drop = (DEGREE / i) * (control[0] - control[i])
         fall = jnp.maximum(fall, jnp.where(control[i] < 0, drop, 0.0))
     crosses = fall > 0
-    return jnp.where(
-        crosses, jnp.clip(control[0] / jnp.where(crosses, fall, 1.0), 0.0, 1.0), 1.0
-    )
+    return jnp.where(crosses, jnp.clip(control[0] / jnp.where(crosses, fall, 1.0), 0.0, 1.0), 1.0)
 
 
 def first_root(control, passes: int = 4, polish: int = 3) -> Root:
