@@ -17,7 +17,7 @@ import pytest
 import test_storage as stub
 import xarray as xr
 
-from wiperjax import cluster, driver
+from wiperjax import cluster, driver, work
 from wiperjax.storage import open_map, parts_of
 
 pytestmark = [
@@ -101,7 +101,7 @@ def test_an_error_in_a_worker_is_the_error_of_the_sweep(tmp_path, workers):
 
 
 def test_a_worker_of_another_version_is_refused(tmp_path, workers, monkeypatch):
-    monkeypatch.setattr(driver, "made_by", lambda spec: {"jax": "0.1"})
+    monkeypatch.setattr(work, "made_by", lambda spec: {"jax": "0.1"})
     with pytest.raises(cluster.ClusterError, match=r"a worker differs.*jax is [\d.]+, not 0.1"):
         sweep(stub.make_spec(), tmp_path / "map.h5", workers)
     assert not parts_of(tmp_path / "map.h5").exists()

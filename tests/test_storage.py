@@ -23,12 +23,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wiperjax import dataset, mapfile
+from wiperjax import dataset, manifest, mapfile
 from wiperjax import driver as sweep
 from wiperjax.blocks import BlockStore
+from wiperjax.cli import main
 from wiperjax.results import RESULTS
 from wiperjax.spec import parse_sweep
 from wiperjax.storage import StoreError, open_map, parts_of, write_dataset
+from wiperjax.verification import verify
+from wiperjax.work import block_size, evaluate_block
 
 BLOCK = 50
 IDENTITY = {"precision": "float64", "jax": "0.1"}
@@ -107,11 +110,11 @@ def open_store(path, spec, **options):
 
 def fill(store, spec, numbers):
     for number in numbers:
-        columns, _ = sweep.evaluate_block(spec, np.arange(*store.span(number)), evaluate)
+        columns, _ = evaluate_block(spec, np.arange(*store.span(number)), evaluate)
         store.write(number, columns)
 
 
-def partial(path, spec, blocks, **options):
+def partial(path, spec, blocks, engine=evaluate, **options):
     """An unfinished sweep that holds `blocks`."""
 
     class Stop(Exception):
@@ -120,7 +123,7 @@ def partial(path, spec, blocks, **options):
     def stopping(spec, index):
         if index[0] // BLOCK >= blocks:
             raise Stop
-        return evaluate(spec, index)
+        return engine(spec, index)
 
     with pytest.raises(Stop):
         run(spec, path, evaluate=stopping, **options)
@@ -231,7 +234,7 @@ def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
 
     expected = with_raster(spec, np.arange(385))["regime_raster"].reshape(7, 5, 11, 7)
     with open_store(path, spec) as store:
-        columns, _ = sweep.evaluate_block(spec, np.arange(50, 100), with_raster)
+        columns, _ = evaluate_block(spec, np.arange(50, 100), with_raster)
         store.write(1, columns)
         part = mapfile.open_partial(parts_of(path)).regime_raster
         store.remove()
@@ -246,10 +249,61 @@ def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
     np.testing.assert_allclose(ds.raster_time, np.arange(7) * 256 // 7 * step)
     whole_ = sweep.run(spec, evaluate=with_raster, block=BLOCK, progress=False)
     xr.testing.assert_identical(data_of(ds), data_of(whole_))
-    assert sweep.verify(path, cells=20, evaluate=with_raster).passed
+    assert verify(path, cells=20, evaluate=with_raster).passed
     with h5py.File(path, "r+") as file:
         file["regime_raster"][...] = 0
-    assert len(sweep.verify(path, cells=20, evaluate=with_raster).differing) == 20
+    assert len(verify(path, cells=20, evaluate=with_raster).differing) == 20
+
+
+def with_events(spec, index):
+    """`evaluate` with an event log: cells of 0 to 8 events, where there is room for 5."""
+    room, count = spec.run.event_log, index % 9
+    held = np.arange(room) < count[:, None]
+    return evaluate(spec, index) | {
+        "event_count": count,
+        "event_overflow": count > room,
+        "event_time": np.where(held, 1e-3 * np.arange(room) + 1e-6 * index[:, None], np.nan),
+        "event_kind": np.where(held, 1 + index[:, None] % 4, dataset.NONE),
+        "regime_before": np.where(held, 0, dataset.NONE),
+        "regime_after": np.where(held, 1, dataset.NONE),
+        "event_impulse": np.where(held, np.cos(index)[:, None], np.nan),
+    }
+
+
+def test_the_event_log_survives_like_all_else(tmp_path, capsys):
+    spec, path = make_spec(event_log=5), tmp_path / "map.h5"
+    partial(path, spec, 3, with_events)
+    part = mapfile.open_partial(parts_of(path))
+    expected = with_events(spec, np.arange(385))
+    for name in ("event_time", "event_kind", "event_impulse"):
+        found = part[name].values.reshape(385, 5)
+        np.testing.assert_array_equal(found[:150], expected[name][:150])
+        none = dataset.SCHEMA[name].missing
+        np.testing.assert_array_equal(found[150:], np.full((235, 5), none))
+    run(spec, path, resume=True, evaluate=with_events)
+    with open_map(path) as ds:
+        whole_ = sweep.run(spec, evaluate=with_events, block=BLOCK, progress=False)
+        xr.testing.assert_identical(data_of(ds), data_of(whole_))
+        assert ds.event_time.dims == ("attack_angle", "normal_load", "belt_speed", "event")
+        assert dataset.flag_names(ds.event_kind)[5] == "impact"
+        cell = ds.isel(attack_angle=0, normal_load=0, belt_speed=8)  # as a person reads one cell
+        assert int(cell.event_count) == 8 and int(cell.event_overflow) == 1
+        assert cell.event_time.dropna("event").size == 5
+    assert verify(path, cells=20, evaluate=with_events).passed
+    assert main(["info", str(path)]) == 0
+    said = capsys.readouterr().out
+    counts = expected["event_count"]
+    assert f"events: {counts.sum()} in the settled windows, 8 in the fullest" in said
+    assert f"room for 5 of a cell, {(counts > 5).sum()} of 385 cells had more" in said
+
+
+def test_blocks_shrink_as_cells_grow():
+    """Memory is that of a block: of few cells where each has much to keep."""
+    assert block_size(make_spec()) == block_size(make_spec(event_log=5)) == 8192
+    for room in (2000, 20_000):
+        size = block_size(make_spec(event_log=room))
+        assert size * room * 19 <= 2**27 < 2 * size * room * 20
+    assert block_size(make_spec(event_log=65_536)) == 256
 
 
 # --- interruption ---------------------------------------------------------------------------------
@@ -483,6 +537,24 @@ def test_a_damaged_manifest_is_one_clear_line(tmp_path):
     assert_same_map(path, spec)
 
 
+def test_every_flipped_byte_of_the_manifest_is_noticed(tmp_path):
+    """Or harmless: what says which cells of which map these are cannot change unseen."""
+    path = tmp_path / "map.h5"
+    open_store(path, make_spec()).close()
+    file = parts_of(path) / "manifest.json"
+    content, whole_ = file.read_bytes(), manifest.read(parts_of(path))
+    noticed = 0
+    for place in random.Random(2).sample(range(len(content)), 300):
+        changed = bytes([content[place] ^ (1 << place % 7)])
+        file.write_bytes(content[:place] + changed + content[place + 1 :])
+        try:
+            assert manifest.read(parts_of(path)) == whole_, place
+        except StoreError as error:
+            assert str(error).startswith(f"{file}: ") and "--force" in str(error)
+            noticed += 1
+    assert noticed > 200
+
+
 # --- refusals -------------------------------------------------------------------------------------
 
 
@@ -701,16 +773,16 @@ def test_files_that_are_no_maps(tmp_path):
 def test_verify_recomputes_and_finds_a_changed_number(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
     run(spec, path)
-    report = sweep.verify(path, cells=40, seed=1, evaluate=evaluate)
+    report = verify(path, cells=40, seed=1, evaluate=evaluate)
     assert report.passed and report.same_versions and report.cells == 40 and report.columns == 10
     assert set(report.largest) <= {"dominant_frequency"}
     with h5py.File(path, "r+") as file:
         file["normal_force_max"][...] = file["normal_force_max"][...] * (1 + 1e-6)
-    report = sweep.verify(path, cells=385, evaluate=evaluate)
+    report = verify(path, cells=385, evaluate=evaluate)
     assert not report.passed and len(report.differing) > 380
     assert report.largest["normal_force_max"] == pytest.approx(1e-6, rel=1e-3)
     with pytest.raises(StoreError, match="was not made from this specification"):
-        sweep.verify(path, spec=make_spec(rtol=1e-7), evaluate=evaluate)
+        verify(path, spec=make_spec(rtol=1e-7), evaluate=evaluate)
 
 
 def test_progress_is_silent_without_a_terminal_and_counts_with_one(tmp_path, capfd):

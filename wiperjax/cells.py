@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .belts import SteadyBelt
-from .dataset import raster_index
+from .dataset import NONE, raster_index
 from .lanes import Outcome, Pool, run_pool
 from .noise import ReversalTotals
 from .observers import RegimeTotals
@@ -18,6 +18,7 @@ from .sampling import SAMPLES_PER_STEP, Signal
 from .scene import SOLVERS, build_wiper, start_state
 from .solve import make_problem
 from .stability import steady_slip
+from .state import EventLog
 from .wiper import Wiper
 
 LANES = {"float64": 256, "float32": 512}  # a device; as much as its cache holds
@@ -56,10 +57,10 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     def compute(share):
         # neighbours cost alike: deal the cells out like cards, so that the shares end together
         mine = jax.tree.map(lambda x: np.asarray(x)[share::shares] if x.ndim else x, varying)
-        count = jnp.asarray(len(index[share::shares]), jnp.int32)
-        mine, count = jax.device_put((mine, count), devices[share])
+        numbers = (jnp.int32(len(index[share::shares])), jnp.int32(run.max_steps))
+        mine, (count, max_steps) = jax.device_put((mine, numbers), devices[share])
         wiper, position, velocity = eqx.combine(mine, fixed)
-        found = _compute(wiper, position, velocity, count, settings)
+        found = _compute(wiper, position, velocity, count, max_steps, settings)
         return jax.tree.map(np.asarray, found)
 
     with ThreadPoolExecutor(shares) as pool:
@@ -74,6 +75,8 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     columns["signal"] = signal.output
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
+    if outcome.log is not None:
+        columns |= _events(outcome.log, run)
     columns["sample_interval"] = run.window / run.samples
     columns["occupancy"] = float(useful / executed)
     linear = steady_slip(wiper, wiper.belt.peak)
@@ -97,10 +100,10 @@ class _Settings(NamedTuple):
     atol: float | None
     precision: str
     solver: str
-    max_steps: int
     zeno_time: float
     samples: int
     raster: int | None
+    event_log: int | None
     reversal_window: float
 
 
@@ -133,7 +136,7 @@ def _full(pair, size, precision):
 
 
 @eqx.filter_jit
-def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, Any, Any]:
+def _compute(wiper, position, velocity, count, max_steps, s: _Settings) -> tuple[Outcome, Any, Any]:
     """Run the cells of one share. A program for one device: compiled for several together it
     would round otherwise, and a map would depend on the number of cores.
     """
@@ -156,7 +159,9 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
             SAMPLES_PER_STEP * (LIGHT_TURNS + 1),
             s.raster is not None,
         ),
-        max_steps=s.max_steps,
+        max_events=s.event_log or 0,
+        log_start=s.transient,
+        max_steps=max_steps,
         max_step=SAMPLES_PER_STEP * interval,
         zeno_time=s.zeno_time,
         mark=s.transient,
@@ -170,6 +175,24 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
         kept = np.array(raster_index(s.samples, s.raster))
         signal = signal._replace(regime=signal.regime[:, kept])
     return outcome, signal, effort
+
+
+def _events(log: EventLog, run) -> dict[str, np.ndarray]:
+    """Columns of the event log; the room that a cell leaves empty holds NaN and `dataset.NONE`."""
+    used = np.arange(run.event_log) < log.count[:, None]
+
+    def code(values):
+        return np.where(used, values, NONE).astype(np.uint8)
+
+    return {
+        "event_count": log.count,
+        "event_overflow": log.count > run.event_log,
+        "event_time": np.where(used, log.time - run.transient, np.nan),
+        "event_kind": code(log.kind),
+        "regime_before": code(log.before),
+        "regime_after": code(log.after),
+        "event_impulse": np.where(used, log.impulse, np.nan),
+    }
 
 
 def _columns(outcome: Outcome, run, wiper: Wiper, back) -> dict[str, np.ndarray]:

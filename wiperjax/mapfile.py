@@ -119,8 +119,8 @@ def _write(
     with h5netcdf.File(target, "w") as file:
         file.dimensions = {name: len(entry["values"]) for name, entry in coords.items()}
         for name, entry in coords.items():
-            values = np.array(entry["values"], dtype=np.float64)
-            file.create_variable(name, (name,), data=values).attrs.update(entry["attrs"])
+            variable = file.create_variable(name, (name,), data=dataset.coordinate(entry))
+            variable.attrs.update(entry["attrs"])
         # Columns of one shape go together: those of the map's, then those with a further dimension.
         groups: dict[tuple[str, ...], list[str]] = {}
         for name in reader.names:
