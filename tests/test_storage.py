@@ -10,12 +10,14 @@ import json
 import logging
 import os
 import random
+import re
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 
 import h5py
@@ -23,7 +25,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wiperjax import dataset, manifest, mapfile
+from wiperjax import dataset, manifest, mapfile, work
 from wiperjax import driver as sweep
 from wiperjax.blocks import BlockStore
 from wiperjax.cli import main
@@ -297,6 +299,86 @@ def test_the_event_log_survives_like_all_else(tmp_path, capsys):
     assert f"room for 5 of a cell, {(counts > 5).sum()} of 385 cells had more" in said
 
 
+def test_the_netcdf_library_itself_reads_a_map(tmp_path):
+    """Types, dimensions and attributes as netCDF has them, not as HDF5 would also allow."""
+    netcdf = pytest.importorskip("netCDF4")
+    spec, path = make_spec(event_log=5), tmp_path / "map.h5"
+    ds = run(spec, path, evaluate=with_events)
+    with netcdf.Dataset(path) as file:
+        file.set_auto_mask(False)
+        assert file.data_model == "NETCDF4" and file.Conventions == "CF-1.11"
+        sizes = {name: len(dim) for name, dim in file.dimensions.items()}
+        assert sizes == {"attack_angle": 7, "normal_load": 5, "belt_speed": 11, "event": 5}
+        assert not any(dim.isunlimited() for dim in file.dimensions.values())
+        for name, variable in file.variables.items():
+            np.testing.assert_array_equal(variable[...], ds[name].values)
+            assert variable.long_name and isinstance(variable.dtype, np.dtype)
+            if "flag_values" in variable.ncattrs():
+                values = np.atleast_1d(variable.flag_values)
+                assert values.dtype == variable.dtype
+                assert len(values) == len(variable.flag_meanings.split())
+            else:
+                assert variable.units
+        assert file["event_time"].filters()["zlib"] and file["event_time"].chunking()[-1] == 5
+        for name in ("specification_text", "versions", "host", "date_created", "seed", "command"):
+            assert isinstance(getattr(file, name), str), name
+        assert file.wall_time > 0
+
+
+def test_a_write_that_is_lost_is_noticed(tmp_path, monkeypatch):
+    """Of h5netcdf (it drops what lies past the end of a dimension) or of the disk."""
+    import h5netcdf
+
+    spec, path = make_spec(), tmp_path / "map.h5"
+    true_write = h5netcdf.Variable.__setitem__
+
+    def losing(self, key, value):
+        if self.name != "/steps":
+            true_write(self, key, value)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(h5netcdf.Variable, "__setitem__", losing)
+        with pytest.raises(StoreError, match="steps reads back otherwise than it was written"):
+            run(spec, path)
+    assert not path.exists() and len(block_files(path)) == 8
+
+    class Lossy(mapfile.SpillFile):
+        def write(self, data):
+            if len(memoryview(data).cast("B")) < 1000:
+                return super().write(data)
+            self._place += len(data)
+            self._size = max(self._size, self._place)
+            return len(data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(mapfile, "SpillFile", Lossy)
+        with pytest.raises(StoreError, match="^[^\n]*map.h5[^\n]*$"):
+            run(spec, path, resume=True)
+    assert not path.exists() and len(block_files(path)) == 8
+    run(spec, path, resume=True)
+    assert_same_map(path, spec)
+
+
+def test_memory_is_that_of_a_block(tmp_path, monkeypatch):
+    """The same peak for 2 500 cells and for 25 000, event log included."""
+    monkeypatch.setattr(mapfile.slabs, "__defaults__", (2000,))
+    monkeypatch.setattr(mapfile.chunk_shape, "__defaults__", (500, 2000))
+
+    def peak(angles):
+        spec = make_spec(angles, 50, 10, event_log=20, samples=16)
+        tracemalloc.start()
+        with sweep.run(
+            spec, tmp_path / f"{angles}.h5", evaluate=with_events, block=500, progress=False
+        ):
+            found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    peak(2)  # imports
+    small, large = peak(5), peak(50)
+    assert large < 1.25 * small, (small, large)
+
+
 def test_blocks_shrink_as_cells_grow():
     """Memory is that of a block: of few cells where each has much to keep."""
     assert block_size(make_spec()) == block_size(make_spec(event_log=5)) == 8192
@@ -368,8 +450,62 @@ def test_kills_at_random_times(tmp_path):
     assert enough, counts
 
 
+CALLS = ("mkdir", "ftruncate", "fsync", "replace", "unlink", "rmdir")
+
+
+def test_a_kill_before_any_call_that_counts(tmp_path):
+    """SIGKILL before the first, the second, ... of all the calls that make what was written
+    durable, name it or delete it: each time what is left can be read, and goes on to the same map.
+    """
+    spec, path = make_spec(2, 2, 5), tmp_path / "map.h5"
+    options = {"block": 8, "evaluate": evaluate, "progress": False, "resume": True}
+    reference = data_of(sweep.run(spec, evaluate=evaluate, block=8, progress=False))
+    places, kept, call = 0, set(), 0
+    while True:
+        child = fork(lambda call=call: killed_at(call, spec, path, options))
+        _, status = os.waitpid(child, 0)
+        if not os.WIFSIGNALED(status):
+            break
+        places += 1
+        if (parts_of(path) / "manifest.json").exists():
+            part = open_map(parts_of(path))
+            done = part.done.values == 1
+            kept.add(int(done.sum()))
+            if done.any():
+                assert (part.steps.values[done] == reference.steps.values[done]).all()
+        with sweep.run(spec, path, **options) as ds:
+            xr.testing.assert_identical(data_of(ds), reference)
+        assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+        path.unlink()
+        call += 1
+    print(f"{places} kills, one before each call")
+    assert places > 25 and kept >= {0, 8, 16, 20}
+
+
+def killed_at(call, spec, path, options):
+    """A sweep that kills its process before its call number `call` of `CALLS`."""
+    left = iter(range(call + 1))
+
+    def deadly(function):
+        def wrapped(*args, **kwargs):
+            if next(left, None) == call:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return function(*args, **kwargs)
+
+        return wrapped
+
+    for name in CALLS:
+        setattr(os, name, deadly(getattr(os, name)))
+    sweep.run(spec, path, **options)
+
+
 def subprocess_fork(spec, path, delay):
     """Process id of a child that resumes the sweep, each block taking `delay` seconds."""
+    return fork(lambda: slow_sweep(spec, path, delay, resume=True))
+
+
+def fork(work):
+    """Process id of a child that does `work` and ends."""
     import warnings
 
     with warnings.catch_warnings():
@@ -382,7 +518,7 @@ def subprocess_fork(spec, path, delay):
         child = os.fork()
     if child == 0:
         try:
-            slow_sweep(spec, path, delay, resume=True)
+            work()
         finally:
             os._exit(0)
     return child
@@ -570,6 +706,17 @@ def test_another_specification_is_refused_and_the_difference_named(tmp_path):
     run(make_spec(), path, resume=True)
 
 
+@pytest.mark.parametrize("name", ["wiperjax", "jax", "numpy", "precision"])
+def test_a_sweep_by_other_software_is_refused(tmp_path, name, monkeypatch):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    partial(path, spec, 2)
+    made = work.made_by(spec)
+    monkeypatch.setattr(work, "made_by", lambda spec: made | {name: "other"})
+    with pytest.raises(StoreError, match=f"{name} was {re.escape(made[name])}, now other"):
+        run(spec, path, resume=True)
+    assert len(block_files(path)) == 2
+
+
 @pytest.mark.parametrize("name", ["precision", "jax"])
 def test_another_version_or_precision_is_refused(tmp_path, name):
     path, spec = tmp_path / "map.h5", make_spec()
@@ -742,7 +889,7 @@ def test_a_file_size_limit_is_an_error_like_a_full_disk(tmp_path):
 # --- reading meanwhile, reading after -------------------------------------------------------------
 
 
-def test_an_unfinished_store_opens_with_a_mask(tmp_path):
+def test_an_unfinished_store_opens_with_a_mask(tmp_path, capsys):
     spec, path = make_spec(), tmp_path / "map.h5"
     with open_store(path, spec) as store:
         fill(store, spec, [1, 7])
@@ -759,6 +906,12 @@ def test_an_unfinished_store_opens_with_a_mask(tmp_path):
     assert list(mapfile.open_partial(parts_of(path), ["label"]).data_vars) == ["label", "done"]
     with pytest.raises(StoreError, match="not the folder of an unfinished sweep"):
         mapfile.open_partial(tmp_path)
+    xr.testing.assert_identical(open_map(parts_of(path)), ds)
+    with pytest.raises(StoreError, match="is not a finished map"):
+        verify(parts_of(path), evaluate=evaluate)
+    assert main(["info", str(parts_of(path))]) == 0
+    said = capsys.readouterr().out
+    assert "cells_done: 85" in said and "squeal " in said and "not_computed" not in said
 
 
 def test_files_that_are_no_maps(tmp_path):

@@ -22,6 +22,7 @@ from .results import Result as Result  # noqa: E402
 from .solve import solve as solve  # noqa: E402
 from .spec import load_scene as load_scene  # noqa: E402
 from .spec import load_sweep as load_sweep  # noqa: E402
+from .storage import open_map as open_map  # noqa: E402
 from .system import AbstractSystem as AbstractSystem  # noqa: E402
 from .trajectory import simulate as simulate  # noqa: E402
 from .verification import verify as verify  # noqa: E402

@@ -36,7 +36,7 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     Beside columns of `dataset.SCHEMA`: ``signal`` (cells, samples), the tip velocity [m/s] at
     ``sample_interval`` [s], and ``occupancy`` of the batch.
     """
-    devices = jax.devices()
+    devices = _devices()
     shares = len(devices)
     run = spec.run
     # every call of a sweep has the same shapes (one compilation): short blocks are filled up
@@ -51,8 +51,6 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     )
     varying, fixed = eqx.partition(cells, eqx.is_array)
     settings = _settings(spec)
-    if devices[0].platform == "cpu":
-        devices = devices[:1] * shares  # one compilation; a thread for each share fills a core
 
     def compute(share):
         # neighbours cost alike: deal the cells out like cards, so that the shares end together
@@ -110,6 +108,14 @@ class _Settings(NamedTuple):
 def _settings(spec) -> _Settings:
     given = {name: getattr(spec.run, name) for name in _Settings._fields[:-1]}
     return _Settings(**given, reversal_window=spec.classes.reversal_window)
+
+
+def _devices() -> list:
+    """Return the device of each share of a block: every accelerator; or, for each of the host's
+    devices, the first of them: one compilation, and a thread for each share fills a core.
+    """
+    devices = jax.devices()
+    return devices[:1] * len(devices) if devices[0].platform == "cpu" else devices
 
 
 def _capacity(cells: int, shares: int) -> int:

@@ -207,7 +207,10 @@ def plot(
 
 @app.command()
 def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a run.")]) -> None:
-    """Show what a file holds, how it was made, and the classes of a map."""
+    """Show what a file holds, how it was made, and the classes of a map.
+
+    Of a map that is not finished, give the folder FILE.h5.parts.
+    """
     from wiperjax.labels import class_table
     from wiperjax.storage import open_map
 
@@ -256,7 +259,9 @@ def verify(
 
 
 def _check_input(path: Path) -> None:
-    """Raises OSError if `path` cannot be opened for reading."""
+    """Raises OSError if `path`, a file or the folder of an unfinished map, cannot be opened."""
+    if path.is_dir():
+        return
     with path.open("rb"):
         pass
 
@@ -312,6 +317,9 @@ def _print_events(dataset: Any) -> None:
     if "event_count" not in dataset:
         return
     count, room = dataset["event_count"].values, dataset.sizes["event"]
+    count = count[count >= 0]  # cells that are computed
+    if not count.size:
+        return
     cut = int((dataset["event_overflow"].values == 1).sum())
     print(f"events: {count.sum(dtype=int)} in the settled windows, {count.max()} in the fullest;")
     print(f"    the log has room for {room} of a cell, {cut} of {count.size} cells had more")

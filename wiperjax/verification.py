@@ -66,6 +66,8 @@ def verify(
 
     Raises: `StoreError` if `path` is no map, or `spec` is not what it was made from.
     """
+    if Path(path).is_dir():
+        raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
     with open_map(path) as ds:
         if "specification_digest" not in ds.attrs:
             raise StoreError(f"{path}: is not a map (it holds no specification)")
