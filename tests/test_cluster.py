@@ -211,6 +211,7 @@ def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
     compiled once.
     """
     cache = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path / "cache")}
+    calm = {"TF_CPP_MIN_LOG_LEVEL": "3"}  # XLA complains of compilations over two minutes
     (tmp_path / "s.toml").write_text(textwrap.dedent(SWEEP))
     ways = {
         "one": ["--workers", "1"],
@@ -225,7 +226,7 @@ def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
             [sys.executable, "-m", "wiperjax", *map(str, words)],
             capture_output=True,
             text=True,
-            env=cache | stub.environment(),
+            env=cache | stub.environment() | calm,
             cwd=Path(__file__).parent,
         )
         assert ran.returncode == 0, ran.stderr
