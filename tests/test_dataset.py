@@ -19,6 +19,7 @@ DATA_SIDE = (
     "dataset",
     "storage",
     "blocks",
+    "manifest",
     "mapfile",
     "labels",
     "spectrum",

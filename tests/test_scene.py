@@ -9,6 +9,7 @@ import pytest
 
 import wiperjax
 from wiperjax import plots, scene, storage
+from wiperjax.parameters import PARAMETERS
 from wiperjax.results import Event, Regime
 from wiperjax.spec import load_scene, parse_scene, parse_sweep
 from wiperjax.spec_tables import Start
@@ -74,6 +75,22 @@ def test_impossible_wipers_are_refused(parameters, kind, text):
     with pytest.raises(ValueError) as refused:
         scene.build_wiper(parameters, kind)
     assert text in str(refused.value)
+
+
+BLADE = [entry for entry in PARAMETERS.values() if entry.table == "blade"]
+
+
+@pytest.mark.parametrize("entry", BLADE, ids=lambda entry: entry.name)
+def test_files_allow_what_the_wiper_allows(entry):
+    """At both ends of each range: else a file passes its check and fails later, without a name."""
+    assert entry.problem(entry.low) is None or entry.low_open
+    for end, refused in ((entry.low, entry.low_open), (entry.high, entry.high_open)):
+        value = {entry.name: float(entry.to_si(end))}
+        if refused:
+            with pytest.raises(ValueError, match=f"^{entry.name} must"):
+                scene.build_wiper(value, "steady")
+        else:
+            scene.build_wiper(value, "steady")
 
 
 def test_starts():

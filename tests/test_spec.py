@@ -119,7 +119,7 @@ def test_defaults_of_run_start_and_classes():
     spec = sweep(ONE_AXIS)
     assert (spec.run.rtol, spec.run.precision, spec.run.solver) == (1e-6, "float64", "tsit5")
     assert (spec.run.max_steps, spec.run.zeno_time, spec.run.samples) == (200_000, 1e-8, 2048)
-    assert spec.run.atol is None and spec.run.max_events is None
+    assert spec.run.atol is None and spec.run.event_log is None
     assert spec.start.kind == "default"
     assert spec.classes.squeal_band == (500.0, 1000.0)
     assert spec.classes.chatter_band == (0.0, 100.0)

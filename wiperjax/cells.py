@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .belts import SteadyBelt
-from .dataset import raster_index
+from .dataset import NONE, raster_index
 from .lanes import Outcome, Pool, run_pool
 from .noise import ReversalTotals
 from .observers import RegimeTotals
@@ -18,6 +18,7 @@ from .sampling import SAMPLES_PER_STEP, Signal
 from .scene import SOLVERS, build_wiper, start_state
 from .solve import make_problem
 from .stability import steady_slip
+from .state import EventLog
 from .wiper import Wiper
 
 LANES = {"float64": 512, "float32": 1024}  # a device, at most: as much as its cache holds
@@ -36,7 +37,7 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     Beside columns of `dataset.SCHEMA`: ``signal`` (cells, samples), the tip velocity [m/s] at
     ``sample_interval`` [s], and ``occupancy`` of the batch.
     """
-    devices = jax.devices()
+    devices = _devices()
     shares = len(devices)
     run = spec.run
     # every call of a sweep has the same shapes (one compilation): short blocks are filled up
@@ -51,16 +52,14 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     )
     varying, fixed = eqx.partition(cells, eqx.is_array)
     settings = _settings(spec)
-    if devices[0].platform == "cpu":
-        devices = devices[:1] * shares  # one compilation; a thread for each share fills a core
 
     def compute(share):
         # neighbours cost alike: deal the cells out like cards, so that the shares end together
         mine = jax.tree.map(lambda x: np.asarray(x)[share::shares] if x.ndim else x, varying)
-        count = jnp.asarray(len(index[share::shares]), jnp.int32)
-        mine, count = jax.device_put((mine, count), devices[share])
+        numbers = (jnp.int32(len(index[share::shares])), jnp.int32(run.max_steps))
+        mine, (count, max_steps) = jax.device_put((mine, numbers), devices[share])
         wiper, position, velocity = eqx.combine(mine, fixed)
-        found = _compute(wiper, position, velocity, count, settings)
+        found = _compute(wiper, position, velocity, count, max_steps, settings)
         return jax.tree.map(np.asarray, found)
 
     with ThreadPoolExecutor(shares) as pool:
@@ -75,6 +74,8 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     columns["signal"] = signal.output
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
+    if outcome.log is not None:
+        columns |= _events(outcome.log, run)
     columns["sample_interval"] = run.window / run.samples
     columns["occupancy"] = float(useful / executed)
     linear = steady_slip(wiper, wiper.belt.peak)
@@ -98,16 +99,24 @@ class _Settings(NamedTuple):
     atol: float | None
     precision: str
     solver: str
-    max_steps: int
     zeno_time: float
     samples: int
     raster: int | None
+    event_log: int | None
     reversal_window: float
 
 
 def _settings(spec) -> _Settings:
     given = {name: getattr(spec.run, name) for name in _Settings._fields[:-1]}
     return _Settings(**given, reversal_window=spec.classes.reversal_window)
+
+
+def _devices() -> list:
+    """Return the device of each share of a block: every accelerator; or, for each of the host's
+    devices, the first of them: one compilation, and a thread for each share fills a core.
+    """
+    devices = jax.devices()
+    return devices[:1] * len(devices) if devices[0].platform == "cpu" else devices
 
 
 def _capacity(cells: int, shares: int) -> int:
@@ -134,7 +143,7 @@ def _full(pair, size, precision):
 
 
 @eqx.filter_jit
-def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, Any, Any]:
+def _compute(wiper, position, velocity, count, max_steps, s: _Settings) -> tuple[Outcome, Any, Any]:
     """Run the cells of one share. A program for one device: compiled for several together it
     would round otherwise, and a map would depend on the number of cores.
     """
@@ -157,7 +166,9 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
             SAMPLES_PER_STEP * FLOWS,
             s.raster is not None,
         ),
-        max_steps=s.max_steps,
+        max_events=s.event_log or 0,
+        log_start=s.transient,
+        max_steps=max_steps,
         max_step=SAMPLES_PER_STEP * interval,
         zeno_time=s.zeno_time,
         mark=s.transient,
@@ -171,6 +182,24 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
         kept = np.array(raster_index(s.samples, s.raster))
         signal = signal._replace(regime=signal.regime[:, kept])
     return outcome, signal, effort
+
+
+def _events(log: EventLog, run) -> dict[str, np.ndarray]:
+    """Columns of the event log; the room that a cell leaves empty holds NaN and `dataset.NONE`."""
+    used = np.arange(run.event_log) < log.count[:, None]
+
+    def code(values):
+        return np.where(used, values, NONE).astype(np.uint8)
+
+    return {
+        "event_count": log.count,
+        "event_overflow": log.count > run.event_log,
+        "event_time": np.where(used, log.time - run.transient, np.nan),
+        "event_kind": code(log.kind),
+        "regime_before": code(log.before),
+        "regime_after": code(log.after),
+        "event_impulse": np.where(used, log.impulse, np.nan),
+    }
 
 
 def _columns(outcome: Outcome, run, wiper: Wiper, back) -> dict[str, np.ndarray]:

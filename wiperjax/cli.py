@@ -8,10 +8,13 @@ xarray, matplotlib) are imported inside the commands, after `launch.configure`, 
 import contextlib
 import importlib.metadata
 import os
+import resource
 import shlex
 import sys
+import time
 import traceback
 from collections.abc import Sequence
+from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -114,6 +117,7 @@ def sweep(
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from wiperjax.spec import load_sweep
 
+    begun = time.monotonic()
     if force and resume:
         raise ValueError("--force starts anew and --resume continues: give one of them")
     if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
@@ -150,7 +154,8 @@ def sweep(
         print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     _print_classes(class_table(dataset))
-    print(f"map      {output}")
+    _print_events(dataset)
+    print(f"map      {output}: {_cost(output, begun)}")
     if drawing is not None:
         from wiperjax.plots import plot_file
 
@@ -202,7 +207,10 @@ def plot(
 
 @app.command()
 def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a run.")]) -> None:
-    """Show what a file holds, how it was made, and the classes of a map."""
+    """Show what a file holds, how it was made, and the classes of a map.
+
+    Of a map that is not finished, give the folder FILE.h5.parts.
+    """
     from wiperjax.labels import class_table
     from wiperjax.storage import open_map
 
@@ -218,6 +226,7 @@ def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a r
                 print(f"{name}: {value}")
         if "label" in dataset:
             _print_classes(class_table(dataset))
+        _print_events(dataset)
 
 
 @app.command()
@@ -229,7 +238,7 @@ def verify(
     """Compute a random sample of the cells of a map again and compare."""
     _check_input(file)
     _configure(None)
-    from wiperjax.driver import verify as verify_map
+    from wiperjax.verification import verify as verify_map
 
     report = verify_map(file, cells, seed)
     if report.passed:
@@ -250,7 +259,9 @@ def verify(
 
 
 def _check_input(path: Path) -> None:
-    """Raises OSError if `path` cannot be opened for reading."""
+    """Raises OSError if `path`, a file or the folder of an unfinished map, cannot be opened."""
+    if path.is_dir():
+        return
     with path.open("rb"):
         pass
 
@@ -291,3 +302,24 @@ def _print_classes(table: Sequence[tuple[str, int, float]]) -> None:
     print(f"{'class':<12}{'cells':>9}{'share':>9}")
     for name, count, share in table:
         print(f"{name:<12}{count:>9}{share:>9.1%}")
+
+
+def _cost(output: Path, begun: float) -> str:
+    """What a file took: its size, the time since `begun`, and the most memory of this process."""
+    unit = 1 if sys.platform == "darwin" else 1024  # of the system's own number
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    elapsed = timedelta(seconds=round(time.monotonic() - begun))
+    return f"{output.stat().st_size / 1e6:.3g} MB, {elapsed}, {memory / 1e9:.2f} GB of memory"
+
+
+def _print_events(dataset: Any) -> None:
+    """What the event log of a map holds and what it had no room for."""
+    if "event_count" not in dataset:
+        return
+    count, room = dataset["event_count"].values, dataset.sizes["event"]
+    count = count[count >= 0]  # cells that are computed
+    if not count.size:
+        return
+    cut = int((dataset["event_overflow"].values == 1).sum())
+    print(f"events: {count.sum(dtype=int)} in the settled windows, {count.max()} in the fullest;")
+    print(f"    the log has room for {room} of a cell, {cut} of {count.size} cells had more")

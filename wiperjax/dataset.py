@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from .parameters import PARAMETERS
-from .results import RESULTS, Regime
+from .results import RESULTS, Event, Regime
 
 CONVENTIONS = "CF-1.11"
 LABELS = {
@@ -32,7 +32,9 @@ LABELS = {
     "failed": 6,
 }
 NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
-REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": 255}
+NONE = 255  # of an unsigned column: there is no such instant, no such event
+REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": NONE}
+EVENTS = {event.name.lower(): int(event) for event in Event if event != Event.NONE} | {"none": NONE}
 
 RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time")
 """Attributes that say how a map came to be; two runs of one sweep agree in everything else, bit for
@@ -73,7 +75,7 @@ class Column:
     def missing(self) -> Any:
         """Value of a cell that is not computed (yet)."""
         if np.dtype(self.dtype).kind == "u":
-            return np.iinfo(self.dtype).max
+            return NONE
         return np.nan if np.dtype(self.dtype).kind == "f" else NOT_COMPUTED
 
 
@@ -115,6 +117,22 @@ _TABLE = (
         "regime_raster", "uint8", "", "regime over time in the settled window", REGIMES,
         comment="none: the cell ended before", along="raster_time",
     ),
+    Column(
+        "event_count", "int32", "1", "events in the settled window",
+        comment="all of them, also those that the log has no room for",
+    ),
+    Column(
+        "event_overflow", "int8", "", "whether the cell had more events than its log has room for",
+        {"no": 0, "yes": 1}, comment="yes: the log has the first ones only",
+    ),
+    Column(
+        "event_time", "float64", "s", "time of the event since the start of the settled window",
+        along="event",
+    ),
+    Column("event_kind", "uint8", "", "kind of event", EVENTS, along="event"),
+    Column("regime_before", "uint8", "", "regime before the event", REGIMES, along="event"),
+    Column("regime_after", "uint8", "", "regime after the event", REGIMES, along="event"),
+    Column("event_impulse", "float64", "N s/m", "normal impulse of the event", along="event"),
 )  # fmt: skip
 
 SCHEMA: Mapping[str, Column] = {column.name: column for column in _TABLE}
@@ -169,6 +187,12 @@ def describe(spec: Any) -> dict[str, Any]:
             "values": [k * step for k in raster_index(spec.run.samples, instants)],
             "attrs": {"units": "s", "long_name": "time since the start of the settled window"},
         }
+    if (events := getattr(spec.run, "event_log", None)) is not None:
+        further["event"] = {
+            "values": list(range(events)),
+            "dtype": "int32",
+            "attrs": {"units": "1", "long_name": "number of the event in its cell, in time"},
+        }
     return {
         "shape": [int(n) for n in spec.shape],
         "coords": coords,
@@ -184,6 +208,7 @@ def _attributes(spec: Any) -> dict[str, Any]:
         "Conventions": CONVENTIONS,
         "title": spec.title or "stick, slip and flight of a wiper lip",
         "source": f"wiperjax {version('wiperjax')}",
+        "seed": "none: a sweep draws no random numbers",
     }
     units = []
     for name, value in sorted(meaning.get("fixed", {}).items()):
@@ -235,7 +260,7 @@ def build(
     """Map from the result of `describe` and flat columns; see `assemble`."""
     shape = tuple(description["shape"])
     coords = {
-        name: ((name,), np.array(entry["values"], dtype=np.float64), dict(entry["attrs"]))
+        name: ((name,), coordinate(entry), dict(entry["attrs"]))
         for name, entry in (description["coords"] | description["further_coords"]).items()
     }
     chosen = select(columns, int(np.prod(shape)))
@@ -249,6 +274,11 @@ def build(
     }
     attrs = dict(description["attrs"]) | dict(attributes or {})
     return xr.Dataset(variables, coords=coords, attrs=plain_attributes(attrs))
+
+
+def coordinate(entry: Mapping[str, Any]) -> np.ndarray:
+    """Values of one coordinate in the result of `describe`."""
+    return np.array(entry["values"], dtype=entry.get("dtype", "float64"))
 
 
 def dimensions(name: str, description: Mapping[str, Any]) -> tuple[str, ...]:

@@ -120,4 +120,5 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
     return [
         (name, found.get(code, 0), found.get(code, 0) / total)
         for code, name in (names | unnamed).items()
+        if code >= 0
     ]

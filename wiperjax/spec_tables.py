@@ -142,10 +142,11 @@ class SweepRun(Table):
         precision: of the state.
         solver: Runge-Kutta method.
         max_steps: step budget of one cell; a cell that spends it gets that result code.
-        max_events: event budget of one cell; None: no budget but that of steps.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
         samples: samples of the settled window.
         raster: instants of the settled window at which the regime is stored; None: it is not.
+        event_log: events of the settled window, from its start on, that are stored of each cell
+            (more are counted and flagged); None: none.
     """
 
     transient: NonNegative
@@ -155,10 +156,10 @@ class SweepRun(Table):
     precision: Literal["float64", "float32"] = "float64"
     solver: SolverName = "tsit5"
     max_steps: Count = 200_000
-    max_events: Count | None = None
     zeno_time: Positive = 1e-8
     samples: Annotated[int, Field(ge=16)] = 2048
     raster: Annotated[int, Field(ge=1, le=65536)] | None = None
+    event_log: Annotated[int, Field(ge=1, le=65536)] | None = None
 
     @model_validator(mode="after")
     def _precision_holds_the_tolerance(self) -> "SweepRun":

@@ -119,11 +119,16 @@ def write_dataset(ds: xr.Dataset, path: str | Path, force: bool = False) -> None
 
 def open_map(path: str | Path) -> xr.Dataset:
     """Dataset of a file that wiperjax wrote, read when used; close it, or use it in a `with`
-    statement.
+    statement. Of the folder `MAP.h5.parts` of an unfinished sweep, what is done: see
+    `mapfile.open_partial`.
 
     Raises: `StoreError` if there is no such file or it is no readable HDF5 file.
     """
     path = Path(path)
+    if path.is_dir():
+        from .mapfile import open_partial  # which is built on this module
+
+        return open_partial(path)
     if not path.exists():
         parts = parts_of(path)
         hint = f"; an unfinished sweep is in {parts}" if parts.is_dir() else ""
