@@ -1,4 +1,4 @@
-"""Pictures: they are made from every kind of dataset, show what they must, and refuse what they
+"""Pictures of maps: they show what they must, in colours that can be told apart, and refuse what they
 cannot draw.
 """
 
@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 
 matplotlib.use("Agg")
 
-from wiperjax import dataset, labels, plots, plots_axes, plots_run  # noqa: E402
-from wiperjax.results import RESULTS, Event, Regime  # noqa: E402
+from wiperjax import dataset, labels, mapfile, plots  # noqa: E402
+from wiperjax.plots import axes as plot_axes  # noqa: E402
+from wiperjax.plots import classes, line, palette, planes  # noqa: E402
+from wiperjax.results import RESULTS  # noqa: E402
 from wiperjax.spec import parse_sweep  # noqa: E402
 from wiperjax.storage import StoreError, write_dataset  # noqa: E402
 
@@ -93,70 +95,13 @@ def realistic_map(**size) -> xr.Dataset:
     return dataset.assemble(spec, columns)
 
 
-def bouncing_run() -> xr.Dataset:
-    """Run of the form that `wiperjax.simulate` returns: stick, slip and one short flight,
-    repeated.
-    """
-    time = np.linspace(0, 0.1, 2001)
-    phase = (time * 40) % 1
-    regime = np.select(
-        [phase < 0.7, phase < 0.8, phase < 0.9],
-        [Regime.STICK, Regime.SLIP_NEG, Regime.FLIGHT],
-        Regime.SLIP_POS,
-    )
-    x = 1e-3 * np.where(phase < 0.7, phase / 0.7, (1 - phase) / 0.3)
-    gap = np.where(regime == Regime.FLIGHT, 4e-3 * (phase - 0.8) * (0.9 - phase), 0.0)
-    position = np.column_stack([x, gap])
-    start = np.arange(4) / 40
-    order = [
-        (0.7, Event.RELEASE, 0, 2),
-        (0.8, Event.LIFT_OFF, 2, 3),
-        (0.9, Event.IMPACT, 3, 1),
-        (1.0, Event.CAPTURE, 1, 0),
-    ]
-    events = [
-        (t + p / 40, kind, before, after)
-        for t in start
-        for p, kind, before, after in order
-        if t + p / 40 < 0.1
-    ]
-    times, kinds, before, after = (np.array(column) for column in zip(*events, strict=True))
-
-    def flags(names):
-        codes = np.array([int(name) for name in names], dtype=np.int8)
-        return {
-            "flag_values": codes,
-            "flag_meanings": " ".join(name.name.lower() for name in names),
-        }
-
-    return xr.Dataset(
-        {
-            "position": (("time", "axis"), position, {"units": "m"}),
-            "velocity": (("time", "axis"), np.gradient(position, time, axis=0), {"units": "m/s"}),
-            "regime": ("time", regime.astype(np.int8), flags(Regime)),
-            "normal_force": (
-                "time",
-                np.where(regime == 3, 0.0, 15 + 5 * np.sin(250 * time)),
-                {"units": "N/m"},
-            ),
-            "friction_force": ("time", np.where(regime == 3, 0.0, -8.0), {"units": "N/m"}),
-            "event_time": ("event", times, {"units": "s"}),
-            "event_kind": ("event", kinds.astype(np.int8), flags(Event)),
-            "regime_before": ("event", before.astype(np.int8), flags(Regime)),
-            "regime_after": ("event", after.astype(np.int8), flags(Regime)),
-        },
-        coords={"time": ("time", time, {"units": "s"})},
-        attrs={"title": "a bouncing lip"},
-    )
-
-
 @pytest.fixture(scope="module")
 def small_map():
     return realistic_map(angles=17, loads=3, speeds=9)
 
 
 def test_overview_shows_every_class_the_boundary_and_physical_axes(small_map):
-    figure = plots.overview(small_map)
+    figure = plots.map_overview(small_map)
     texts = [text.get_text() for legend in _legends(figure) for text in legend.get_texts()]
     present = [name for name, count, _ in labels.class_table(small_map) if count]
     assert {"quiet", "squeal", "chattering", "other"} <= set(present)
@@ -192,8 +137,8 @@ def test_failed_and_collapsed_cells_are_hatched(small_map):
     broken["label"][-3:, :, :3] = dataset.LABELS["collapsed"]
     plots.class_map(broken, ax)
     hatches = {c.get_hatch() for c in ax.collections if c.get_hatch()}
-    assert hatches == {plots.CLASS_HATCHES["failed"][0], plots.CLASS_HATCHES["collapsed"][0]}
-    assert sum(len(c.get_paths()) for c in ax.collections if c.get_hatch()) == 18
+    assert hatches == {palette.HATCHES["failed"][0], palette.HATCHES["collapsed"][0]}
+    assert sum(len(c.get_paths()) for c in ax.collections if c.get_hatch()) == 6  # rows, not cells
 
 
 def test_class_map_draws_small_multiples_over_the_third_axis(small_map):
@@ -210,7 +155,7 @@ def test_maps_without_a_number_anywhere_are_still_drawn(small_map):
     for name in ("dominant_frequency", "velocity_rms", "growth_rate"):
         empty[name][:] = np.nan
     empty["label"][:] = dataset.LABELS["failed"]
-    plots.overview(empty).savefig("/dev/null", format="png")
+    plots.map_overview(empty).savefig("/dev/null", format="png")
 
 
 def test_edges_enclose_values_on_both_kinds_of_axis():
@@ -220,39 +165,9 @@ def test_edges_enclose_values_on_both_kinds_of_axis():
         np.array([3.0]),
         np.array([1.0, 2.0]),
     ):
-        border = plots_axes.edges(values)
+        border = plot_axes.edges(values)
         assert border.size == values.size + 1
         assert (border[:-1] < values).all() and (values < border[1:]).all()
-    assert plots_axes.is_geometric(np.geomspace(0.02, 1, 21))
-    assert not plots_axes.is_geometric(np.linspace(0.02, 1, 21))
-    assert not plots_axes.is_geometric(np.linspace(-40, 40, 41))
-
-
-def test_run_picture_has_bands_of_regime_and_marks_of_events():
-    run = bouncing_run()
-    spans = list(plots_run.regime_spans(run))
-    assert spans[0][2] == "stick" and spans[0][:2] == pytest.approx((0, 0.0175))
-    assert {name for *_, name in spans} == {"stick", "slip_neg", "flight", "slip_pos"}
-    assert all(a[1] == b[0] for a, b in zip(spans, spans[1:], strict=False))
-    sampled = list(plots_run.regime_spans(run.drop_dims("event")))
-    assert [name for *_, name in sampled] == [name for *_, name in spans]
-    figure = plots_run.run_figure(run)
-    texts = [text.get_text() for text in _legends(figure)[0].get_texts()]
-    assert "impact (4)" in texts and "flight" in texts
-    plots_run.phase_portrait(run.drop_dims("event"))
-
-
-def test_plot_file_picks_by_content(tmp_path, small_map):
-    write_dataset(small_map, tmp_path / "map.h5")
-    write_dataset(bouncing_run(), tmp_path / "run.h5")
-    for name in ("map", "run"):
-        plots.plot_file(tmp_path / f"{name}.h5", tmp_path / f"{name}.png", dpi=40)
-        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(StoreError, match="exists already"):
-        plots.plot_file(tmp_path / "map.h5", tmp_path / "map.png")
-    with pytest.raises(StoreError, match="ending"):
-        plots.plot_file(tmp_path / "map.h5", tmp_path / "map.xyz")
-    write_dataset(xr.Dataset({"a": ("n", [1.0])}), tmp_path / "other.h5")
-    with pytest.raises(StoreError, match="neither a map nor a run"):
-        plots.plot_file(tmp_path / "other.h5", tmp_path / "other.png")
-    assert not (tmp_path / "other.png").exists()
+    assert plot_axes.is_geometric(np.geomspace(0.02, 1, 21))
+    assert not plot_axes.is_geometric(np.linspace(0.02, 1, 21))
+    assert not plot_axes.is_geometric(np.linspace(-40, 40, 41))

@@ -20,7 +20,7 @@ import xarray as xr
 from . import dataset
 from .blocks import BlockStore
 from .spill import SpillFile
-from .storage import StoreError, log, replacing
+from .storage import StoreError, log, open_map, replacing
 
 CHUNK_CELLS = (
     32_768  # 256 KiB of float64: small enough for a slice along any axis, large enough to pack well
@@ -217,6 +217,15 @@ class _Reader:
             )
         self._times[number] = wall_time
         self._number, self._columns = number, columns
+
+
+def open_any(path: str | Path, variables: Sequence[str] | None = None) -> xr.Dataset:
+    """Dataset of a map or run (`open_map`), or of the folder of an unfinished sweep
+    (`open_partial`, with these variables).
+
+    Raises: `StoreError` as they do.
+    """
+    return open_partial(path, variables) if Path(path).is_dir() else open_map(path)
 
 
 def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> xr.Dataset:

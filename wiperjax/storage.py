@@ -126,7 +126,11 @@ def open_map(path: str | Path) -> xr.Dataset:
     path = Path(path)
     if not path.exists():
         parts = parts_of(path)
-        hint = f"; an unfinished sweep is in {parts}" if parts.is_dir() else ""
+        hint = (
+            f"; an unfinished sweep is in {parts}: name that to look at it"
+            if parts.is_dir()
+            else ""
+        )
         raise StoreError(f"{path}: does not exist{hint}")
     try:
         return xr.open_dataset(path, engine="h5netcdf")
