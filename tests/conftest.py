@@ -1,5 +1,9 @@
 """Shared by all tests: 64-bit numbers, which importing wiperjax switches on before any array."""
 
+from pathlib import Path
+
+import pytest
+
 import wiperjax  # noqa: F401
 
 

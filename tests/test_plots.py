@@ -1,5 +1,5 @@
-"""Pictures of maps: they show what they must, in colours that can be told apart, and refuse what they
-cannot draw.
+"""Pictures of maps: they show what they must, in colours that can be told apart, and refuse what
+they cannot draw.
 """
 
 import matplotlib
@@ -12,10 +12,9 @@ matplotlib.use("Agg")
 
 from wiperjax import dataset, labels, mapfile, plots  # noqa: E402
 from wiperjax.plots import axes as plot_axes  # noqa: E402
-from wiperjax.plots import classes, line, palette, planes  # noqa: E402
+from wiperjax.plots import classes, palette, planes  # noqa: E402
 from wiperjax.results import RESULTS  # noqa: E402
 from wiperjax.spec import parse_sweep  # noqa: E402
-from wiperjax.storage import StoreError, write_dataset  # noqa: E402
 
 
 def reference_spec(angles: int = 41, loads: int = 11, speeds: int = 21):
@@ -171,3 +170,155 @@ def test_edges_enclose_values_on_both_kinds_of_axis():
     assert plot_axes.is_geometric(np.geomspace(0.02, 1, 21))
     assert not plot_axes.is_geometric(np.linspace(0.02, 1, 21))
     assert not plot_axes.is_geometric(np.linspace(-40, 40, 41))
+
+
+def test_regime_map_names_what_occurs_in_the_motion(small_map):
+    shares = {
+        "steady_slip": (0.0, 0.0, 1e-9),
+        "slip_only": (0.0, 0.0, 0.2),
+        "stick_and_slip": (0.5, 0.0, 0.2),
+        "stick_slip_and_flight": (0.5, 0.1, 0.2),
+        "slip_and_flight": (0.0, 0.1, 0.2),
+        "stick_only": (1.0, 0.0, 1e-9),
+    }
+    cells = small_map.isel(attack_angle=slice(0, len(shares)), normal_load=[0], belt_speed=[0, 1])
+    cells = cells.copy(deep=True)
+    cells["label"][:] = dataset.LABELS["other"]
+    for k, (stick, flight, speed) in enumerate(shares.values()):
+        cells["stick_fraction"][k], cells["flight_fraction"][k] = stick, flight
+        cells["velocity_rms"][k] = speed * cells["belt_speed"].values
+    found = classes.motion(cells)
+    names = dataset.flag_names(found)
+    assert [names[int(code)] for code in found[:, 0, 0]] == list(shares)
+    cells["label"][0], cells["label"][1] = dataset.LABELS["failed"], dataset.LABELS["collapsed"]
+    found = classes.motion(cells)
+    assert [names[int(code)] for code in found[:2, 0, 1]] == ["failed", "collapsed"]
+    assert plots.regime_map(cells).shape == (1,)
+
+
+def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
+    at = {"attack_angle": 5.0, "normal_load": 17.5}
+    axes = plots.along_axis(small_map, at=at)
+    cells = small_map.sel(at)
+    loud = cells["label"].values != dataset.LABELS["quiet"]
+    offsets = np.concatenate([c.get_offsets() for c in axes[0].collections if _is_marks(c)])
+    drawn = offsets[np.isfinite(offsets[:, 1].filled(np.nan))]
+    assert drawn.shape[0] == loud.sum() > 0
+    expected = cells["dominant_frequency"].values[loud]
+    np.testing.assert_allclose(sorted(drawn[:, 1]), sorted(expected))
+    assert axes[2].get_ylim() == (0, 1) and axes[2].get_xlabel() == "belt speed (m/s)"
+    title = axes[0].figure.get_suptitle()
+    assert "attack angle 5°" in title and "normal load 17.5 N/m" in title
+    assert axes[0].figure.legends[0].get_texts()
+    other = plots.along_axis(small_map, along="attack_angle")
+    assert other[2].get_xlabel() == "attack angle (deg)"
+
+
+def _is_marks(collection):
+    return type(collection).__name__ == "PathCollection"
+
+
+def test_raster_shows_the_regime_over_time(small_map):
+    times = np.arange(4) * 0.01
+    codes = np.arange(small_map["label"].size * 4).reshape(*small_map["label"].shape, 4) % 4
+    raster = dataset.SCHEMA["regime_raster"]
+    dims = (*small_map["label"].dims, "raster_time")
+    ds = small_map.assign_coords(raster_time=("raster_time", times))
+    ds["regime_raster"] = (dims, codes.astype(np.uint8), raster.attributes())
+    ds["regime_raster"][0] = 255  # ended before
+    ax = plots.regime_raster(ds, along="attack_angle")
+    values = ax.collections[0].get_array()
+    assert values.shape == (17, 4) and values.mask[0].all() and not values.mask[1:].any()
+    np.testing.assert_array_equal(values[1:], codes[1:, 1, 4])
+    assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
+    with pytest.raises(ValueError, match="no regime over time"):
+        plots.regime_raster(small_map)
+
+
+def test_cuts_are_at_the_nearest_cell_and_said(small_map):
+    plane, where = planes.cut(small_map, ("attack_angle", "belt_speed"), {"normal_load": 6.0})
+    assert float(plane.normal_load) == 5.0 and where == "normal load 5 N/m"
+    for at, line_ in (
+        ({"normal_load": 90.0}, "normal_load must lie inside 5 ... 30, was 90"),
+        ({"lip_length": 1.0}, "'lip_length' is no axis of this map; it has attack_angle"),
+        ({"belt_speed": 0.1}, "'belt_speed' is an axis of the picture"),
+    ):
+        with pytest.raises(ValueError, match=line_):
+            planes.cut(small_map, ("attack_angle", "belt_speed"), at)
+    with pytest.raises(ValueError, match="'impact' is not in this map; it holds label"):
+        plots.value_map(small_map, "impact")
+
+
+def test_speckled_maps_are_not_hatched_cell_by_cell():
+    ax = Figure().subplots()
+    speckle = (np.indices((300, 300)).sum(axis=0) % 2).astype(bool)
+    classes._hatch(ax, np.arange(301.0), np.arange(301.0), speckle, "xxxx", "#000000")
+    assert not ax.collections
+    classes._hatch(ax, np.arange(301.0), np.arange(301.0), ~speckle | True, "xxxx", "#000000")
+    assert len(ax.collections[0].get_paths()) == 300
+
+
+def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypatch):
+    partial = small_map.copy(deep=True)
+    codes = partial["label"].attrs["flag_values"]
+    partial["label"].attrs["flag_values"] = np.append(codes, np.int8(-1))
+    partial["label"].attrs["flag_meanings"] += " not_computed"
+    partial["label"][8:] = dataset.NOT_COMPUTED
+    partial.attrs |= {"cells": 459, "cells_done": 216}
+    parts = tmp_path / "map.h5.parts"
+    parts.mkdir()
+    monkeypatch.setattr(mapfile, "open_partial", lambda path, variables: partial)
+    for picture in ("overview", "regimes"):
+        plots.plot_file(parts, tmp_path / f"{picture}.png", picture=picture, dpi=30)
+    texts = [entry.get_label() for entry in classes.category_legend(partial)]
+    assert "not computed" in texts
+    assert "unfinished sweep: 216 of 459 cells" in plots.class_map(partial)[0].figure.get_suptitle()
+
+
+# Machado, Oliveira and Fernandes 2009, severity 1, on linear RGB.
+SIGHT = {
+    "usual": np.eye(3),
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "tritanopia": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.303900],
+    ],
+}
+
+
+def _lab(colour, sight):
+    """CIELAB of an sRGB colour as it is seen."""
+    rgb = np.array(matplotlib.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    to_xyz = np.array(
+        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750],
+         [0.0193339, 0.1191920, 0.9503041]]
+    )  # fmt: skip
+    seen = np.clip(np.asarray(sight) @ linear, 0, 1)
+    xyz = to_xyz @ seen / [0.95047, 1.0, 1.08883]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS"])
+def test_colours_are_told_apart_by_everybody(name, sight):
+    """A difference of 2 is just seen side by side; 15 is another colour. Hatched cells have their
+    pattern too.
+    """
+    colours = {k: v for k, v in getattr(palette, name).items() if k not in palette.HATCHES}
+    seen = {key: _lab(colour, SIGHT[sight]) for key, colour in colours.items()}
+    pairs = [(a, b) for a in seen for b in seen if a < b]
+    near = {pair: float(np.linalg.norm(seen[pair[0]] - seen[pair[1]])) for pair in pairs}
+    closest = min(near, key=lambda pair: near[pair])
+    assert near[closest] > 15, (closest, near[closest])
