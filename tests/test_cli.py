@@ -325,6 +325,7 @@ def test_the_command_line_alone_imports_nothing_heavy():
         ("plot there.h5 -o p.gif --all", "p.gif: must end in .png or .pdf or .svg"),
         ("plot there.h5 -o p.png --all -p phase", "--all draws every picture and --picture one"),
         ("plot there.h5 -o p.png --at load", "--at must be AXIS=NUMBER, such as normal_load=15"),
+        ("plot half.h5 -o p.png", "half.h5: is not finished; name half.h5.parts to look at what"),
         ("listen there.h5 -o drawn.png", "drawn.png: must end in .wav"),
         ("plot none.h5 -o p.png", "none.h5: No such file or directory"),
         ("info none.h5", "none.h5: does not exist"),
@@ -337,6 +338,7 @@ def test_refused_before_any_work(words, line, folder, stubs, capsys):
     Path("there.h5").write_bytes(b"precious")
     Path("drawn.png").write_bytes(b"precious")
     Path("folder.h5").mkdir()
+    Path("half.h5.parts").mkdir()
     before = files(folder)
     assert failed(capsys, main(words.split())).startswith(f"wiperjax: {line}")
     assert stubs.calls == [] and files(folder) == before

@@ -387,9 +387,14 @@ def verify(
 
 
 def _check_input(path: Path) -> None:
-    """Raises OSError if `path` cannot be opened for reading, unless it is an unfinished sweep."""
+    """Raises OSError or StoreError if `path` can be neither read nor is an unfinished sweep."""
     if path.is_dir() and path.suffix == ".parts":
         return
+    if not path.exists():
+        from wiperjax.storage import StoreError, parts_of
+
+        if (parts := parts_of(path)).is_dir():
+            raise StoreError(f"{path}: is not finished; name {parts} to look at what there is")
     with path.open("rb"):
         pass
 

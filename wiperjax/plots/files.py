@@ -179,7 +179,7 @@ def plot_file(
     ending = output.suffix.lower()
     if picture is None and ending in animation.WRITERS:
         picture = "animation"
-    with opened(path) as (ds, kind):
+    with opened(path, raster=picture == "raster") as (ds, kind):
         chosen = _chosen(kind, picture or "overview", path)
         _check_ending(output, picture == "animation")
         check_output(output, force)
@@ -226,12 +226,14 @@ def plot_all(
 
 
 @contextlib.contextmanager
-def opened(path: str | Path) -> Iterator[tuple[xr.Dataset, str]]:
+def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset, str]]:
     """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map` or `run`.
+
+    Of an unfinished sweep, which is read into memory, only with `raster` what is large.
 
     Raises: `StoreError` if it is neither, or no cell is computed yet.
     """
-    cellwise = [name for name, column in SCHEMA.items() if not column.along]
+    cellwise = [name for name, column in SCHEMA.items() if raster or not column.along]
     with open_any(path, cellwise) as ds:
         if "label" in ds:
             yield ds, "map"

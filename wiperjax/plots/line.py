@@ -198,7 +198,20 @@ def regime_raster(
     set_axis(ax, "y", line[along])
     ax.set_xlabel("time in the settled window (ms)")
     if whole:
-        handles = [Patch(color=REGIMES[names[c]], label=readable(names[c])) for c in order]
+        seen = [code for code in order if (codes == code).any()]
+        handles = [Patch(color=REGIMES[names[c]], label=readable(names[c])) for c in seen]
         ax.figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-        set_caption(ax.figure, ds, where)
+        set_caption(ax.figure, ds, where, _coarse(line, float(np.diff(time).mean())))
     return ax
+
+
+def _coarse(line: xr.Dataset, step: float) -> str:
+    """How far apart (ms) the instants of a raster lie, and whether that is too far for the tone."""
+    tones = (
+        np.asarray(line["dominant_frequency"], dtype=float) if "dominant_frequency" in line else []
+    )
+    tone = np.nanmax(tones, initial=0.0) if np.isfinite(tones).any() else 0.0
+    text = f"an instant every {step:.3g} ms"
+    if 2e-3 * step * tone > 1:
+        text += f": too few for {tone:.4g} Hz, the pattern is beats"
+    return text
