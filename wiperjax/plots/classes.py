@@ -1,5 +1,6 @@
 """Maps of what is discrete: the noise class of each cell, or the regimes its motion consists of."""
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -197,12 +198,13 @@ def category_map(
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     category_panels(ds, axes, x, y, panel, count, at, variable)
     handles = category_legend(ds, variable)
+    width = figure.get_figwidth()
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=max(2, min(len(handles), 2 * columns)),
+        ncols=min(len(handles), int(width / 2.0)),
         frameon=False,
-        title=footnote(ds) if columns > 1 else None,
+        title=textwrap.fill(footnote(ds), int(16 * width)),
         title_fontsize="x-small",
     )
     set_caption(figure, ds)
