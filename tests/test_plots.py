@@ -196,6 +196,22 @@ def test_regime_map_names_what_occurs_in_the_motion(small_map):
     assert plots.regime_map(cells).shape == (1,)
 
 
+def test_mechanism_map_shows_also_what_failed(small_map):
+    names = list(palette.MECHANISMS)
+    codes = xr.zeros_like(small_map["label"])
+    codes[:] = np.arange(codes.size).reshape(codes.shape) % len(names)
+    codes.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
+    ds = small_map.assign(mechanism=codes)
+    ds["label"] = ds["label"].copy(deep=True)
+    ds["label"][0] = dataset.LABELS["failed"]
+    axes = plots.mechanism_map(ds)
+    texts = [text.get_text() for text in axes[0].figure.legends[0].get_texts()]
+    share = float((ds["label"] == dataset.LABELS["failed"]).mean())
+    assert f"failed ({share:.1%})" in texts
+    assert any(text.startswith("self excited slip (") for text in texts)
+    assert any(text.startswith("quiet (") for text in texts)
+
+
 def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
     at = {"attack_angle": 5.0, "normal_load": 17.5}
     axes = plots.along_axis(small_map, at=at)
@@ -311,7 +327,7 @@ def _lab(colour, sight):
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS"])
+@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS"])
 def test_colours_are_told_apart_by_everybody(name, sight):
     """A difference of 2 is just seen side by side; 15 is another colour. Hatched cells have their
     pattern too.

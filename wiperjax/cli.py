@@ -23,9 +23,9 @@ PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
 SOUND_SUFFIXES = (".wav",)
 PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map or a run.\n\n"
-    "Pictures of a map: overview, classes, regimes (over two axes and a third), frequency, value "
-    "(over two axes), line (along one axis: frequency, amplitude, regimes), raster (regime over "
-    "time).\n\n"
+    "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
+    "frequency, value (over two axes), line (along one axis: frequency, amplitude, regimes), "
+    "raster (regime over time).\n\n"
     "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
     "spectrogram, animation."
 )

@@ -6,6 +6,7 @@ there. Angles are degrees, positions millimetres. No jax here.
 
 from .animation import animate as animate
 from .classes import class_map as class_map
+from .classes import mechanism_map as mechanism_map
 from .classes import motion as motion
 from .classes import regime_map as regime_map
 from .files import PICTURES as PICTURES

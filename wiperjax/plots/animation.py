@@ -35,13 +35,14 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
 
     Raises: `ValueError` for a run that is not of a wiper.
     """
-    if "lip_length" not in ds.attrs or "belt_velocity" not in ds:
+    if ds.attrs.get("system") not in ("Wiper", "Bar") or "lip_length" not in ds.attrs:
         raise ValueError("the run must be of a Wiper: only its lip can be drawn")
     length = 1e3 * float(ds.attrs["lip_length"])  # mm
     time = np.asarray(ds["time"], dtype=float)
     frames = int(min(max(2, round(seconds * FRAMES_PER_SECOND)), time.size))
     chosen = np.linspace(0, time.size - 1, frames).round().astype(int)
     tip = 1e3 * np.asarray(ds["position"])
+    tip = np.column_stack([tip, 0 * tip]) if tip.shape[1] == 1 else tip  # a bar stays on the glass
     hinge = tip[:, 1] + np.sqrt(np.maximum(length**2 - tip[:, 0] ** 2, 0.0))
     belt = np.asarray(ds["belt_velocity"], dtype=float)
     travel = 1e3 * np.concatenate([[0.0], np.cumsum(0.5 * (belt[1:] + belt[:-1]) * np.diff(time))])

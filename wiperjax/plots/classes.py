@@ -15,10 +15,10 @@ from ..dataset import LABELS, NOT_COMPUTED, flag_names
 from ..labels import class_table
 from .axes import edges, page, set_axis, shown
 from .caption import footnote, set_caption
-from .palette import BOUNDARY, CLASSES, HATCHES, MOTIONS, UNKNOWN, readable
+from .palette import BOUNDARY, CLASSES, HATCHES, MECHANISMS, MOTIONS, UNKNOWN, readable
 from .planes import At, check_dim, choose_plane, cut, map_dims, stability_boundary
 
-COLOURS = MOTIONS | CLASSES
+COLOURS = MOTIONS | MECHANISMS | CLASSES
 MOST_HATCHED = 20_000  # pieces; beyond, cells are finer than the pattern, and colour must do
 
 
@@ -121,7 +121,7 @@ def category_legend(
         if count:
             text = f"{readable(name)} ({share:.1%})" if shares else readable(name)
             handles.append(_swatch(name, text))
-    if (np.asarray(ds["label"]) == NOT_COMPUTED).any() and variable == "label":
+    if (np.asarray(ds["label"]) == NOT_COMPUTED).any() and variable != "motion":
         handles.append(_swatch("not_computed", "not computed"))
     if boundary and "growth_rate" in ds:
         handles.append(
@@ -154,6 +154,23 @@ def class_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.ndar
 def regime_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.ndarray:
     """Regimes that the settled motion consists of (`motion`) over two axes; see `category_map`."""
     return category_map(ds.assign(motion=motion(ds)), "motion", ax, **options)
+
+
+def mechanism_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.ndarray:
+    """What keeps the motion going (the column `mechanism`) over two axes; see `category_map`."""
+    names = flag_names(ds["mechanism"])
+    codes = np.asarray(ds["mechanism"], dtype=np.int8).copy()
+    ended = np.asarray(ds["label"])
+    for name in ("failed", "collapsed"):  # these have no motion to speak of, and are not quiet
+        extra = np.int8(max(names) + 1)
+        codes[ended == LABELS[name]] = extra
+        names[int(extra)] = name
+    attrs = {
+        "flag_values": np.array(list(names), dtype=np.int8),
+        "flag_meanings": " ".join(names.values()),
+    }
+    marked = ds["mechanism"].copy(data=codes).assign_attrs(attrs)
+    return category_map(ds.assign(mechanism=marked), "mechanism", ax, **options)
 
 
 def category_map(

@@ -75,6 +75,12 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             _PLANE,
             _SHARES,
         ),
+        "mechanisms": Picture(
+            "what keeps the motion going, over two axes and a third",
+            classes.mechanism_map,
+            _PLANE,
+            ("mechanism",),
+        ),
         "frequency": Picture(
             "dominant frequency over two axes",
             planes.frequency_map,

@@ -158,9 +158,12 @@ def _unstable(line: xr.Dataset, axes: np.ndarray, across: np.ndarray) -> bool:
     scale = np.nanmedian(np.abs(growth)) if np.isfinite(growth).any() else 1.0
     known = np.isfinite(growth)
     bent = np.arcsinh(growth / (scale or 1.0))
+    cells = np.arange(across.size)
+    fine = np.linspace(0, across.size - 1, 20 * across.size)  # the border is between two cells
+    bent, place = np.interp(fine, cells, bent), np.interp(fine, cells, across)
     for ax in axes[:2]:
         ax.fill_between(
-            across, 0, 1, where=known & (bent > 0), interpolate=False, alpha=0.08,
+            place, 0, 1, where=bent > 0, alpha=0.08,
             color="#000000", linewidth=0, transform=ax.get_xaxis_transform(),
         )  # fmt: skip
     return bool((growth[known] > 0).any())

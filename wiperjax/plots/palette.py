@@ -20,6 +20,15 @@ HATCHES = {  # pattern and its colour
     "failed": ("xxxx", "#FFFFFF"),
     "not_computed": ("....", "#FFFFFF"),
 }
+MECHANISMS = {  # what keeps a motion going, as `labels` tells it
+    "none": CLASSES["quiet"],
+    "self_excited_slip": "#E69F00",
+    "stick_slip": "#332288",
+    "flight": "#56B4E9",
+    "carried": "#AA4499",
+    "reversal_pulse": CLASSES["reversal"],
+    "reversal_impulse": "#882255",
+}
 REGIMES = {
     "stick": "#332288",
     "slip_pos": "#E69F00",
@@ -38,6 +47,7 @@ MOTIONS = {  # what a settled motion consists of; named after the rarest regime 
     "not_computed": CLASSES["not_computed"],
 }
 NAMES = {
+    "none": "quiet",
     "slip_pos": "slip forward",
     "slip_neg": "slip backward",
     "stick_slip_and_flight": "stick, slip and flight",
