@@ -121,6 +121,7 @@ def test_pitch_and_last_periods():
     run = tone(800.0)
     assert runs.pitch(run) == pytest.approx(800.0, abs=0.01)
     assert np.isnan(runs.pitch(tone(800.0, amplitude=1e-4)))  # quiet beside the glass
+    assert np.isnan(runs.pitch(tone(8.0, seconds=0.4)))  # 1.6 periods in the second half
     assert runs.last_periods(run).sizes["time"] == run.sizes["time"]  # one regime: all is seen
     turning = run.assign(belt_velocity=0.5 * np.cos(4 * run.time))
     assert np.isnan(runs.pitch(turning)) and runs.settled(turning) is turning

@@ -11,6 +11,7 @@ from .dataset import flag_names
 from .spectrum import dominant_frequency
 
 QUIET = 0.01  # of the belt speed: what oscillates less has no period
+FEWEST_PERIODS = 2  # in the settled half: less is no period
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
 
 
@@ -125,7 +126,8 @@ def settled(ds: xr.Dataset) -> xr.Dataset:
 
 
 def pitch(ds: xr.Dataset) -> float:
-    """Dominant frequency (Hz) of the tip velocity in the settled half; NaN if it is quiet,
+    """Dominant frequency (Hz) of the tip velocity in the settled half; NaN if it is quiet
+    or has no two periods there,
     and on a belt that is not steady: there the stroke itself is the strongest line."""
     if not is_steady(ds):
         return float("nan")
@@ -135,7 +137,9 @@ def pitch(ds: xr.Dataset) -> float:
         scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
         if np.std(speed) <= QUIET * scale:
             return float("nan")
-    return float(dominant_frequency(speed, sample_interval(part)))
+    step = sample_interval(part)
+    frequency = float(dominant_frequency(speed, step))
+    return frequency if frequency * step * speed.size >= FEWEST_PERIODS else float("nan")
 
 
 def last_periods(ds: xr.Dataset, periods: float = 6.0) -> xr.Dataset:

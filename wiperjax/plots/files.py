@@ -219,10 +219,12 @@ def plot_all(
             check_output(target, force)
         for name, target in targets.items():
             chosen = PICTURES[kind][name]
+            if any(variable not in ds for variable in chosen.needs):
+                continue
             taken = {key: value for key, value in options.items() if key in chosen.options}
             try:
                 drawn = _drawn(ds, kind, name, chosen, path, taken)
-            except (ValueError, StoreError):
+            except ValueError:
                 if any(value is not None for value in taken.values()):
                     raise  # what was asked for does not fit
                 continue

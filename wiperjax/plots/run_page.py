@@ -112,7 +112,7 @@ def envelope(whole: xr.Dataset, ax: Axes, part: xr.Dataset) -> None:
 
 def _what(whole: xr.Dataset, part: xr.Dataset) -> str:
     tone = pitch(whole)
-    words = [f"{tone:.4g} Hz"] if np.isfinite(tone) else []
+    words = [f"{tone:.4g} Hz"] if np.isfinite(tone) and "belt_velocity" in whole else []
     span = float(part["time"][-1]) - float(part["time"][0])
     if span < 0.98 * float(whole["time"][-1] - whole["time"][0]):
         words.append(f"lower rows: the {1e3 * span:.3g} ms in the frame")
