@@ -10,6 +10,7 @@ from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 TURN = 6.283185307179586
@@ -21,6 +22,14 @@ class AbstractBelt(eqx.Module):
     @abstractmethod
     def velocity(self, time, piece):
         """V [m/s] at ``time`` [s] by the formula of piece ``piece``."""
+
+    def motion(self, time, piece):
+        """V [m/s] and V' [m/s^2] at ``time`` [s] by the formula of piece ``piece``."""
+
+        def velocity(t):
+            return jnp.broadcast_to(jnp.asarray(self.velocity(t, piece)), jnp.shape(t))
+
+        return jax.jvp(velocity, (time,), (jnp.ones_like(time),))
 
     @abstractmethod
     def break_time(self, piece):

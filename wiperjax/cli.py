@@ -28,6 +28,14 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+Model = Annotated[
+    str | None,
+    typer.Option(
+        metavar="block|bar|lip",
+        help="Model instead of the file's: a block on a belt, the lip held on the glass, or all.",
+        show_default="the file's, or lip",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 
 
@@ -110,6 +118,7 @@ def sweep(
     block: Annotated[
         int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
     ] = None,
+    model: Model = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from wiperjax.spec import load_sweep
@@ -118,7 +127,7 @@ def sweep(
         raise ValueError("--force starts anew and --resume continues: give one of them")
     if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
         raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
-    spec = load_sweep(file)
+    spec = load_sweep(file, model)
     _check_output(output, MAP_SUFFIXES, force or resume, file)
     drawing = output.with_suffix(".png") if picture else None
     if drawing is not None:
@@ -136,6 +145,7 @@ def sweep(
     command += [] if workers is None else ["--workers", str(workers)]
     command += [] if scheduler is None else ["--scheduler", scheduler]
     command += [] if local_cluster is None else ["--local-cluster", str(local_cluster)]
+    command += [] if model is None else ["--model", model]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     try:
         with contextlib.ExitStack() as stack:
@@ -163,11 +173,12 @@ def simulate(
     file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="What to simulate.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.h5", help="Run to make.")],
     force: Force = False,
+    model: Model = None,
 ) -> None:
     """Compute one trajectory: samples over time and every event."""
     from wiperjax.spec import load_scene
 
-    spec = load_scene(file)
+    spec = load_scene(file, model)
     _check_output(output, MAP_SUFFIXES, force, file)
 
     _configure(1)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from .observers import BOOLE, AbstractObserver, RegimeTotals, Totals
-from .results import Event
+from .results import Event, Regime
 from .system import Scalar
 
 
@@ -16,6 +16,8 @@ class ReversalRecord(NamedTuple):
     force_max_reversal: Scalar  # within the window around V = 0
     force_integral_stroke: Scalar  # outside it
     stroke_time: Scalar
+    stick_time_stroke: Scalar
+    flight_time_stroke: Scalar
     impulse_max_reversal: Scalar
     vibration_integral: Scalar  # of output^2 in the window after V = 0
     vibration_time: Scalar
@@ -33,7 +35,7 @@ class ReversalTotals(AbstractObserver):
 
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)
-        return ReversalRecord(self._regimes.init(dtype, shape), z, z, z, z, z, z)
+        return ReversalRecord(self._regimes.init(dtype, shape), *[z] * 8)
 
     def stretch(self, record, stretch):
         s = stretch
@@ -56,6 +58,8 @@ class ReversalTotals(AbstractObserver):
             jnp.where(on, jnp.maximum(record.force_max_reversal, peak), record.force_max_reversal),
             record.force_integral_stroke + integral(far * force),
             record.stroke_time + integral(far),
+            record.stick_time_stroke + jnp.where(s.regime == Regime.STICK, integral(far), 0.0),
+            record.flight_time_stroke + jnp.where(s.regime == Regime.FLIGHT, integral(far), 0.0),
             record.impulse_max_reversal,
             record.vibration_integral + integral(just_after * out * out),
             record.vibration_time + integral(just_after),

@@ -18,7 +18,8 @@ from pydantic import PrivateAttr, ValidationError, model_validator
 
 from wiperjax.parameters import BELTS, PARAMETERS
 from wiperjax.spec_errors import Fault, SpecError, sentence, unknown
-from wiperjax.spec_tables import Axis, Belt, Blade, Classes, SceneRun, Start, SweepRun, Table
+from wiperjax.spec_tables import Axis, Belt, Blade, Classes, ModelName, SceneRun, Start
+from wiperjax.spec_tables import SweepRun, Table
 
 __all__ = ["SceneSpec", "SpecError", "SweepSpec", "load_scene", "load_sweep"]
 __all__ += ["parse_scene", "parse_sweep"]
@@ -33,6 +34,7 @@ class _System(Table):
     """What sweeps and scenes share: the blade, the belt, the start."""
 
     title: str = ""
+    model: ModelName = "lip"  # which rung of `wiperjax.ladder` stands for the blade
     blade: Blade = Blade()
     belt: Belt = Belt()
     start: Start = Start()
@@ -118,11 +120,25 @@ class _System(Table):
             if abs(x) >= reach:
                 must = f"x must be shorter than the lip ({reach:g} m)"
                 raise Fault("start.position", f"{must}, was {x:g}")
+        if self.model != "lip":
+            self._check_rung(values, key_of)
         if kind == "trapezoid":
             ramp, half_period = values("belt_ramp").max(), 0.5 / values("belt_frequency").max()
             if ramp > half_period * (1 + 1e-12):  # rounding of a ramp written as 1/(2 f)
                 must = f"must be at most half a period ({half_period:g} s)"
                 raise Fault(key_of("belt_ramp"), f"{must}, was {ramp:g}")
+
+
+    def _check_rung(self, values, key_of) -> None:
+        """Raises Fault for what a model of one coordinate (`wiperjax.ladder`) cannot have."""
+        must = f"must be left out or 0 with model = {self.model!r}, which has no hinge mass"
+        if (largest := values("hinge_mass").max()) > 0:
+            raise Fault(key_of("hinge_mass"), f"{must}, was {largest:g}")
+        for key, unit in (("position", "m"), ("velocity", "m/s")):
+            pair = getattr(self.start, key)
+            if pair is not None and pair[1] != 0:
+                must = f"must be on the glass (y = 0) with model = {self.model!r}"
+                raise Fault(f"start.{key}", f"{must}, was {pair[1]:g} {unit}")
 
 
 class SweepSpec(_System):
@@ -208,6 +224,7 @@ class SweepSpec(_System):
             "axes": [[name, values.tolist()] for name, values in self.axes_values().items()],
             "fixed": self.fixed(),
             "belt": self.belt.kind,
+            "model": self.model,
             "start": self.start.model_dump(mode="json"),
             "run": self.run.model_dump(mode="json"),
             "classes": self.classes.model_dump(mode="json"),
@@ -237,14 +254,20 @@ class SceneSpec(_System):
 _Spec = TypeVar("_Spec", SweepSpec, SceneSpec)
 
 
-def load_sweep(path: str | Path) -> SweepSpec:
-    """Sweep of a TOML file. Raises: SpecError, one line that names file and key."""
-    return _load(SweepSpec, path)
+def load_sweep(path: str | Path, model: str | None = None) -> SweepSpec:
+    """Sweep of a TOML file, on the rung ``model`` instead of the file's own if given.
+
+    Raises: SpecError, one line that names file and key.
+    """
+    return _load(SweepSpec, path, model)
 
 
-def load_scene(path: str | Path) -> SceneSpec:
-    """Scene of a TOML file. Raises: SpecError, one line that names file and key."""
-    return _load(SceneSpec, path)
+def load_scene(path: str | Path, model: str | None = None) -> SceneSpec:
+    """Scene of a TOML file, on the rung ``model`` instead of the file's own if given.
+
+    Raises: SpecError, one line that names file and key.
+    """
+    return _load(SceneSpec, path, model)
 
 
 def parse_sweep(data: Mapping[str, Any], source: str = "sweep") -> SweepSpec:
@@ -257,7 +280,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> SceneSpec:
     return _parse(SceneSpec, data, source)
 
 
-def _load(model: type[_Spec], path: str | Path) -> _Spec:
+def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
     try:
         text = Path(path).read_text(encoding="utf-8")
         data = tomllib.loads(text)
@@ -267,7 +290,9 @@ def _load(model: type[_Spec], path: str | Path) -> _Spec:
         raise SpecError(f"{path}: is not a text file (UTF-8)") from None
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"{path}: is not valid TOML: {error}") from None
-    spec = _parse(model, data, str(path))
+    if model is not None:
+        data["model"] = model
+    spec = _parse(kind, data, str(path))
     spec._text = text
     return spec
 
