@@ -4,12 +4,9 @@ Remedies are those of `sweeps/remedies/`: the first cell of each file is its sce
 kind of belt are computed together.
 """
 
-import noises
 import numpy as np
 import pytest
 from noises import SWEEPS, Cases, changed, first_cell, parameters, remedies
-
-from wiperjax.spec import load_scene, load_sweep
 
 # scene -> (class, mechanism, frequency [Hz] and its tolerance), remedies as (parameter, value)
 STEADY = {
@@ -61,10 +58,9 @@ def evaluated(scenes, run_of):
 
 
 @pytest.fixture(scope="module")
-def cells():
-    found = evaluated(STEADY, "squeal")
-    found |= evaluated(WIPING, "reversal_sine")
-    return found | evaluated(TRAPEZOID, "reversal")
+def cells(steady_scenes):
+    turning = evaluated(WIPING, "reversal_sine") | evaluated(TRAPEZOID, "reversal")
+    return steady_scenes | turning
 
 
 SCENES = STEADY | WIPING | TRAPEZOID

@@ -292,7 +292,8 @@ FAULTS = {
     ),
     "[classes]\nzzz = 1\n" + ONE_AXIS: (
         "classes.zzz: unknown key; must be one of quiet_velocity_ratio, squeal_band, "
-        "chatter_band, reversal_window, reversal_ratio"
+        "chatter_band, reversal_window, reversal_ratio, "
+        "vibration_ratio, stick_share, settled_change"
     ),
     # ranges
     "[axes]\nattack_angle = { start = -95, stop = 95, num = 3 }\n" + RUN: (
@@ -484,7 +485,9 @@ def test_faults_of_scenes():
         parse_scene({"run": {"duration": 0}}, "s")
     with pytest.raises(SpecError, match=r"^s: run: is missing; the table must be there$"):
         parse_scene({}, "s")
-    with pytest.raises(SpecError, match=r"^s: axes: unknown key; must be one of title, blade"):
+    with pytest.raises(
+        SpecError, match=r"^s: axes: unknown key; must be one of title, model, blade"
+    ):
         parse_scene({"axes": {}, "run": {"duration": 1}}, "s")
     with pytest.raises(SpecError, match=r"^s: belt.frequency: is missing"):
         parse_scene({"belt": {"kind": "trapezoid"}, "run": {"duration": 1}}, "s")

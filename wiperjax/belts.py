@@ -48,6 +48,11 @@ class AbstractBelt(eqx.Module):
         return jnp.full_like(time, jnp.inf)
 
     @property
+    def wiping_frequency(self) -> Any:
+        """Frequency [Hz] of the belt's motion; 0 if it is steady."""
+        return 0.0
+
+    @property
     @abstractmethod
     def peak(self) -> Any:
         """Largest belt speed [m/s]: the scale of velocities."""
@@ -91,6 +96,10 @@ class WipingBelt(AbstractBelt):
     frequency: float
     phase: float = 0.0
 
+    @property
+    def wiping_frequency(self):
+        return self.frequency
+
     def velocity(self, time, piece):
         return self.amplitude * jnp.sin(TURN * self.frequency * time + self.phase)
 
@@ -129,6 +138,10 @@ class TrapezoidBelt(AbstractBelt):
     frequency: float
     ramp: float
     phase: float = 0.0
+
+    @property
+    def wiping_frequency(self):
+        return self.frequency
 
     def _zero(self, half):
         return (0.5 * half - self.phase / TURN) / self.frequency

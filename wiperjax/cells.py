@@ -45,7 +45,7 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
     wiper = build_wiper(spec.cells(padded), spec.belt.kind)
     system = on_rung(wiper, spec.model)
-    position, velocity = start_on_rung(system, start_state(wiper, spec.start))
+    position, velocity = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
     cells = (
         _arrays(system, run.precision),
         _full(position, size, run.precision),
@@ -82,7 +82,7 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
         times = run.transient + interval * np.arange(run.samples)
         per_cell = jax.tree.map(lambda x: _cellwise(x, back)[:, None], wiper.belt)
         columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
-        columns["wiping_frequency"] = _cellwise(wiper.belt.frequency, back)
+        columns["wiping_frequency"] = _cellwise(wiper.belt.wiping_frequency, back)
     columns["occupancy"] = float(useful / executed)
     linear = steady_slip(wiper, operating_speed(wiper.belt))
     columns["growth_rate"] = _cellwise(linear.growth_rate, back)

@@ -214,7 +214,7 @@ def plot(
 @app.command()
 def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a run.")]) -> None:
     """Show what a file holds, how it was made, and the classes of a map."""
-    from wiperjax.labels import class_table
+    from wiperjax.labels import anatomy, class_table, unsettled
     from wiperjax.storage import open_map
 
     with open_map(file) as dataset:
@@ -229,6 +229,45 @@ def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a r
                 print(f"{name}: {value}")
         if "label" in dataset:
             _print_classes(class_table(dataset))
+            if lost := unsettled(dataset):
+                print(f"not settled  {lost} cells: growing, dying or irregular (docs/classes.md)")
+            if "mechanism" in dataset:
+                for mechanism, band, count in anatomy(dataset):
+                    print(f"other: {count} cells of {mechanism}, band {band}")
+        elif "belt_kind" in dataset.attrs:
+            from wiperjax.assess import assess, words
+
+            found = assess(dataset)
+            for name, word in words(found).items():
+                print(f"{name:<12}{word}")
+            print(f"{'frequency':<12}{float(found['dominant_frequency']):.1f} Hz")
+
+
+@app.command()
+def ladder(
+    files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml...", help="Scenes.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="TABLE.md", help="Write it here.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
+    from wiperjax.spec import load_scene
+
+    for file in files:
+        load_scene(file)  # wrong ones are named before any work
+    if output is not None:
+        _check_output(output, (".md",), force, files[0])
+    _configure(1)
+    from wiperjax.compare import compare, preface, table
+
+    results = []
+    for file in files:
+        results.append(compare(file))
+        print(table(results[-1:], head=len(results) == 1), end="", flush=True)
+    if output is not None:
+        output.write_text(preface() + table(results), encoding="utf-8")
+        print(f"table    {output}")
 
 
 @app.command()

@@ -42,6 +42,11 @@ MECHANISMS = {
 }
 BANDS = {"none": 0, "chatter": 1, "low": 2, "squeal": 3, "high": 4}
 SETTLED = {"no": 0, "yes": 1, "unknown": 2}
+DEFAULT_STARTS: Mapping[str, str] = {
+    "lip": "touching at the attack angle, at rest",
+    "bar": "touching at the attack angle, at rest",
+    "block": "at rest where the spring is relaxed",
+}
 NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
 REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": 255}
 
@@ -221,9 +226,7 @@ def _attributes(spec: Any) -> dict[str, Any]:
     attrs["belt_kind"] = str(meaning.get("belt", ""))
     attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
-    attrs["start"] = (
-        json.dumps(start, sort_keys=True) if start else "touching at the attack angle, at rest"
-    )
+    attrs["start"] = json.dumps(start, sort_keys=True) if start else DEFAULT_STARTS[attrs["model"]]
     for table, prefix in (("run", "run_"), ("classes", "class_")):
         for key, value in sorted((meaning.get(table) or {}).items()):
             if value is not None:

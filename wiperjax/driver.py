@@ -24,8 +24,8 @@ from .blocks import BlockStore
 from .mapfile import finalize
 from .progress import Report
 from .results import RESULTS
-from .spec import load_sweep, parse_sweep
 from .signals import signal_columns
+from .spec import load_sweep, parse_sweep
 from .storage import StoreError, check_output, open_map, parts_of
 
 if TYPE_CHECKING:

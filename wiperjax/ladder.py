@@ -14,6 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from scipy.optimize import root_scalar
 
 from .belts import AbstractBelt, SteadyBelt
 from .friction import AbstractFriction, Stribeck
@@ -61,7 +62,7 @@ class Bar(AbstractSystem):
         return self.lip.belt
 
     @property
-    def law(self) -> Stribeck:
+    def law(self) -> AbstractFriction:
         return self.lip.law
 
     def _free(self, t, q, v):
@@ -228,13 +229,51 @@ def block_of(wiper: Wiper) -> Block:
     )
 
 
-def start_on_rung(system: AbstractSystem, start):
+def unstable_speeds(block: Block) -> tuple[float, float]:
+    """Belt speeds (low, high) [m/s] between which steady slip of ``block`` is unstable.
+
+    Lyapunov's first method: m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 grows where mu'(V) is below
+    -c_b/N. The Stribeck curve is steepest at v_s ((delta - 1)/delta)^(1/delta), so that
+    the speeds form one interval; for delta = 1 it begins at rest and ends at
+    v_s ln((mu_s - mu_m) N/(v_s (c_b + beta N))). (nan, nan) if no speed is unstable; high is inf if
+    none is stable. The load is held at its value, as the block does.
+    """
+    law = block.friction
+    if not isinstance(law, Stribeck):
+        raise ValueError(f"block must have Stribeck friction, but had {type(law).__name__}")
+    scale, shape = float(law.stribeck_speed), float(law.shape)
+    fall = float(law.static - law.minimum) / scale
+    allowed = float(law.viscous_slope + block.damping / block.load)
+
+    def excess(u):  # -mu' of the falling part, less what damping and viscosity allow; u = V/v_s
+        return fall * shape * u ** (shape - 1) * np.exp(-(u**shape)) - allowed
+
+    top = ((shape - 1) / shape) ** (1 / shape)
+    if not excess(top) > 0:
+        return np.nan, np.nan
+    low = 0.0 if excess(0.0) > 0 else root_scalar(excess, bracket=(0.0, top), xtol=1e-15).root
+    if allowed <= 0:
+        return scale * low, np.inf
+    far = top + 1.0
+    while excess(far) > 0:
+        far *= 2
+    high = root_scalar(excess, bracket=(top, far), xtol=1e-15).root
+    return scale * low, scale * high
+
+
+def start_on_rung(system: AbstractSystem, start, kind: str):
     """Return ((x, ...), (x', ...)) of a lip's start ((x, y), (x', y')) for ``system``.
+
+    ``kind`` is that of a `spec_tables.Start`. The default start is phi = alpha for lip and bar. A
+    block has no such place (its spring is that of the steadily leaning lip, far from there, and
+    would throw it off): it starts at rest where its spring is relaxed.
 
     Raises ValueError for a start in the air on a rung that cannot leave the glass.
     """
     if isinstance(system, Wiper):
         return start
+    if isinstance(system, Block) and kind == "default":
+        return system.default_state()
     if any(np.any(np.asarray(part[1]) != 0) for part in start):
         raise ValueError("start must touch the glass at rest along y with model 'block' or 'bar'")
     return tuple(part[:1] for part in start)

@@ -49,7 +49,7 @@ def run(spec: SceneSpec) -> xr.Dataset:
     ds = simulate(
         system,
         asked.duration,
-        initial_state=start_on_rung(system, start),
+        initial_state=start_on_rung(system, start, spec.start.kind),
         solver=SOLVERS[asked.solver](),
         rtol=asked.rtol,
         atol=asked.atol,
@@ -67,7 +67,7 @@ def run(spec: SceneSpec) -> xr.Dataset:
         "belt_kind": spec.belt.kind,
         "start": json.dumps(spec.start.model_dump(mode="json", exclude_none=True), sort_keys=True)
         if spec.start.kind != "default"
-        else "touching at the attack angle, at rest",
+        else dataset.DEFAULT_STARTS[spec.model],
         "parameter_units": units_text({name: PARAMETERS[name].edge_unit for name in stated}),
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),

@@ -87,7 +87,9 @@ def settled(
         steady = np.abs(spread[1] - spread[0]) <= change * spread.max(axis=0)
         steady &= np.abs(pitch[1] - pitch[0]) <= change * pitch.max(axis=0)
     known = np.isfinite(spread).all(axis=0)
-    return np.where(known, np.where(silent | steady, SETTLED["yes"], SETTLED["no"]), SETTLED["unknown"])
+    return np.where(
+        known, np.where(silent | steady, SETTLED["yes"], SETTLED["no"]), SETTLED["unknown"]
+    )
 
 
 def stroke_weight(since: np.ndarray, window: float) -> np.ndarray:

@@ -18,8 +18,17 @@ from pydantic import PrivateAttr, ValidationError, model_validator
 
 from wiperjax.parameters import BELTS, PARAMETERS
 from wiperjax.spec_errors import Fault, SpecError, sentence, unknown
-from wiperjax.spec_tables import Axis, Belt, Blade, Classes, ModelName, SceneRun, Start
-from wiperjax.spec_tables import SweepRun, Table
+from wiperjax.spec_tables import (
+    Axis,
+    Belt,
+    Blade,
+    Classes,
+    ModelName,
+    SceneRun,
+    Start,
+    SweepRun,
+    Table,
+)
 
 __all__ = ["SceneSpec", "SpecError", "SweepSpec", "load_scene", "load_sweep"]
 __all__ += ["parse_scene", "parse_sweep"]
@@ -28,6 +37,23 @@ FORMAT = 1
 """Version of the meaning of a specification; part of its digest."""
 
 MAX_CELLS = 10**9
+
+FLIP = 1.5
+"""Lip lengths that the glass travels until a lip that lies on its shoulder has flipped over."""
+
+
+def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: float) -> float:
+    """Time [s] after V = 0 until the glass has travelled `FLIP` lip lengths; inf if it never does.
+
+    **Arguments:** `kind` of belt that reverses (`BELTS`), its peak speed [m/s], frequency [Hz] and
+    ramp [s] (of a trapezoid), and the lip's length [m].
+    """
+    way = FLIP * length
+    if kind == "trapezoid":
+        time = math.sqrt(way * ramp / speed)  # V = 2 V0 t/ramp up to t = ramp/2
+        return time if time <= ramp / 2 else ramp / 4 + way / speed
+    turn = 2 * math.pi * frequency
+    return math.acos(1 - way * turn / speed) / turn if way * turn <= 2 * speed else math.inf
 
 
 class _System(Table):
@@ -128,7 +154,6 @@ class _System(Table):
                 must = f"must be at most half a period ({half_period:g} s)"
                 raise Fault(key_of("belt_ramp"), f"{must}, was {ramp:g}")
 
-
     def _check_rung(self, values, key_of) -> None:
         """Raises Fault for what a model of one coordinate (`wiperjax.ladder`) cannot have."""
         must = f"must be left out or 0 with model = {self.model!r}, which has no hinge mass"
@@ -211,7 +236,40 @@ class SweepSpec(_System):
             reach = np.abs(axis.values()).max()
             if PARAMETERS[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
+        highest, run = self.classes.squeal_band[1], self.run
+        if run.samples < 2 * highest * run.window * (1 - 1e-9):
+            finest = run.samples / run.window / 2
+            least = math.ceil(2 * highest * run.window)
+            lines.append(
+                f"run.samples resolve frequencies up to {finest:.4g} Hz only; take {least} or more "
+                f"for the squeal band, up to {highest:g} Hz"
+            )
+        if self.belt.kind != "steady":
+            lines += self._window_notes()
         return lines
+
+    def _window_notes(self) -> list[str]:
+        """Whether a lip flips over within the window of its reversal, in the slowest cell."""
+
+        def values(name: str) -> np.ndarray:
+            known = self.axes[name].values() if name in self.axes else self.fixed()[name]
+            return np.abs(np.atleast_1d(known))
+
+        given = {name: values(name) for name in BELTS[self.belt.kind].values()}
+        time = flip_time(
+            self.belt.kind,
+            given["belt_speed"].min(),
+            given["belt_frequency"].min(),
+            given["belt_ramp"].max() if "belt_ramp" in given else 0.0,
+            values("lip_length").max(),
+        )
+        window = self.classes.reversal_window
+        if time <= 1.05 * window:
+            return []
+        return [
+            f"classes.reversal_window is {window:g} s, but the glass needs up to {time:.2g} s "
+            f"after V = 0 to carry the lip over ({FLIP:g} lip lengths); later counts as stroke"
+        ]
 
     def canonical(self) -> str:
         """JSON of everything that determines the numbers of the map, and of nothing else.
