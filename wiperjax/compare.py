@@ -112,7 +112,7 @@ def table(results: Iterable[list[Rung]], head: bool = True) -> str:
             cells = [
                 rung.scene if rung is rungs[0] else "",
                 f"**{rung.model}**" if rung.model == lowest else rung.model,
-                rung.label if rung.band in ("none", rung.label) else f"{rung.label} ({rung.band})",
+                f"{rung.label} ({rung.band})" if rung.label == "other" else rung.label,
                 rung.mechanism.replace("_", " ") if tells else "",
                 f"{rung.frequency:.1f}" if pitch else "",
                 f"{rung.amplitude:.3g}" if tells else "",
