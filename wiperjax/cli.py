@@ -259,14 +259,15 @@ def ladder(
     if output is not None:
         _check_output(output, (".md",), force, files[0])
     _configure(1)
-    from wiperjax.compare import compare, preface, table
+    from wiperjax.compare import compare, preface, summary, table
 
     results = []
     for file in files:
         results.append(compare(file))
         print(table(results[-1:], head=len(results) == 1), end="", flush=True)
     if output is not None:
-        output.write_text(preface() + table(results), encoding="utf-8")
+        text = preface() + summary(results) + "\n" + table(results)
+        output.write_text(text, encoding="utf-8")
         print(f"table    {output}")
 
 
