@@ -14,3 +14,11 @@ def squeal():
     from wiperjax.spec import load_scene
 
     return scene.run(load_scene(Path(__file__).parents[1] / "sweeps" / "scenes" / "squeal.toml"))
+
+
+@pytest.fixture(scope="session")
+def steady_scenes():
+    """Columns of the scenes on a steady belt, their remedies and neighbours (`test_noises`)."""
+    import test_noises
+
+    return test_noises.evaluated(test_noises.STEADY, "squeal")

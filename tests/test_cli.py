@@ -154,6 +154,28 @@ def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
     assert "m.png" in printed.out
 
 
+def test_model_of_the_command_line_wins(folder, stubs, capsys):
+    assert main("sweep s.toml -o m.h5 --no-picture --model block".split()) == 0
+    _, spec, _, options = stubs.calls[1]
+    assert spec.model == "block"
+    assert options["command"] == "wiperjax sweep s.toml -o m.h5 --no-picture --model block"
+    assert main("simulate scene.toml -o run.h5 --model bar".split()) == 0
+    assert stubs.calls[-1][1].model == "bar"
+    capsys.readouterr()
+    said = failed(capsys, main("simulate scene.toml -o other.h5 --model beam".split()))
+    assert said == ("wiperjax: scene.toml: model: must be 'block', 'bar' or 'lip', was 'beam'")
+
+
+def test_ladder_is_refused_before_any_work(folder, stubs, capsys):
+    Path("bad.toml").write_text("[run]\nduration = 0\n")
+    said = failed(capsys, main("ladder scene.toml bad.toml".split()))
+    assert said == "wiperjax: bad.toml: run.duration: must be larger than 0, was 0"
+    assert "must end in .md" in failed(capsys, main("ladder scene.toml -o table.txt".split()))
+    Path("table.md").write_text("kept")
+    assert "table.md" in failed(capsys, main("ladder scene.toml -o table.md".split()))
+    assert stubs.names == [] and Path("table.md").read_text() == "kept"
+
+
 def test_sweep_hands_on_its_options(folder, stubs):
     words = "sweep s.toml -o m.h5 --resume --no-picture --workers 3 --block 64"
     assert main(words.split()) == 0

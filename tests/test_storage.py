@@ -927,7 +927,7 @@ def test_verify_recomputes_and_finds_a_changed_number(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
     run(spec, path)
     report = verify(path, cells=40, seed=1, evaluate=evaluate)
-    assert report.passed and report.same_versions and report.cells == 40 and report.columns == 10
+    assert report.passed and report.same_versions and report.cells == 40 and report.columns == 13
     assert set(report.largest) <= {"dominant_frequency"}
     with h5py.File(path, "r+") as file:
         file["normal_force_max"][...] = file["normal_force_max"][...] * (1 + 1e-6)

@@ -46,6 +46,14 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+Model = Annotated[
+    str | None,
+    typer.Option(
+        metavar="block|bar|lip",
+        help="Model instead of the file's: a block on a belt, the lip held on the glass, or all.",
+        show_default="the file's, or lip",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 
 
@@ -128,6 +136,7 @@ def sweep(
     block: Annotated[
         int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
     ] = None,
+    model: Model = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from wiperjax.spec import load_sweep
@@ -137,7 +146,7 @@ def sweep(
         raise ValueError("--force starts anew and --resume continues: give one of them")
     if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
         raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
-    spec = load_sweep(file)
+    spec = load_sweep(file, model)
     _check_output(output, MAP_SUFFIXES, force or resume, file)
     drawing = output.with_suffix(".png") if picture else None
     if drawing is not None:
@@ -155,6 +164,7 @@ def sweep(
     command += [] if workers is None else ["--workers", str(workers)]
     command += [] if scheduler is None else ["--scheduler", scheduler]
     command += [] if local_cluster is None else ["--local-cluster", str(local_cluster)]
+    command += [] if model is None else ["--model", model]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     try:
         with contextlib.ExitStack() as stack:
@@ -183,11 +193,12 @@ def simulate(
     file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="What to simulate.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.h5", help="Run to make.")],
     force: Force = False,
+    model: Model = None,
 ) -> None:
     """Compute one trajectory: samples over time and every event."""
     from wiperjax.spec import load_scene
 
-    spec = load_scene(file)
+    spec = load_scene(file, model)
     _check_output(output, MAP_SUFFIXES, force, file)
 
     _configure(1)
@@ -343,7 +354,7 @@ def info(
     ],
 ) -> None:
     """Show what a file holds, how it was made, and the classes of a map."""
-    from wiperjax.labels import class_table
+    from wiperjax.labels import anatomy, class_table, unsettled
     from wiperjax.storage import open_map
 
     with open_map(file) as dataset:
@@ -358,9 +369,49 @@ def info(
                 print(f"{name}: {value}")
         if "label" in dataset:
             _print_classes(class_table(dataset))
+            if lost := unsettled(dataset):
+                print(f"not settled  {lost} cells: growing, dying or irregular (docs/classes.md)")
+            if "mechanism" in dataset:
+                for mechanism, band, count in anatomy(dataset):
+                    print(f"other: {count} cells of {mechanism}, band {band}")
         elif "cells_done" in dataset.attrs:
             print("no cell is computed yet")
+        elif "belt_kind" in dataset.attrs:
+            from wiperjax.assess import assess, words
+
+            found = assess(dataset)
+            for name, word in words(found).items():
+                print(f"{name:<12}{word}")
+            print(f"{'frequency':<12}{float(found['dominant_frequency']):.1f} Hz")
         _print_events(dataset)
+
+
+@app.command()
+def ladder(
+    files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml...", help="Scenes.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="TABLE.md", help="Write it here.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
+    from wiperjax.spec import load_scene
+
+    for file in files:
+        load_scene(file)  # wrong ones are named before any work
+    if output is not None:
+        _check_output(output, (".md",), force, files[0])
+    _configure(1)
+    from wiperjax.compare import compare, preface, summary, table
+
+    results = []
+    for file in files:
+        results.append(compare(file))
+        print(table(results[-1:], head=len(results) == 1), end="", flush=True)
+    if output is not None:
+        text = preface() + summary(results) + "\n" + table(results)
+        output.write_text(text, encoding="utf-8")
+        print(f"table    {output}")
 
 
 @app.command()

@@ -31,6 +31,22 @@ LABELS = {
     "collapsed": 5,
     "failed": 6,
 }
+MECHANISMS = {
+    "none": 0,  # quiet, or no motion to speak of
+    "self_excited_slip": 1,  # slips all the time
+    "stick_slip": 2,
+    "flight": 3,  # leaves the glass, whether it sticks or not
+    "carried": 4,  # rides on the belt for the whole window
+    "reversal_pulse": 5,  # pressed hard at the reversal, without a hit
+    "reversal_impulse": 6,  # hits the glass at the reversal
+}
+BANDS = {"none": 0, "chatter": 1, "low": 2, "squeal": 3, "high": 4}
+SETTLED = {"no": 0, "yes": 1, "unknown": 2}
+DEFAULT_STARTS: Mapping[str, str] = {
+    "lip": "touching at the attack angle, at rest",
+    "bar": "touching at the attack angle, at rest",
+    "block": "at rest where the spring is relaxed",
+}
 NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
 NONE = 255  # of an unsigned column: there is no such instant, no such event
 REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": NONE}
@@ -81,15 +97,31 @@ class Column:
 
 _TABLE = (
     Column("label", "int8", "", "noise class", LABELS),
+    Column("mechanism", "int8", "", "what keeps the motion going", MECHANISMS),
+    Column("band", "int8", "", "band of the dominant frequency", BANDS),
+    Column(
+        "settled", "int8", "", "whether both halves of the window tell the same", SETTLED,
+        comment="no: still growing or dying, or irregular; unknown: halves that do not compare",
+    ),
     Column("result", "int8", "", "how the trajectory ended", RESULTS),
     Column("stick_fraction", "float64", "1", "share of the settled window in stick"),
     Column("slip_fraction", "float64", "1", "share of the settled window in slip"),
     Column("flight_fraction", "float64", "1", "share of the settled window in flight"),
+    Column("stick_fraction_stroke", "float64", "1", "share of the strokes in stick"),
+    Column("flight_fraction_stroke", "float64", "1", "share of the strokes in flight"),
     Column(
         "dominant_frequency", "float64", "Hz", "frequency of the strongest line of tip velocity",
         comment="Hann window, refined between bins; NaN where the velocity is constant",
     ),
     Column("velocity_rms", "float64", "m/s", "standard deviation of the tip velocity"),
+    Column(
+        "velocity_rms_stroke", "float64", "m/s", "the same away from reversal",
+        comment="without what is slower than ten times the wiping frequency",
+    ),
+    Column("vibration_stroke", "float64", "m/s", "rms tip velocity of vibration away from reversal",
+        comment="faster than the upper end of class_chatter_band",
+    ),
+    Column("vibration_reversal", "float64", "m/s", "the same, just after reversal"),
     Column("velocity_mean", "float64", "m/s", "mean tip velocity"),
     Column("velocity_rms_reversal", "float64", "m/s", "the same, just after reversal"),
     Column("belt_speed_rms", "float64", "m/s", "root mean square of the belt speed"),
@@ -217,10 +249,9 @@ def _attributes(spec: Any) -> dict[str, Any]:
         units.append(f"{name}: {entry.edge_unit if entry else '1'}")
     attrs["parameter_units"] = "; ".join(units)
     attrs["belt_kind"] = str(meaning.get("belt", ""))
+    attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
-    attrs["start"] = (
-        json.dumps(start, sort_keys=True) if start else "touching at the attack angle, at rest"
-    )
+    attrs["start"] = json.dumps(start, sort_keys=True) if start else DEFAULT_STARTS[attrs["model"]]
     for table, prefix in (("run", "run_"), ("classes", "class_")):
         for key, value in sorted((meaning.get(table) or {}).items()):
             if value is not None:

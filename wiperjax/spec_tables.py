@@ -43,6 +43,7 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Tolerance = Annotated[float, Field(ge=1e-13, le=1e-2)]
 Count = Annotated[int, Field(ge=1)]
+ModelName = Literal["block", "bar", "lip"]
 SolverName = Literal["tsit5", "dopri5", "dopri8", "bosh3"]
 
 
@@ -234,6 +235,11 @@ class Classes(Table):
         squeal_band, chatter_band: lowest and highest dominant frequency [Hz].
         reversal_window: time [s] on either side of V = 0 that counts as the reversal.
         reversal_ratio: largest normal force there over the mean outside, above which it is noise.
+        vibration_ratio: vibration just after V = 0 over that of the stroke, above which the
+            reversal starts it.
+        stick_share: share of time in stick from which an oscillation is stick-slip.
+        settled_change: most that standard deviation and frequency may change from the first half
+            of the window to the second.
     """
 
     quiet_velocity_ratio: Positive = 0.01
@@ -241,6 +247,9 @@ class Classes(Table):
     chatter_band: Pair = (0.0, 100.0)
     reversal_window: Positive = 0.025
     reversal_ratio: Positive = 2.0
+    vibration_ratio: Positive = 2.0
+    stick_share: Positive = 0.01
+    settled_change: Positive = 0.1
 
     @model_validator(mode="after")
     def _bands_are_ordered(self) -> "Classes":

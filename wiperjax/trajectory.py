@@ -20,6 +20,7 @@ import xarray as xr
 
 from . import dataset
 from .belts import AbstractBelt
+from .ladder import Bar, Block
 from .observers import Nothing
 from .parameters import PARAMETERS
 from .regimes import forces
@@ -288,7 +289,7 @@ def _check_start(system: AbstractSystem, start, result: int) -> None:
 
 def _labelled(given, problem: Problem, state: State, log: _Events, attributes) -> xr.Dataset:
     """Return the dataset of a finished loop state."""
-    blade = isinstance(given, Wiper)
+    blade = isinstance(given, Wiper | Bar | Block)
     whose = " of the tip" if blade else ""
     reached = int(state.sample_index)
     samples = jax.tree.map(lambda x: np.asarray(x)[:reached], state.samples)
@@ -332,7 +333,7 @@ def _labelled(given, problem: Problem, state: State, log: _Events, attributes) -
         "result": ((), code(state.result), about("how the trajectory ended", flags=RESULTS)),
     }
     n = len(state.position)
-    names = ["x", "y"] if blade else [f"q{i}" for i in range(n)]
+    names = ["x", "y"][:n] if blade else [f"q{i}" for i in range(n)]
     coords = {
         "time": ("time", times, about("time", "s")),
         "axis": ("axis", names, about("coordinate")),

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import dataset, labels
 from .results import RESULTS
-from .spectrum import dominant_frequency
+from .signals import signal_columns
 
 MOST_CELLS = 8192  # in a block: enough to keep every lane of many cores busy
 FEWEST_CELLS = 256
@@ -65,22 +65,26 @@ def evaluate_block(
 
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, `signal` (cells, samples), the tip velocity at `window / samples`
-    apart, `sample_interval` in seconds if that is not so, and `occupancy`; whatever else it returns
-    is not stored.
+    apart, `sample_interval` in seconds if that is not so, `occupancy`, and for a belt that reverses
+    `since_reversal` [s] of each sample and `wiping_frequency` [Hz]; whatever else it returns is not
+    stored.
     """
     columns = dict(evaluate(spec, index))
     signal = columns.pop("signal", None)
     interval = columns.pop("sample_interval", None)
     occupancy = columns.pop("occupancy", None)
+    since = columns.pop("since_reversal", None)
+    wiping = columns.pop("wiping_frequency", None)
     if signal is not None:
         if interval is None:
             interval = spec.run.window / signal.shape[-1]
-        frequency = dominant_frequency(signal, float(np.mean(interval)))
-        # What a cell that stopped early left in its samples is no settled motion.
-        columns["dominant_frequency"] = np.where(
-            columns["result"] == RESULTS["finished"], frequency, np.nan
-        )
-    columns["label"] = labels.label(columns, spec.classes)
+        # what a cell that stopped early left in its samples is no settled motion
+        finished = np.asarray(columns["result"]) == RESULTS["finished"]
+        whole = np.where(finished[:, None], signal, np.nan)
+        quiet = spec.classes.quiet_velocity_ratio * np.asarray(columns["belt_speed_rms"])
+        found = signal_columns(whole, float(np.mean(interval)), spec.classes, quiet, since, wiping)
+        columns |= found
+    columns |= labels.classify(columns, spec.classes)
     return dataset.select(columns, len(index)), None if occupancy is None else float(
         np.mean(occupancy)
     )
