@@ -126,9 +126,11 @@ def settled(ds: xr.Dataset) -> xr.Dataset:
 
 
 def pitch(ds: xr.Dataset) -> float:
-    """Dominant frequency (Hz) of the tip velocity in the settled half; NaN if it is quiet
-    or has no two periods there,
-    and on a belt that is not steady: there the stroke itself is the strongest line."""
+    """Dominant frequency (Hz) of the tip velocity in the settled half.
+
+    NaN if it is quiet or has no two periods there, and on a belt that is not steady: there the
+    stroke itself is the strongest line.
+    """
     if not is_steady(ds):
         return float("nan")
     part = settled(ds)
