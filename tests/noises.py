@@ -6,9 +6,9 @@ import numpy as np
 
 from wiperjax import cells
 from wiperjax.dataset import BANDS, LABELS, MECHANISMS, SETTLED
-from wiperjax.work import evaluate_block
 from wiperjax.parameters import PARAMETERS
 from wiperjax.spec import load_scene, load_sweep
+from wiperjax.work import evaluate_block
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
 NAMES = {"label": LABELS, "mechanism": MECHANISMS, "band": BANDS, "settled": SETTLED}
