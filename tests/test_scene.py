@@ -18,11 +18,6 @@ from wiperjax.stability import steady_slip
 SCENES = Path(__file__).parents[1] / "sweeps" / "scenes"
 
 
-@pytest.fixture(scope="module")
-def squeal():
-    return scene.run(load_scene(SCENES / "squeal.toml"))
-
-
 # --- from parameters to wiper and start -----------------------------------------------------------
 
 

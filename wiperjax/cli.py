@@ -21,7 +21,22 @@ from typing import Annotated, Any
 import typer
 
 MAP_SUFFIXES = (".h5", ".hdf5", ".nc")
-PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
+STILL_SUFFIXES = (".png", ".pdf", ".svg")
+PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
+SOUND_SUFFIXES = (".wav",)
+PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
+    "Draw a map or a run.\n\n"
+    "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
+    "frequency, value (over two axes), line (along one axis: frequency, amplitude, regimes), "
+    "raster (regime over time).\n\n"
+    "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
+    "spectrogram, animation."
+)
+LISTEN_HELP = (
+    "Hear a run: its tip velocity as a WAV file (48 kHz, mono, 32-bit float).\n\n"
+    "Full scale is a velocity, the same for every run. Levels are no sound pressure and no dB(A): "
+    "what blade and screen radiate is not modelled."
+)
 INTERRUPTED = 130  # what a shell reports for a command ended by Ctrl-C
 
 app = typer.Typer(
@@ -126,7 +141,7 @@ def sweep(
     _check_output(output, MAP_SUFFIXES, force or resume, file)
     drawing = output.with_suffix(".png") if picture else None
     if drawing is not None:
-        _check_output(drawing, PICTURE_SUFFIXES, force or resume, file)
+        _check_output(drawing, STILL_SUFFIXES, force or resume, file)
     _print_plan(spec)
 
     embedded = scheduler is None and local_cluster is None
@@ -188,29 +203,146 @@ def simulate(
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
 
 
-@app.command()
+@app.command(help=PLOT_HELP)
 def plot(
-    file: Annotated[Path, typer.Argument(metavar="FILE.h5", help="A map or a run.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.h5", help="A map, a run, or MAP.h5.parts of an unfinished sweep."
+        ),
+    ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE.png", help="Picture to make.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE.png",
+            help="Picture to make: .png, .pdf, .svg; .gif or .mp4 for an animation.",
+        ),
     ],
     force: Force = False,
+    picture: Annotated[
+        str | None,
+        typer.Option("-p", "--picture", metavar="NAME", help="Which one.", show_default="overview"),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="All that FILE allows, as FILE-NAME.png each.")
+    ] = False,
+    start: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")
+    ] = None,
+    stop: Annotated[
+        float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")
+    ] = None,
+    quantity: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Variable for history, spectrum, spectrogram, value."),
+    ] = None,
+    component: Annotated[
+        int | None,
+        typer.Option(min=0, help="Run: 0 along the glass, 1 normal to it.", show_default="0"),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0.1, max=120, help="Animation: how long it plays (s)."),
+    ] = None,
+    x: Annotated[
+        str | None, typer.Option("--x", metavar="AXIS", help="Map: the axis across.")
+    ] = None,
+    y: Annotated[str | None, typer.Option("--y", metavar="AXIS", help="Map: the axis up.")] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AXIS=VALUE", help="Map: cut another axis here (degrees), not in the middle."
+        ),
+    ] = None,
+    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
 ) -> None:
-    """Draw a map or a run."""
-    _check_output(output, PICTURE_SUFFIXES, force, file)
+    _check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, force or every, file)
     _check_input(file)
-    from wiperjax.plots import plot_file
+    if every and picture is not None:
+        raise ValueError("--all draws every picture and --picture one: give one of them")
+    options = {
+        "start": start,
+        "stop": stop,
+        "quantity": quantity,
+        "component": component,
+        "seconds": seconds,
+        "x": x,
+        "y": y,
+        "at": _cuts(at),
+    }
+    chosen = {name: value for name, value in options.items() if value is not None}
+    from wiperjax.plots import plot_all, plot_file
 
-    plot_file(file, output, force=force)
+    if every:
+        for path in plot_all(file, output, force=force, dpi=dpi, **chosen):
+            print(f"picture  {path}")
+        return
+    plot_file(file, output, picture=picture, force=force, dpi=dpi, **chosen)
     print(f"picture  {output}")
 
 
-@app.command()
-def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a run.")]) -> None:
-    """Show what a file holds, how it was made, and the classes of a map.
+@app.command(help=LISTEN_HELP)
+def listen(
+    file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="A run.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="RUN.wav", help="Sound to make.")
+    ],
+    force: Force = False,
+    quantity: Annotated[
+        str, typer.Option(metavar="NAME", help="velocity (of the tip) or normal_force.")
+    ] = "velocity",
+    reference: Annotated[
+        float | None,
+        typer.Option(
+            metavar="VALUE", help="Value at full scale (m/s or N/m).", show_default="1 or 20"
+        ),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Repeat its settled periods for so long (s)."),
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Begin here (s).")
+    ] = None,
+    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="End here (s).")] = None,
+) -> None:
+    _check_output(output, SOUND_SUFFIXES, force, file)
+    _check_input(file)
+    from wiperjax.runs import is_run
+    from wiperjax.sound import sound
+    from wiperjax.storage import StoreError, open_map
 
-    Of a map that is not finished, give the folder FILE.h5.parts.
-    """
+    with open_map(file) as dataset:
+        if not is_run(dataset):
+            what = "is a map" if "label" in dataset else "holds no trajectory"
+            raise StoreError(f"{file}: {what}; only a run can be heard ('wiperjax simulate')")
+        heard = sound(
+            dataset.load(),
+            quantity=quantity,
+            reference=reference,
+            start=start,
+            stop=stop,
+            seconds=seconds,
+        )
+    heard.write(output, force)
+    print(f"sound    {output}: {heard.describe()}")
+    print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
+    if warning := heard.warning():
+        print(f"note: {warning}", file=sys.stderr)
+
+
+@app.command()
+def info(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A map, a run, or MAP.h5.parts of an unfinished sweep."
+        ),
+    ],
+) -> None:
+    """Show what a file holds, how it was made, and the classes of a map."""
     from wiperjax.labels import class_table
     from wiperjax.storage import open_map
 
@@ -226,6 +358,8 @@ def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a r
                 print(f"{name}: {value}")
         if "label" in dataset:
             _print_classes(class_table(dataset))
+        elif "cells_done" in dataset.attrs:
+            print("no cell is computed yet")
         _print_events(dataset)
 
 
@@ -259,11 +393,30 @@ def verify(
 
 
 def _check_input(path: Path) -> None:
-    """Raises OSError if `path`, a file or the folder of an unfinished map, cannot be opened."""
+    """Raises OSError or StoreError if `path` can be neither read nor is an unfinished sweep."""
     if path.is_dir():
         return
+    if not path.exists():
+        from wiperjax.storage import StoreError, parts_of
+
+        if (parts := parts_of(path)).is_dir():
+            raise StoreError(f"{path}: is not finished; name {parts} to look at what there is")
     with path.open("rb"):
         pass
+
+
+def _cuts(texts: Sequence[str] | None) -> dict[str, float] | None:
+    """`AXIS=VALUE` options as a mapping. Raises ValueError for any other form."""
+    cuts = {}
+    for text in texts or ():
+        name, _, value = text.partition("=")
+        try:
+            cuts[name.strip()] = float(value)
+        except ValueError:
+            raise ValueError(
+                f"--at must be AXIS=NUMBER, such as normal_load=15, was {text}"
+            ) from None
+    return cuts or None
 
 
 def _check_output(path: Path, suffixes: Sequence[str], force: bool, source: Path) -> None:
@@ -301,6 +454,8 @@ def _print_plan(spec: Any) -> None:
 def _print_classes(table: Sequence[tuple[str, int, float]]) -> None:
     print(f"{'class':<12}{'cells':>9}{'share':>9}")
     for name, count, share in table:
+        if name == "not_computed":  # of an unfinished sweep: has no share
+            continue
         print(f"{name:<12}{count:>9}{share:>9.1%}")
 
 

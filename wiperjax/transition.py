@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from .barrier import keep
 from .guards import FIRST, JAM, SECOND, contact_sizes, first_switch, guard_values
 from .impact import poisson_impact
-from .regimes import Forces, acceleration, decide, forces, slip_forces, slip_sign
 from .polynomials import largest
+from .regimes import Forces, acceleration, decide, forces, slip_forces, slip_sign
 from .results import Event, Regime
 from .sparse import absent, plus, times
 from .state import Problem, State, start_of_slip_order
@@ -134,8 +134,8 @@ class Outcome(NamedTuple):
 def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Outcome:
     """Return the `Outcome` of the event of slot ``state.due`` (where ``fires``) or of a break.
 
-    Where ``breaks``, a smooth piece of the prescribed motion ends here and ``piece`` begins; ``end``
-    is the next known time, which a completed Zeno sequence must not pass.
+    Where ``breaks``, a smooth piece of the prescribed motion ends here and ``piece`` begins;
+    ``end`` is the next known time, which a completed Zeno sequence must not pass.
     """
     time, q, v, slot = state.time, state.position, state.velocity, state.due
     system = problem.system.on_piece(piece)
