@@ -420,7 +420,7 @@ def test_kills_at_random_times(tmp_path):
     os.waitpid(subprocess_fork(spec, path, delay=0.004), 0)
     length = time.monotonic() - begun
     path.unlink()
-    deadline = begun + 60
+    deadline = begun + 180  # about ten seconds, unless the machine is very busy
     enough = False
     while not enough and time.monotonic() < deadline:
         child = subprocess_fork(spec, path, delay=0.004)
