@@ -214,5 +214,5 @@ def batch(cells: int = 4096, duration: float = 0.02, seed: int = 20261121) -> Sc
     )
     return Scene(
         "batch", f"{cells} random blades of the reference sweep", wiper, _resting(wiper, cells),
-        duration, np.array([duration]), (LENGTH, wiper.belt.speed),
+        duration, _times(duration), (LENGTH, wiper.belt.speed),
     )  # fmt: skip

@@ -241,8 +241,7 @@ def trajectory(w, start, marks, mark_kinds, samples, rtol, scales, solver):
 
         strike = impact(w, zone, new, x, slip, vy, end)
         new, x, slip, vy = (
-            jnp.where(hits, a, b)
-            for a, b in zip(strike[:4], (new, x, slip, vy), strict=True)
+            jnp.where(hits, a, b) for a, b in zip(strike[:4], (new, x, slip, vy), strict=True)
         )
         y = jnp.where(hits, 0.0, y)
         slip = jnp.where(turns, 0.0, slip)
@@ -280,7 +279,10 @@ def trajectory(w, start, marks, mark_kinds, samples, rtol, scales, solver):
         order = order.at[jnp.where(kinks, which, 5)].set(1.0, mode="drop")
         happens = kind != 0
         put = jnp.where(happens, count, LOG)
-        log = (log[0].at[put].set(new, mode="drop"), log[1].at[put].set(kind.astype(jnp.int32), mode="drop"))
+        log = (
+            log[0].at[put].set(new, mode="drop"),
+            log[1].at[put].set(kind.astype(jnp.int32), mode="drop"),
+        )
         streak = jnp.where(new > t, 0, streak + 1)
         at = at + mark
         over = (at >= n) | ends
@@ -358,7 +360,9 @@ class PerPhase:
         times = np.concatenate([breaks[0][:-1], scene.sample_times])
         kinds = np.concatenate([kinds[:-1], np.zeros(len(scene.sample_times), int)])
         order = np.argsort(times, kind="stable")
-        index = np.concatenate([np.full(len(breaks[0]) - 1, -1), np.arange(len(scene.sample_times))])
+        index = np.concatenate(
+            [np.full(len(breaks[0]) - 1, -1), np.arange(len(scene.sample_times))]
+        )
         marks, kinds, index = (jnp.asarray(a[order]) for a in (times, kinds, index))
         rtol = jnp.asarray(setting)
         solver = diffrax.Tsit5()
@@ -375,7 +379,6 @@ class PerPhase:
                 stopped, steps,
             )  # fmt: skip
 
-        call()  # compiles
         return call
 
 

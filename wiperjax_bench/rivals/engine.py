@@ -1,4 +1,4 @@
-"""Our engine: its batch with refill is timed; event times and samples come from its single solve."""
+"""Our engine: its batch with refill is timed; events and samples come from its single solve."""
 
 from functools import partial
 
@@ -145,7 +145,6 @@ class Engine:
             )
 
         call.answer = answer
-        call()  # compiles
         return call
 
 
