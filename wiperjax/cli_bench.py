@@ -53,3 +53,29 @@ def chart(
     text = output.with_suffix(".md")
     text.write_text(report.chart_text(dataset, png.name, clock))
     print(f"dataset  {output}\npicture  {png}, {svg}\ntext     {text}")
+
+
+@app.command()
+def speed(
+    output: Output = Path("speed.h5"),
+    quick: Quick = False,
+    trajectories: Annotated[int, typer.Option(min=64, help="Of the engine, at most.")] = 100_000,
+    repeats: Annotated[int, typer.Option(min=1)] = 3,
+    scaling: Annotated[
+        bool, typer.Option("--scaling", help="Also batches of 1e4, 1e5 and 1e6 (long).")
+    ] = False,
+) -> None:
+    """Trajectories per second of the engine and its peers, on one core and on all.
+
+    Writes the dataset and its table (.md): errors, occupancy, start-up, memory.
+    """
+    _begin(output, None)
+    from wiperjax_bench import speed
+
+    sizes = (10_000, 100_000, 1_000_000) if scaling else ()
+    dataset = speed.run(
+        output, quick=quick, trajectories=trajectories, repeats=repeats, scaling=sizes
+    )
+    text = speed.text(dataset)
+    output.with_suffix(".md").write_text(text)
+    print(text)

@@ -216,3 +216,17 @@ def batch(cells: int = 4096, duration: float = 0.02, seed: int = 20261121) -> Sc
         "batch", f"{cells} random blades of the reference sweep", wiper, _resting(wiper, cells),
         duration, _times(duration), (LENGTH, wiper.belt.speed),
     )  # fmt: skip
+
+
+def workload(cells: int, duration: float = 0.1, seed: int = 20261121) -> Scene:
+    """Return the blades on which speed is stated: alpha -40..40 deg, N0 5..30 N/m, V 0.02..1 m/s."""
+    rng = np.random.default_rng(seed)
+    wiper = Wiper(
+        belt=SteadyBelt(rng.uniform(0.02, 1.0, cells)),
+        attack_angle=np.radians(rng.uniform(-40, 40, cells)),
+        normal_load=rng.uniform(5, 30, cells),
+    )
+    return Scene(
+        "workload", "random blades, uniform", wiper, _resting(wiper, cells), duration,
+        _times(duration), (LENGTH, wiper.belt.speed),
+    )  # fmt: skip
