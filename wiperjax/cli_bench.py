@@ -14,12 +14,12 @@ Output = Annotated[
 Quick = Annotated[bool, typer.Option("--quick", help="A small form of it, under two minutes.")]
 
 
-def _begin(output: Path, cores: int | None) -> None:
+def _begin(output: Path, cores: int | None, suffixes=(".h5", ".nc")) -> None:
     """Check what can be checked before minutes are spent, and set XLA up."""
     if importlib.util.find_spec("numba") is None:
         raise ValueError("bench needs numba: pip install 'wiperjax[bench]'")
-    if output.suffix not in (".h5", ".nc"):
-        raise ValueError(f"{output}: must end in .h5 or .nc")
+    if output.suffix not in suffixes:
+        raise ValueError(f"{output}: must end in {' or '.join(suffixes)}")
     if not output.parent.is_dir():
         raise ValueError(f"{output.parent}: is not a directory")
     from wiperjax.launch import configure
@@ -79,3 +79,47 @@ def speed(
     text = speed.text(dataset)
     output.with_suffix(".md").write_text(text)
     print(text)
+
+
+@app.command()
+def profile(
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE.md", help="Text to write.")
+    ] = Path("profile.md"),
+    precision: Annotated[str, typer.Option(help="float64 or float32.")] = "float64",
+    quick: Quick = False,
+) -> None:
+    """Where a lane-turn goes, and a rough roofline: operations against the processor's peak."""
+    if precision not in ("float64", "float32"):
+        raise ValueError(f"precision must be float64 or float32, but was {precision!r}")
+    _begin(output, 1, (".md", ".txt"))
+    from wiperjax_bench import profile
+
+    text = profile.run(precision, quick)
+    output.write_text(text)
+    print(text)
+
+
+@app.command()
+def rule(
+    file: Annotated[Path, typer.Argument(metavar="CHART.h5", help="A full chart.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Table.", show_default="the package's own")
+    ] = None,
+    clock: Annotated[str, typer.Option(help="wall or cpu.")] = "wall",
+) -> None:
+    """Make the table behind `sweep --target-error` from a chart."""
+    import xarray as xr
+
+    import wiperjax
+    from wiperjax_bench import rule
+
+    target = output or Path(wiperjax.__file__).with_name("accuracy_table.json")
+    with xr.open_dataset(file, engine="h5netcdf") as dataset:
+        rows = rule.write(dataset, target, clock)
+    print(f"{'solver':<8}{'precision':<10}{'rtol':>8}{'error':>10}{'cost':>8}")
+    for r in rows:
+        print(
+            f"{r['solver']:<8}{r['precision']:<10}{r['rtol']:>8.0e}{r['error']:>10.1e}{r['cost']:>8.3g}"
+        )
+    print(f"table    {target}")

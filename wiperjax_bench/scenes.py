@@ -219,7 +219,7 @@ def batch(cells: int = 4096, duration: float = 0.02, seed: int = 20261121) -> Sc
 
 
 def workload(cells: int, duration: float = 0.1, seed: int = 20261121) -> Scene:
-    """Return the blades on which speed is stated: alpha -40..40 deg, N0 5..30 N/m, V 0.02..1 m/s."""
+    """Return the blades of the speed table: alpha -40..40 deg, N0 5..30 N/m, V 0.02..1 m/s."""
     rng = np.random.default_rng(seed)
     wiper = Wiper(
         belt=SteadyBelt(rng.uniform(0.02, 1.0, cells)),

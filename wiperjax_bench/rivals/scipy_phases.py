@@ -90,23 +90,23 @@ def trajectory(p, motions, breaks, break_kinds, start, end, times, rtol, scales,
         n = m.slip_rate(p, 0.0, 0.0, 1.0, x, phi, w, *m.belt(motion, t))[3]
         return m.FLIGHT if n <= 0 else (m.SLIP_POS if w > 0 else m.SLIP_NEG)
 
+    phi_of = lambda x: math.asin(min(max(x / p.length, -1.0), 1.0))
     regime = m.FLIGHT if (y > 0 or vy != 0) else closed(w)
     while t < end and len(event_times) < MOST_EVENTS:
         kz, mz = m.spring(p, zone)
         stop = min(end, breaks[piece])
         max_step = 0.25 * math.sqrt(p.m / ((p.k1 + p.dk) / p.length**2 + p.k + p.load / p.length))
-        phi_of = lambda x: math.asin(min(max(x / p.length, -1.0), 1.0))
         if regime == m.STICK:
             origin, begun = x, t
             max_step = 0.02 * p.length / max(abs(m.belt(motion, t)[0]), 1e-3)
             state = [x]
-            place = lambda t, s: (s[0], 0.0, m.belt(motion, t)[0], 0.0)
-            rhs = lambda t, s: [m.belt(motion, t)[0]]
+            place = lambda t, s, motion=motion: (s[0], 0.0, m.belt(motion, t)[0], 0.0)
+            rhs = lambda t, s, motion=motion: [m.belt(motion, t)[0]]
 
-            def guard_up(t, s, kz=kz, mz=mz):
+            def guard_up(t, s, kz=kz, mz=mz, motion=motion):
                 return m.cone(p, kz, mz, s[0], *m.belt(motion, t), 0.0)[0]
 
-            def guard_down(t, s, kz=kz, mz=mz):
+            def guard_down(t, s, kz=kz, mz=mz, motion=motion):
                 return m.cone(p, kz, mz, s[0], *m.belt(motion, t), 0.0)[1]
 
             guards = [guard_up, guard_down]
@@ -122,9 +122,9 @@ def trajectory(p, motions, breaks, break_kinds, start, end, times, rtol, scales,
         else:
             sign = 1.0 if regime == m.SLIP_POS else -1.0
             state = [x, w]
-            place = lambda t, s: (s[0], 0.0, s[1] + m.belt(motion, t)[0], 0.0)
+            place = lambda t, s, motion=motion: (s[0], 0.0, s[1] + m.belt(motion, t)[0], 0.0)
 
-            def slip(t, s, sign=sign, kz=kz, mz=mz):
+            def slip(t, s, sign=sign, kz=kz, mz=mz, motion=motion):
                 return m.slip_rate(p, kz, mz, sign, s[0], phi_of(s[0]), s[1], *m.belt(motion, t))
 
             def rhs(t, s, slip=slip):
