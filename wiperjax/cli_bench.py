@@ -123,3 +123,44 @@ def rule(
             f"{r['solver']:<8}{r['precision']:<10}{r['rtol']:>8.0e}{r['error']:>10.1e}{r['cost']:>8.3g}"
         )
     print(f"table    {target}")
+
+
+@app.command()
+def maps(
+    output: Output = Path("maps.h5"),
+    quick: Quick = False,
+    cells: Annotated[int, typer.Option(min=16, help="Random cells of the reference sweep.")] = 512,
+) -> None:
+    """Share of cells whose class differs, and errors of map variables, by setting."""
+    _begin(output, None)
+    from wiperjax_bench import maps
+
+    text = maps.text(maps.run(output, quick=quick, count=cells))
+    output.with_suffix(".md").write_text(text)
+    print(text)
+
+
+@app.command(name="all")
+def everything(
+    folder: Annotated[Path, typer.Argument(help="Where the files go.")] = Path("docs/bench"),
+    quick: Quick = False,
+    again: Annotated[bool, typer.Option("--again", help="Also what is there already.")] = False,
+) -> None:
+    """Everything, one part after the other, each in a process of its own.
+
+    A part whose dataset is there is kept: a run that was stopped goes on where it was.
+    """
+    import subprocess
+    import sys
+
+    folder.mkdir(parents=True, exist_ok=True)
+    parts = {"chart": "chart.h5", "maps": "maps.h5", "speed": "speed.h5", "profile": "profile.md"}
+    for name, file in parts.items():
+        output = folder / file
+        if output.exists() and not again:
+            print(f"{name}: kept {output}")
+            continue
+        command = [sys.executable, "-m", "wiperjax", "bench", name, "-o", str(output)]
+        status = subprocess.run([*command, *(["--quick"] if quick else [])], check=False).returncode
+        if status:
+            raise typer.Exit(status)
