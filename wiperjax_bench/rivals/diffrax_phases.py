@@ -30,7 +30,8 @@ STICK, SLIP_POS, SLIP_NEG, FLIGHT = (int(r) for r in Regime)
 ZENO_TIME = 1e-8
 LOG = 512
 MOST_PHASES, MOST_STEPS = 20_000, 100_000
-PASSED_IN_TIME = -1
+# one tolerance holds for the time [s] and for the condition: this sets the two apart
+FINE = 1e-4
 
 
 def spring_moment(w, zone, phi):
@@ -113,7 +114,7 @@ def guards(t, s, args):
 
 
 def condition(t, y, args, **_):
-    return jnp.min(guards(t, y, args))
+    return FINE * jnp.min(guards(t, y, args))
 
 
 def rest(w, zone, t, x):
@@ -180,7 +181,7 @@ def trajectory(w, start, marks, mark_kinds, samples, rtol, scales, solver):
     order = jnp.where(slip == 0, order, 0.0)
     term = diffrax.ODETerm(field)
     event = diffrax.Event(
-        condition, optx.Bisection(rtol=1e-12, atol=1e-11, flip="detect"), direction=False
+        condition, optx.Bisection(rtol=1e-14, atol=1e-11 * FINE, flip="detect"), direction=False
     )
     n = len(marks)
     atol = tuple(rtol * s for s in (scales[0], scales[1], scales[0], scales[1]))
