@@ -70,7 +70,7 @@ def run(
     chosen = select(methods, quick)
     if not chosen:
         raise ValueError(f"no method has {methods} in its name")
-    repeats = repeats or (3 if quick else 7)
+    repeats = repeats or (3 if quick else 5)
     versions = measure.versions()
     key = {"format": FORMAT, "quick": quick, "repeats": repeats, "versions": versions,
            "machine": measure.machine(), "methods": [r.name for r in chosen]}  # fmt: skip

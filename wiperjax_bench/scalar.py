@@ -9,6 +9,9 @@ The wiper of MODEL.md with a massless hinge, event-driven, adaptive Tsit5. What 
   root of its cubic is then stepped onto once, and one Newton correction puts the state on it;
 - step sizes of slip and flight are remembered over events;
 - arithmetic may be reassociated and contracted (``fastmath``), NaN and infinity stay what they are.
+
+All in one file, for numba's cache of compiled code asks only whether the outermost function's own
+file has changed.
 """
 
 import math
