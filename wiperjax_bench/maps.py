@@ -52,7 +52,7 @@ def scalar_evaluate(spec, index: np.ndarray) -> dict:
     start[:, 0] = full(wiper.lip_length) * np.sin(full(wiper.attack_angle))
     run = spec.run
     end = run.transient + run.window
-    speed = full(np.abs(wiper.belt.speed))
+    speed = full(wiper.belt.peak)
     scene = scenes.Scene("map", "", wiper, start, end, np.array([end]), (scenes.LENGTH, speed))
     r = compiled.run(
         scene, run.rtol, threads=None, mark=run.transient, samples=run.samples, window=run.window

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import diffrax
 import numpy as np
@@ -89,7 +90,8 @@ def run(
             first = call()
             compiled = time.perf_counter() - started
             small = judged.head(min(method.cells, judged.cells))
-            answer = getattr(made := method.prepare(small, rtol), "answer", made)()
+            made = method.prepare(small, rtol)
+            answer: Any = getattr(made, "answer", made)()
             found = errors.judge(judged, true, answer)
             row = {
                 "method": method.name,

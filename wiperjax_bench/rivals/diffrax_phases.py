@@ -13,6 +13,7 @@ Forces come from `wiperjax.Wiper`; stepping, event detection and location are di
 """
 
 from functools import partial
+from typing import Any
 
 import diffrax
 import jax
@@ -212,10 +213,12 @@ def trajectory(w, start, marks, mark_kinds, samples, rtol, scales, solver):
             ),
             event=event, max_steps=MOST_STEPS, throw=False, adjoint=diffrax.ForwardMode(),
         )  # fmt: skip
-        fired = found.event_mask
+        fired = jnp.asarray(found.event_mask)
         failed = ~diffrax.is_okay(found.result)
-        new = jnp.where(fired, found.ts[-1], end)
-        x, slip, y, vy = (part[-1] for part in found.ys)
+        times: Any = found.ts
+        states: Any = found.ys
+        new = jnp.where(fired, times[-1], end)
+        x, slip, y, vy = (part[-1] for part in states)
         took = found.stats["num_accepted_steps"]
         typical = (new - t) / jnp.maximum(took, 1)
         steps_of = steps_of.at[slot].set(jnp.where(took > 2, typical, steps_of[slot]))
