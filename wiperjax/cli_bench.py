@@ -35,7 +35,7 @@ def chart(
     method: Annotated[
         list[str] | None, typer.Option(help="Only methods with this in their name (repeatable).")
     ] = None,
-    repeats: Annotated[int | None, typer.Option(min=1, show_default="5, quick 3")] = None,
+    repeats: Annotated[int, typer.Option(min=1, help="Interleaved.")] = 3,
     clock: Annotated[str, typer.Option(help="Time that is drawn: wall or cpu.")] = "wall",
 ) -> None:
     """Error against cost of every method on every scene, on one core.

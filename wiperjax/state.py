@@ -15,7 +15,6 @@ from .results import RUNNING, Regime, Result
 from .sparse import plus, times
 from .system import AbstractSystem, Contact, Scalar, contact, rates
 
-
 BREAK = 1000  # in place of a slot: a smooth piece of the prescribed motion ends
 
 

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from .barrier import keep
 from .guards import FIRST, JAM, SECOND, contact_sizes, first_switch, guard_values
 from .impact import poisson_impact
-from .regimes import Forces, acceleration, decide, forces, slip_forces, slip_sign
 from .polynomials import largest
+from .regimes import Forces, acceleration, decide, forces, slip_forces, slip_sign
 from .results import Event, Regime
 from .sparse import absent, plus, times
 from .state import Problem, State, start_of_slip_order

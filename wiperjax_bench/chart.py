@@ -70,7 +70,7 @@ def run(
     chosen = select(methods, quick)
     if not chosen:
         raise ValueError(f"no method has {methods} in its name")
-    repeats = repeats or (3 if quick else 5)
+    repeats = repeats or 3
     versions = measure.versions()
     key = {"format": FORMAT, "quick": quick, "repeats": repeats, "versions": versions,
            "machine": measure.machine(), "methods": [r.name for r in chosen]}  # fmt: skip
@@ -109,7 +109,7 @@ def run(
 
 def measure_scene(name: str, chosen: list[Rival], quick: bool, repeats: int, say) -> dict[str, Any]:
     """Return the measurements of one scene as plain numbers."""
-    cells = 64 if quick else BATCH if name == "batch" else scenes.CELLS
+    cells = 1024 if quick else BATCH if name == "batch" else scenes.CELLS
     judged = 16 if quick else JUDGED
     scene: Scene = getattr(scenes, name)(cells)
     part = scene.head(judged)

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from wiperjax.cells import LANES
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.state import vector_field
 
@@ -155,7 +154,7 @@ def batch(precision: str, flows: int, cells: int):
         lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x,
         engine.arrays(scene, precision),
     )
-    lanes = min(LANES[precision], cells)
+    lanes = engine.lanes_for(precision, cells)
     number = jnp.asarray(cells, jnp.int32)
     leaves, tree = jax.tree.flatten((wiper, position, velocity, scales))
     arrays = [i for i, x in enumerate(leaves) if isinstance(x, jax.Array)]
@@ -180,7 +179,7 @@ def batch(precision: str, flows: int, cells: int):
 def run(precision: str = "float64", quick: bool = False, say=print) -> str:
     """Return the profile as text (one core, processor time)."""
     cells = 512 if quick else 4096
-    lanes = min(LANES[precision], cells)
+    lanes = engine.lanes_for(precision, cells)
     rows, per_turn = [], {}
     body = None
     for flows in (2, 4) if quick else (1, 2, 4, 6):
