@@ -146,6 +146,26 @@ def zeno(cells: int = 512) -> Scene:
     )  # fmt: skip
 
 
+GRAZE_SPEED = -0.7  # m/s, of a tip that just touches the glass at zero speed
+
+
+def grazing(cells: int = 512) -> Scene:
+    """Return a flying tip that passes the glass: half the cells just miss it, half just touch.
+
+    The lip is bent far past its shoulder and the support pulls up. Approach speeds differ from the
+    grazing one by 1e-7 to 1e-2 of it, either way.
+    """
+    off = np.logspace(-7, -2, (cells + 1) // 2)
+    change = np.stack([-off, off], axis=1).ravel()[:cells]
+    wiper = Wiper(belt=SteadyBelt(0.3), support_stiffness=8000.0, normal_load=5.0)
+    start = np.tile([LENGTH * math.sin(0.7), 1e-4, 0.0, 0.0], (cells, 1))
+    start[:, 3] = GRAZE_SPEED * (1 + change)
+    return Scene(
+        "grazing", "a grazing pass: the gap closes to within a hair, or just touches", wiper,
+        start, 6e-4, _times(6e-4, 12), (LENGTH, 0.3),
+    )  # fmt: skip
+
+
 BLOCK_LENGTH, BLOCK_START = 1e6, 4.3  # m
 
 
