@@ -25,6 +25,7 @@ import numpy as np
 
 from wiperjax.system import AbstractSystem
 
+from ..batching import absent, arrays, at_samples, over_cells
 from ..interface import Answer
 from ..scenes import Scene
 
@@ -155,16 +156,11 @@ def trajectory(system, start, duration, steps: int, blocks: int, theta=0.5):
     return position, jax.vmap(outside)(times, position, velocity), solved
 
 
-@partial(jax.jit, static_argnames="blocks")
-def run(wiper, start, duration, steps, blocks):
-    """`trajectory` of all cells; compiled once a scene, whatever the number of steps a block."""
+@partial(jax.jit, static_argnames=("zeros", "blocks"))
+def run(wiper, start, duration, steps, zeros, blocks):
+    """`trajectory` of all cells; compiled once, whatever the scene's numbers and the step."""
     one = lambda wiper, start: trajectory(wiper, start, duration, steps, blocks)
-    return jax.vmap(one, in_axes=(lanes(wiper), 0))(wiper, start)
-
-
-def lanes(wiper):
-    """Return the vmap axes of a wiper: 0 where a leaf has one entry a cell."""
-    return jax.tree.map(lambda x: 0 if np.ndim(x) else None, wiper)
+    return over_cells(one, wiper, zeros, start)
 
 
 class MoreauJean:
@@ -181,26 +177,19 @@ class MoreauJean:
     def prepare(self, scene: Scene, setting: float):
         blocks = min(len(scene.sample_times), round(1 / setting))
         steps = round(1 / setting / blocks)
-        fixed = (scene.wiper, jnp.asarray(scene.start))
-        jax.block_until_ready(run(*fixed, scene.duration, 0, blocks))  # compiles
+        fixed = (arrays(scene.wiper), jnp.asarray(scene.start), scene.duration)
+        names = dict(zeros=absent(scene), blocks=blocks)
+        jax.block_until_ready(run(*fixed, 0, **names))  # compiles
         ends = scene.duration * np.arange(blocks + 1) / blocks
 
         def answer() -> Answer:
-            position, velocity, solved = map(np.asarray, run(*fixed, scene.duration, steps, blocks))
+            position, velocity, solved = map(np.asarray, run(*fixed, steps, **names))
             q, v = (at_samples(ends, x, scene.sample_times) for x in (position, velocity))
             stopped = ~solved | ~np.isfinite(q).all(axis=(1, 2))
             count = np.full(scene.cells, steps * blocks)
             return Answer(scene.sample_times, q, v, None, None, stopped, count)
 
         return answer
-
-
-def at_samples(ends, values, times):
-    """Return ``values`` (cells, ends, n), linear between ``ends``, at ``times``."""
-    right = np.clip(np.searchsorted(ends, times * (1 - 1e-12)), 1, len(ends) - 1)
-    left = right - 1
-    share = ((times - ends[left]) / (ends[right] - ends[left]))[:, None]
-    return (1 - share) * values[:, left] + share * values[:, right]
 
 
 RIVALS = (MoreauJean(),)

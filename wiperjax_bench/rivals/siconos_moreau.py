@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..batching import at_samples
 from ..interface import Answer, NotForThisScene
 from ..scenes import Scene
-from .moreau_jean import at_samples
 
 VARIABLE = "WIPERJAX_SICONOS_PYTHON"
 
