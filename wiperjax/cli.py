@@ -17,6 +17,8 @@ from typing import Annotated, Any
 
 import typer
 
+from wiperjax.cli_bench import app as bench
+
 MAP_SUFFIXES = (".h5", ".hdf5", ".nc")
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 INTERRUPTED = 130  # what a shell reports for a command ended by Ctrl-C
@@ -27,6 +29,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.add_typer(bench, name="bench")
 
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 

@@ -37,7 +37,7 @@ class Rival(Protocol):
         ...
 
     def prepare(self, scene: Scene, setting: float) -> Callable[[], Answer]:
-        """Build and compile; only the call of what is returned is timed.
+        """Return a call that computes the scene; it is called once before it is timed.
 
         A method whose fast path keeps no history (final states, counts) may give the callable an
         attribute ``answer``: a second callable, not timed, that returns the full `Answer` of the

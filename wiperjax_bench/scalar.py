@@ -366,7 +366,9 @@ def place_of(p, which, x):
 
 
 # columns of the statistics of a cell, from ``mark`` on
-STICK_TIME, SLIP_TIME, FLIGHT_TIME, U, UU, FORCE, FORCE_MAX, GAP_MAX, IMPACTS, STICKS, LIFTS = range(11)
+STICK_TIME, SLIP_TIME, FLIGHT_TIME, U, UU, FORCE, FORCE_MAX, GAP_MAX, IMPACTS, STICKS, LIFTS = (
+    range(11)
+)
 SUMS = 11
 
 
@@ -519,9 +521,10 @@ def run(
                         break
                     continue
                 # guards; a step that could not have an event passes by comparisons alone
-                theta, hit = first_zero(
-                    sign * w, sign * w1 * h, sign * we, sign * w7 * h, slip_order
-                ), 3
+                theta, hit = (
+                    first_zero(sign * w, sign * w1 * h, sign * we, sign * w7 * h, slip_order),
+                    3,
+                )
                 z, place = first_zero_of_x(p, zone, kinked, x, x1, xe, x7, h)
                 if z < theta:
                     theta, hit = z, place
@@ -591,8 +594,11 @@ def run(
                         q1 * x1 + q2 * x2 + q3 * x3 + q4 * x4 + q5 * x5 + q6 * x6 + q7 * x7
                     )
                     taken[upcoming, 1] = 0.0
-                    taken[upcoming, 2] = v_end + w + length * (
-                        q1 * w1 + q2 * w2 + q3 * w3 + q4 * w4 + q5 * w5 + q6 * w6 + q7 * w7
+                    taken[upcoming, 2] = (
+                        v_end
+                        + w
+                        + length
+                        * (q1 * w1 + q2 * w2 + q3 * w3 + q4 * w4 + q5 * w5 + q6 * w6 + q7 * w7)
                     )
                     taken[upcoming, 3] = 0.0
                     upcoming += 1
@@ -825,7 +831,9 @@ class Record(NamedTuple):
 
 
 @njit_
-def _cell(i, blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r):
+def _cell(
+    i, blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r
+):
     b = blades[i]
     p = Blade(
         b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], b[13],
@@ -841,14 +849,52 @@ def _cell(i, blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, bud
 
 
 @njit_
-def one_by_one(blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r):
+def one_by_one(
+    blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r
+):
     """Run all cells on this thread."""
     for i in range(len(blades)):
-        _cell(i, blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r)
+        _cell(
+            i,
+            blades,
+            motions,
+            breaks,
+            kinds,
+            start,
+            end,
+            rtol,
+            sx,
+            sv,
+            zeno,
+            budget,
+            times,
+            mark,
+            dt,
+            r,
+        )
 
 
 @njit(fastmath=FAST, error_model="numpy", cache=True, parallel=True)
-def on_all_cores(blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r):
+def on_all_cores(
+    blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r
+):
     """Run all cells on numba's threads."""
     for i in prange(len(blades)):
-        _cell(i, blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r)
+        _cell(
+            i,
+            blades,
+            motions,
+            breaks,
+            kinds,
+            start,
+            end,
+            rtol,
+            sx,
+            sv,
+            zeno,
+            budget,
+            times,
+            mark,
+            dt,
+            r,
+        )

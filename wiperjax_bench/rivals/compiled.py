@@ -181,7 +181,6 @@ class Compiled:
             )
 
         call.answer = answer
-        call()  # compiles
         return call
 
 
