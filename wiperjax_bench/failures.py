@@ -8,6 +8,7 @@ with an error**: what is not right was reported by the method itself. **Not run*
 here, or the method cannot express the scene.
 """
 
+import json
 import time
 from collections.abc import Callable, Iterable
 from enum import IntEnum
@@ -24,6 +25,8 @@ import wiperjax
 from .batching import absent, arrays, over_cells
 from .hard_scenes import SCENES
 from .interface import Answer, NotForThisScene, Rival
+from .measure import load, machine, versions
+from .rivals import every
 from .scenes import Scene
 
 TOLERANCE = 0.01
@@ -112,10 +115,10 @@ def measure(
     for i, rival in enumerate(rivals):
         values = rival.settings[:settings]
         setting[i, :, : len(values)] = values
-        absent = rival.available()
+        missing = rival.available()
         for j, (name, scene) in enumerate(built.items()):
-            if absent is not None:
-                reason[i, j] = absent
+            if missing is not None:
+                reason[i, j] = missing
                 continue
             for k, value in enumerate(values):
                 try:
@@ -157,8 +160,33 @@ def measure(
             "setting_name": ("method", [rival.setting_name for rival in rivals]),
             "about": ("scene", [scene.about for scene in built.values()]),
         },
-        attrs={"title": "where each method fails", "tolerance": TOLERANCE, **provenance()},
+        attrs={
+            "title": "where each method fails",
+            "tolerance": TOLERANCE,
+            "machine": machine(),
+            "versions": json.dumps(versions(), sort_keys=True),
+            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "load_average": load(),
+        },
     )
+
+
+QUICK = ("engine Tsit5", "Moreau-Jean", "tanh, penalty, Tsit5", "scipy solve_ivp RK45")
+
+
+def run(quick: bool, methods: list[str] | None, tell: Callable[[str], None]) -> xr.Dataset:
+    """Return `measure` of all methods, or of those with a part of ``methods`` in their name.
+
+    ``quick``: four methods at three settings on three scenes, in under two minutes.
+    Raises ValueError where no method is left.
+    """
+    chosen = [r for r in every() if methods is None or any(m in r.name for m in methods)]
+    if quick and methods is None:
+        chosen = [r for r in chosen if r.name in QUICK]
+    if not chosen:
+        raise ValueError(f"method must be part of a method's name, but was {methods}")
+    few = {name: SCENES[name] for name in ("grazing", "zeno", "large_step")}
+    return measure(chosen, few if quick else None, 3 if quick else None, tell)
 
 
 def timed(call: Callable) -> tuple[Answer, float]:
@@ -172,11 +200,14 @@ def timed(call: Callable) -> tuple[Answer, float]:
     return (full() if full else answer), float(np.median(spent))
 
 
-def loosest(dataset: xr.Dataset) -> xr.DataArray:
-    """Return by (method, scene) the coarsest level from which all that ran is right; -1 if none."""
-    ran = dataset.outcome != Outcome.NOT_RUN
-    bad = ran & (dataset.outcome != Outcome.RIGHT)
-    after = xr.where(bad, dataset.level, -1).max("level") + 1  # first level after the last bad one
-    return xr.where(ran.isel(level=after.clip(max=dataset.sizes["level"] - 1)), after, -1).where(
-        after < dataset.sizes["level"], -1
-    )
+def loosest(dataset: xr.Dataset) -> np.ndarray:
+    """Return (method, scene): the coarsest level from which all that ran is right; -1 if none."""
+    codes = dataset.outcome.values
+    first = np.full(codes.shape[:2], -1)
+    for i, j in np.ndindex(first.shape):
+        ran = codes[i, j][codes[i, j] != Outcome.NOT_RUN]
+        bad = np.flatnonzero(ran != Outcome.RIGHT)
+        after = bad[-1] + 1 if len(bad) else 0
+        if after < len(ran):
+            first[i, j] = after
+    return first

@@ -26,7 +26,8 @@ WORDS = {
 def draw(dataset: xr.Dataset):
     """Return the figure: methods by scenes, each cell a strip of settings from coarse to fine.
 
-    Under a strip: the loosest setting from which all are right, and its wall time per trajectory.
+    Grey at the right end of a strip: finer settings that would have taken too long. Under it: the
+    loosest setting from which all are right, and its wall time per trajectory.
     """
     methods, scenes = dataset.sizes["method"], dataset.sizes["scene"]
     first = loosest(dataset)
@@ -77,8 +78,8 @@ def _strip(axes, i: int, j: int, codes) -> None:
         axes.text(left + width / 2, i - 0.15, SIGNS[outcome], ha="center", va="center", fontsize=7)
 
 
-def _caption(dataset: xr.Dataset, first: xr.DataArray, i: int, j: int) -> str:
-    level = int(first.values[i, j])
+def _caption(dataset: xr.Dataset, first: np.ndarray, i: int, j: int) -> str:
+    level = int(first[i, j])
     if np.all(dataset.outcome.values[i, j] == Outcome.NOT_RUN):
         return "not run"
     if level < 0:

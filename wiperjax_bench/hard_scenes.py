@@ -59,9 +59,7 @@ def zeno() -> Scene:
 def steep_stribeck() -> Scene:
     """Return a friction curve that falls within 1 mm/s: stick-slip with sharp corners."""
     wiper = Wiper(belt=SteadyBelt(0.3), stribeck_speed=1e-3, normal_load=_spread(15.0))
-    return _scene(
-        "steep Stribeck", "friction falls within 1 mm/s", wiper, _at(0.0), 0.03, 0.3
-    )
+    return _scene("steep Stribeck", "friction falls within 1 mm/s", wiper, _at(0.0), 0.03, 0.3)
 
 
 def stiff_shoulder() -> Scene:
@@ -102,9 +100,7 @@ def near_painleve() -> Scene:
         normal_load=_spread(15.0),
     )
     start = _at(math.atan(0.51427), along=0.6)
-    return _scene(
-        "near Painleve", "slip runs into D = 0 under load", wiper, start, 1e-3, 0.3
-    )
+    return _scene("near Painleve", "slip runs into D = 0 under load", wiper, start, 1e-3, 0.3)
 
 
 def large_step() -> Scene:

@@ -19,7 +19,6 @@ from ..scenes import Scene
 from .penalty import SmoothContact, Smoothing, damping_ratio, vector_field
 
 
-
 def smooth_contact(system, width, sink) -> SmoothContact:
     """Return the contact with friction ``width`` [m/s] that gives ``sink`` [m] under the load."""
     return SmoothContact(width, system.normal_load / sink, damping_ratio(system.bounce))

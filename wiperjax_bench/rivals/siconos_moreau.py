@@ -69,7 +69,7 @@ class Siconos:
             request.append(dict(w=cell, belt=belt, start=scene.start[i].tolist(), **numbers))
         text = json.dumps(request)
         worker = subprocess.Popen(
-            [str(interpreter()), str(Path(__file__).with_name("siconos_worker.py"))],
+            [str(interpreter()), str(Path(__file__).parents[1] / "siconos_worker.py")],
             env=_plain(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

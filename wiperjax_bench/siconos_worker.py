@@ -12,7 +12,7 @@ import math
 import sys
 
 import numpy as np
-import siconos.kernel as sk
+import siconos.kernel as sk  # pyright: ignore[reportMissingImports]
 
 
 def belt_velocity(b, t):
@@ -96,4 +96,5 @@ def main():
         print(json.dumps([run(**cell) for cell in cells]), flush=True)
 
 
-main()
+if __name__ == "__main__":
+    main()
