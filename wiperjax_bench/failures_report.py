@@ -38,7 +38,7 @@ def failures_text(dataset: xr.Dataset, picture: str) -> str:
         "",
         f"Right: in all cells of a scene (four blades) and at all 60 samples the tip is within "
         f"{100 * TOLERANCE:g} % of the reference, as a share of the range of each coordinate (at "
-        f"least {100 * STILL:g} % of the other's). Reference: the engine with Dopri8 at 1e-12, "
+        f"least {100 * STILL:g} % of the other's). Reference: the engine at rtol 1e-12, "
         "which an independent code confirms (`tests/test_bench_failures.py`).",
         "",
         f"One core of {dataset.attrs['machine']}, {dataset.attrs['created']}, load average "

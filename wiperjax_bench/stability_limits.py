@@ -8,8 +8,8 @@ Three stiffnesses, each on a blade at rest that is disturbed a little:
 
 Theory: with lambda the eigenvalues of the motion's Jacobian there and R the method's stability
 function, the largest h with abs(R(h lambda)) <= 1 for all of them (E. Hairer and G. Wanner,
-Solving Ordinary Differential Equations II, Springer 1996, IV.2). Measured: the largest fixed step at which
-the disturbance does not grow, by bisection on the actual methods. Set-valued methods (the engine,
+Solving Ordinary Differential Equations II, Springer 1996, IV.2). Measured: the largest fixed step
+at which the disturbance does not grow, by bisection on the actual methods. Set-valued methods (the engine,
 Moreau-Jean) have neither of the first two stiffnesses: they are measured on the same blade.
 """
 
@@ -270,7 +270,8 @@ def set_valued() -> dict[str, float]:
 def measure(points: int | None = None, tell: Callable[[str], None] = lambda line: None):
     """Return the dataset: theory and measurement [s] by (problem, method, point).
 
-    inf: no limit found within `RANGE` times the fastest time constant. ``points`` limits the stiffnesses.
+    inf: no limit found within `RANGE` times the fastest time constant. ``points``: how many
+    stiffnesses.
     """
     found = {problem: methods(problem) for problem in POINTS}
     names = list(dict.fromkeys(name for entry in found.values() for name in entry))

@@ -42,6 +42,11 @@ def _plain() -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
 
 
+def _end(worker: subprocess.Popen) -> None:
+    worker.kill()
+    worker.communicate()  # closes its pipes
+
+
 class Siconos:
     """Siconos; the setting is the step as a fraction of the duration."""
 
@@ -75,25 +80,26 @@ class Siconos:
             stdout=subprocess.PIPE,
             text=True,
         )
-        assert worker.stdin and worker.stdout
-        worker.stdout.readline()  # ready
+        requests, answers = worker.stdin, worker.stdout
+        assert requests and answers
+        answers.readline()  # ready
         ends = scene.duration * np.arange(blocks + 1) / blocks
 
         def answer() -> Answer:
-            print(text, file=worker.stdin, flush=True)
+            print(text, file=requests, flush=True)
             # no line: it crashed, as it may on bad numbers
-            found = json.loads(worker.stdout.readline() or "[]")
+            found = json.loads(answers.readline() or "[]")
             found += [[]] * (scene.cells - len(found))
             states = np.full((scene.cells, blocks + 1, 4), np.nan)
             states[:, 0] = scene.start
             for i, rows in enumerate(found):
                 states[i, 1 : len(rows) + 1] = np.array(rows).reshape(-1, 4)
             q, v = (at_samples(ends, states[..., k : k + 2], scene.sample_times) for k in (0, 2))
-            stopped = ~np.isfinite(q).all(axis=(1, 2))
+            stopped = np.array([len(rows) < blocks for rows in found])
             steps = np.array([len(rows) * keep for rows in found])
             return Answer(scene.sample_times, q, v, None, None, stopped, steps)
 
-        weakref.finalize(answer, worker.kill)
+        weakref.finalize(answer, _end, worker)
         return answer
 
 
