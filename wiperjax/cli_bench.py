@@ -56,6 +56,54 @@ def chart(
 
 
 @app.command()
+def failures(
+    output: Output = Path("failures.h5"),
+    quick: Quick = False,
+    method: Annotated[
+        list[str] | None, typer.Option(help="Only methods with this in their name (repeatable).")
+    ] = None,
+) -> None:
+    """Where each method fails: all methods on hard scenes, at all their settings, on one core.
+
+    Writes the dataset, its picture (.png, .svg) and the text under it (.md).
+    """
+    _begin(output, 1)
+    from wiperjax_bench import failures, failures_plot, failures_report
+
+    dataset = failures.run(quick, method, print)
+    dataset.to_netcdf(output, engine="h5netcdf")
+    pictures = _save(failures_plot.draw(dataset), output)
+    text = output.with_suffix(".md")
+    text.write_text(failures_report.failures_text(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
+
+
+@app.command()
+def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
+    """Largest stable step of each method against stiffness, measured and in theory.
+
+    Writes the dataset, its picture (.png, .svg) and the text under it (.md).
+    """
+    _begin(output, 1)
+    from wiperjax_bench import failures_report, limits_plot, stability_limits
+
+    dataset = stability_limits.measure(2 if quick else None, print)
+    dataset.to_netcdf(output, engine="h5netcdf")
+    pictures = _save(limits_plot.draw(dataset), output)
+    text = output.with_suffix(".md")
+    text.write_text(failures_report.limits_text(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
+
+
+def _save(figure, output: Path) -> str:
+    """Write a figure beside ``output`` as .png and .svg, and return their names."""
+    files = [output.with_suffix(end) for end in (".png", ".svg")]
+    for file in files:
+        figure.savefig(file, dpi=150)
+    return ", ".join(map(str, files))
+
+
+@app.command()
 def speed(
     output: Output = Path("speed.h5"),
     quick: Quick = False,
@@ -154,9 +202,8 @@ def everything(
     import sys
 
     folder.mkdir(parents=True, exist_ok=True)
-    parts = {"chart": "chart.h5", "maps": "maps.h5", "speed": "speed.h5", "profile": "profile.md"}
-    for name, file in parts.items():
-        output = folder / file
+    for name in ("chart", "failures", "limits", "maps", "speed", "profile"):
+        output = folder / (f"{name}.md" if name == "profile" else f"{name}.h5")
         if output.exists() and not again:
             print(f"{name}: kept {output}")
             continue
