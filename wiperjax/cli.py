@@ -20,6 +20,8 @@ from typing import Annotated, Any
 
 import typer
 
+from wiperjax.cli_bench import app as bench
+
 MAP_SUFFIXES = (".h5", ".hdf5", ".nc")
 STILL_SUFFIXES = (".png", ".pdf", ".svg")
 PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
@@ -45,6 +47,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.add_typer(bench, name="bench")
 
 Model = Annotated[
     str | None,
@@ -137,6 +141,10 @@ def sweep(
         int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
     ] = None,
     model: Model = None,
+    target_error: Annotated[
+        float | None,
+        typer.Option(help="Pick solver, precision and rtol for this error (of the lip's length)."),
+    ] = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from wiperjax.spec import load_sweep
@@ -147,6 +155,8 @@ def sweep(
     if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
         raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
     spec = load_sweep(file, model)
+    if target_error is not None:
+        spec = _at_error(spec, target_error, file)
     _check_output(output, MAP_SUFFIXES, force or resume, file)
     drawing = output.with_suffix(".png") if picture else None
     if drawing is not None:
@@ -165,6 +175,7 @@ def sweep(
     command += [] if scheduler is None else ["--scheduler", scheduler]
     command += [] if local_cluster is None else ["--local-cluster", str(local_cluster)]
     command += [] if model is None else ["--model", model]
+    command += [] if target_error is None else ["--target-error", str(target_error)]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     try:
         with contextlib.ExitStack() as stack:
@@ -479,6 +490,26 @@ def _check_output(path: Path, suffixes: Sequence[str], force: bool, source: Path
     from wiperjax.storage import check_output
 
     check_output(path, force)
+
+
+def _at_error(spec: Any, target: float, file: Path) -> Any:
+    """Return the sweep with the settings that `accuracy.choose` picks; say which."""
+    from wiperjax.accuracy import choose
+
+    for key in ("solver", "precision", "rtol", "atol"):
+        if key in spec.run.model_fields_set:
+            raise ValueError(
+                f"{file}: run.{key} must be left out with --target-error, which picks it"
+            )
+    found = choose(target)
+    print(
+        f"target error {target:g}: {found.solver}, {found.precision}, rtol {found.rtol:g} "
+        f"(measured {found.error:.1e})"
+    )
+    run = spec.run.model_copy(
+        update={"solver": found.solver, "precision": found.precision, "rtol": found.rtol}
+    )
+    return spec.model_copy(update={"run": run})
 
 
 def _configure(cores: int | None) -> None:

@@ -1,0 +1,150 @@
+"""The failure chart and the stability limits of `wiperjax bench`."""
+
+import dataclasses
+
+import diffrax
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from reference.blade import Steady, Trapezoid, simulate
+
+from wiperjax import TrapezoidBelt
+from wiperjax_bench import failures, failures_plot, failures_report, hard_scenes
+from wiperjax_bench import stability_limits as limits
+from wiperjax_bench.failures import Outcome
+from wiperjax_bench.interface import Answer, NotForThisScene
+from wiperjax_bench.rivals import moreau_jean
+
+(MOREAU,) = moreau_jean.RIVALS
+
+
+# ---- the scenes and their reference --------------------------------------------------------------
+
+
+def final_position(scene, cell):
+    """Return (x, y) at the end by the independent code of the tests."""
+    values = {k: float(v[cell]) for k, v in scene.parameters().items()}
+    speed = values.pop("belt_speed")
+    rest = {k: values.pop(k) for k in list(values) if k.startswith("belt_")}
+    belt = Steady(speed)
+    if isinstance(scene.wiper.belt, TrapezoidBelt):
+        belt = Trapezoid(speed, rest["belt_frequency"], rest["belt_phase"], rest["belt_ramp"])
+    return np.array(simulate(values, belt, scene.duration, scene.start[cell]).position)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", hard_scenes.SCENES)
+def test_an_independent_code_confirms_the_reference(name):
+    scene = hard_scenes.SCENES[name]()
+    cell = 3
+    true = failures.reference(scene)[cell]
+    extent = np.ptp(true, axis=0)
+    off = np.abs(final_position(scene, cell) - true[-1])
+    assert np.all(off < 1e-5 * np.maximum(extent, failures.STILL * extent.max()))
+
+
+# ---- judging -------------------------------------------------------------------------------------
+
+
+def answer(position, stopped):
+    return Answer(np.arange(3.0), position, position, None, None, np.array(stopped), np.ones(2))
+
+
+def test_outcomes():
+    true = np.zeros((2, 3, 2))
+    true[:, :, 0] = [0, 1, 2]
+    off = true.copy()
+    off[1, 2, 0] += 0.05
+    lost = np.where(off == 2.05, np.nan, off)
+    sunk = true - [0.0, 0.0009]  # y: a twentieth of the range of x counts
+    assert failures.judge(answer(true, [False, False]), true) == Outcome.RIGHT
+    assert failures.judge(answer(sunk, [False, False]), true) == Outcome.RIGHT
+    assert failures.judge(answer(2 * sunk - true, [False, False]), true) == Outcome.WRONG
+    assert failures.judge(answer(off, [False, False]), true) == Outcome.WRONG
+    assert failures.judge(answer(off, [False, True]), true) == Outcome.STOPPED
+    assert failures.judge(answer(off, [True, False]), true) == Outcome.WRONG
+    assert failures.judge(answer(lost, [False, False]), true) == Outcome.WRONG
+    assert failures.judge(answer(lost, [False, True]), true) == Outcome.STOPPED
+
+
+class Still(moreau_jean.MoreauJean):
+    """A method that stands still and says nothing; it knows no hinge mass."""
+
+    name = "still"
+    settings = (1.0,)
+
+    def prepare(self, scene, setting):
+        if np.any(scene.wiper.hinge_mass):
+            raise NotForThisScene("no hinge mass")
+        start = np.repeat(scene.start[:, None], len(scene.sample_times), axis=1)
+        still = np.zeros(scene.cells, bool)
+        return lambda: Answer(
+            scene.sample_times, start[..., :2], start[..., 2:], None, None, still, still + 1
+        )
+
+
+class Absent(Still):
+    name = "absent"
+
+    def available(self):
+        return "not installed"
+
+
+@pytest.fixture(scope="module")
+def chart():
+    few = {name: hard_scenes.SCENES[name] for name in ("grazing", "near_painleve", "large_step")}
+    coarse = dataclasses.make_dataclass("Coarse", [], bases=(moreau_jean.MoreauJean,))()
+    coarse.settings = (1e-2, 1e-3, 3e-4)
+    return failures.measure([coarse, Still(), Absent()], few)
+
+
+def test_a_chart_tells_right_from_wrong_and_from_not_run(chart):
+    code = lambda method, scene: list(chart.outcome.sel(method=method, scene=scene).values)
+    assert code("Moreau-Jean", "grazing") == [Outcome.WRONG, Outcome.RIGHT, Outcome.RIGHT]
+    assert code("Moreau-Jean", "large step") == [Outcome.WRONG, Outcome.RIGHT, Outcome.RIGHT]
+    # it converges on Newton's impact law: no rebound from an impact without collision
+    assert code("Moreau-Jean", "near Painleve") == [Outcome.WRONG] * 3
+    none = Outcome.NOT_RUN
+    assert code("still", "grazing") == [Outcome.WRONG, none, none]
+    assert code("still", "near Painleve") == [none] * 3
+    assert code("absent", "grazing") == [none] * 3
+    assert chart.reason.sel(method="absent", scene="grazing").item() == "not installed"
+    assert chart.reason.sel(method="still", scene="near Painleve").item() == "no hinge mass"
+    first = failures.loosest(chart)
+    assert first[0].tolist() == [1, -1, 1] and first[1].tolist() == [-1, -1, -1]
+
+
+def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
+    chart.to_netcdf(tmp_path / "f.h5", engine="h5netcdf")
+    figure = failures_plot.draw(chart)
+    words = [text.get_text() for text in figure.axes[0].texts]
+    plt.close(figure)
+    assert words.count("not run") == 4 and words.count("never right") == 3
+    text = failures_report.failures_text(chart, "f.png")
+    assert "| absent | not run |" in text and "| Moreau-Jean | 2 of 3 | 4 | 5 | 0 |" in text
+
+
+# ---- stability -----------------------------------------------------------------------------------
+
+
+def test_stability_regions():
+    radius = lambda r, angle=np.pi: limits.largest_radius(r, angle)
+    assert radius(limits.stability_function(diffrax.Euler())) == pytest.approx(2.0)
+    # Hairer and Wanner, figure IV.2.2
+    assert radius(limits.stability_function(diffrax.Dopri5())) == pytest.approx(3.3066, abs=1e-4)
+    assert radius(limits.stability_function(diffrax.Kvaerno5())) == np.inf
+    assert radius(limits.theta_function(0.5)) == np.inf
+    assert radius(limits.theta_function(0.0), 2.0) == pytest.approx(-2 * np.cos(2.0))
+
+
+@pytest.mark.parametrize("problem", ["friction", "contact"])
+def test_measured_limit_of_smooth_contact_is_that_of_theory(problem):
+    theory, measured = limits.methods(problem)["smooth contact, Tsit5"](limits.POINTS[problem][2])
+    assert measured == pytest.approx(theory, rel=0.01)
+
+
+def test_moreau_jean_has_the_limit_of_its_theta():
+    ways = limits.methods("spring")
+    theory, measured = ways["Moreau-Jean, theta = 0"](5.0)
+    assert measured == pytest.approx(theory, rel=0.02)
+    assert ways["Moreau-Jean, theta = 0.5"](5.0) == (np.inf, np.inf)

@@ -1,0 +1,216 @@
+"""The failure chart: every method on every hard scene, at every setting it offers.
+
+**Right** means: in every cell and at every sample the tip is within `TOLERANCE` of the reference
+position, as a share of the range of each coordinate in that cell. (A coordinate that hardly moves
+has a twentieth of the other's range: a tip that only slides may sink in by 1/2000 of its way.)
+**Wrong without a word**: some cell is not, and the method did not report failure of it. **Stopped
+with an error**: what is not right was reported by the method itself. **Not run**: not installed
+here, or the method cannot express the scene.
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterable
+from enum import IntEnum
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+import wiperjax
+
+from .batching import arrays, over_cells
+from .hard_scenes import SCENES
+from .interface import Answer, NotForThisScene, Rival
+from .measure import load, machine, versions
+from .rivals import every
+from .scenes import Scene
+
+TOLERANCE = 0.01
+STILL = 0.05  # least range of a coordinate, as a share of the other's
+PATIENCE = 6.0  # s: after a run longer than this finer settings are left out
+
+
+class Outcome(IntEnum):
+    """What one method at one setting made of one scene."""
+
+    RIGHT = 0
+    WRONG = 1
+    STOPPED = 2
+    NOT_RUN = 3
+
+
+@jax.jit
+def _engine(wiper, start, duration, times):
+    def one(wiper, s):
+        solved = wiperjax.solve(
+            wiper,
+            duration,
+            initial_state=((s[0], s[1]), (s[2], s[3])),
+            rtol=1e-12,
+            sample_times=times,
+            max_events=0,
+        )
+        return jnp.stack(solved.samples.position, -1), solved.result
+
+    return over_cells(one, wiper, (), start)
+
+
+def reference(scene: Scene) -> np.ndarray:
+    """Return the positions (cells, samples, 2) [m] of a scene by the engine at rtol 1e-12.
+
+    Raises RuntimeError if a cell did not finish.
+    """
+    fixed = (arrays(scene.wiper), jnp.asarray(scene.start), scene.duration)
+    position, result = map(np.asarray, _engine(*fixed, jnp.asarray(scene.sample_times)))
+    if np.any(result != wiperjax.Result.FINISHED) or not np.all(np.isfinite(position)):
+        raise RuntimeError(f"no reference for scene {scene.name!r}: result codes {result}")
+    return position
+
+
+def error(answer: Answer, exact: np.ndarray) -> np.ndarray:
+    """Return the error (cells,) that `Outcome` is judged by; inf where a position is not finite."""
+    cells = len(answer.position)
+    extent = np.ptp(exact[:cells], axis=1, keepdims=True)
+    extent = np.maximum(extent, STILL * extent.max(axis=-1, keepdims=True))
+    off = (np.abs(answer.position - exact[:cells]) / extent).max(axis=(1, 2))
+    return np.where(np.isfinite(off), off, np.inf)
+
+
+def judge(answer: Answer, exact: np.ndarray) -> Outcome:
+    """Return the outcome over all cells; one that is wrong without a word counts most."""
+    right = error(answer, exact) <= TOLERANCE
+    stopped = np.asarray(answer.stopped, bool)
+    if np.any(~right & ~stopped):
+        return Outcome.WRONG
+    return Outcome.STOPPED if np.any(stopped) else Outcome.RIGHT
+
+
+def measure(
+    rivals: Iterable[Rival],
+    scenes: dict[str, Callable[[], Scene]] | None = None,
+    settings: int | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+) -> xr.Dataset:
+    """Return outcome, error, seconds per trajectory and steps by (method, scene, level).
+
+    ``level`` counts a method's settings from coarse to fine; ``settings`` limits them (None: all).
+    Seconds are wall time of one call for all cells, over the cells; the median of three where a
+    call takes less than 0.3 s. Reasons of what was not run are in ``reason``.
+    """
+    rivals = list(rivals)
+    built = {name: make() for name, make in (scenes or SCENES).items()}
+    exact = {name: reference(scene) for name, scene in built.items()}
+    levels = max(len(rival.settings[:settings]) for rival in rivals)
+    shape = (len(rivals), len(built), levels)
+    outcome = np.full(shape, Outcome.NOT_RUN, np.int8)
+    setting, off, seconds, steps = (np.full(shape, np.nan) for _ in range(4))
+    reason = np.full(shape[:2], "", object)
+    for i, rival in enumerate(rivals):
+        values = rival.settings[:settings]
+        setting[i, :, : len(values)] = values
+        missing = rival.available()
+        for j, (name, scene) in enumerate(built.items()):
+            if missing is not None:
+                reason[i, j] = missing
+                continue
+            for k, value in enumerate(values):
+                try:
+                    call = rival.prepare(scene.head(rival.cells), value)
+                except NotForThisScene as why:
+                    reason[i, j] = str(why)
+                    break
+                answer, spent = timed(call)
+                cells = len(answer.position)
+                outcome[i, j, k] = judge(answer, exact[name])
+                off[i, j, k] = error(answer, exact[name]).max()
+                seconds[i, j, k] = spent / cells
+                steps[i, j, k] = np.mean(answer.steps)
+                tell(
+                    f"{rival.name:36s} {name:16s} {value:8.0e} "
+                    f"{Outcome(outcome[i, j, k]).name.lower():8s} error {off[i, j, k]:8.1e} "
+                    f"{seconds[i, j, k]:9.2e} s"
+                )
+                if spent > PATIENCE:
+                    reason[i, j] = f"finer settings left out: this one took {spent:.0f} s"
+                    break
+    names = [rival.name for rival in rivals]
+    axes = ("method", "scene", "level")
+    meanings = " ".join(o.name.lower() for o in Outcome)
+    flags = {"flag_values": np.array([int(o) for o in Outcome], np.int8), "flag_meanings": meanings}
+    return xr.Dataset(
+        {
+            "outcome": (axes, outcome, {"long_name": "outcome", **flags}),
+            "setting": (axes, setting, {"long_name": "setting of the method, coarse to fine"}),
+            "error": (axes, off, {"long_name": "largest position error over extent", "units": "1"}),
+            "seconds": (axes, seconds, {"long_name": "wall time per trajectory", "units": "s"}),
+            "steps": (axes, steps, {"long_name": "steps per trajectory", "units": "1"}),
+            "reason": (axes[:2], reason.astype(str), {"long_name": "why settings were not run"}),
+        },
+        coords={
+            "method": names,
+            "scene": [scene.name for scene in built.values()],
+            "level": np.arange(levels),
+            "setting_name": ("method", [rival.setting_name for rival in rivals]),
+            "about": ("scene", [scene.about for scene in built.values()]),
+        },
+        attrs={
+            "title": "where each method fails",
+            "tolerance": TOLERANCE,
+            "machine": machine(),
+            "versions": json.dumps(versions(), sort_keys=True),
+            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "load_average": load(),
+        },
+    )
+
+
+QUICK = ("engine Tsit5", "Moreau-Jean", "tanh, penalty, Tsit5", "scipy solve_ivp RK45")
+
+
+def run(quick: bool, methods: list[str] | None, tell: Callable[[str], None]) -> xr.Dataset:
+    """Return `measure` of all methods, or of those with a part of ``methods`` in their name.
+
+    ``quick``: four methods at three settings on three scenes, in under two minutes.
+    Raises ValueError where no method is left.
+    """
+    chosen = [r for r in every() if methods is None or any(m in r.name for m in methods)]
+    if quick and methods is None:
+        chosen = [r for r in chosen if r.name in QUICK]
+    if not chosen:
+        raise ValueError(f"method must be part of a method's name, but was {methods}")
+    few = {name: SCENES[name] for name in ("grazing", "zeno", "large_step")}
+    return measure(chosen, few if quick else None, 3 if quick else None, tell)
+
+
+def timed(call: Callable) -> tuple[Answer, float]:
+    """Return the answer of a prepared method and the wall time [s] of one call.
+
+    The first call may compile, and is timed only where it shows that a second would take too long.
+    """
+    begun = time.perf_counter()
+    answer = call()
+    first = time.perf_counter() - begun
+    full = getattr(call, "answer", None)
+    if full:
+        answer = full()
+    spent = []
+    while first < 10 * PATIENCE and (not spent or (spent[0] < 0.3 and len(spent) < 3)):
+        begun = time.perf_counter()
+        call()
+        spent.append(time.perf_counter() - begun)
+    return answer, float(np.median(spent)) if spent else first
+
+
+def loosest(dataset: xr.Dataset) -> np.ndarray:
+    """Return (method, scene): the coarsest level from which all that ran is right; -1 if none."""
+    codes = dataset.outcome.values
+    first = np.full(codes.shape[:2], -1)
+    for i, j in np.ndindex(first.shape):
+        ran = codes[i, j][codes[i, j] != Outcome.NOT_RUN]
+        bad = np.flatnonzero(ran != Outcome.RIGHT)
+        after = bad[-1] + 1 if len(bad) else 0
+        if after < len(ran):
+            first[i, j] = after
+    return first

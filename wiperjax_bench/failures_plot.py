@@ -1,0 +1,96 @@
+"""The picture of the failure chart."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.patches import Rectangle
+
+from .failures import Outcome, loosest
+
+# Okabe and Ito's colours, and a sign each: the chart reads without colour too
+COLOURS = {
+    Outcome.RIGHT: "#009E73",
+    Outcome.WRONG: "#D55E00",
+    Outcome.STOPPED: "#F0E442",
+    Outcome.NOT_RUN: "#E6E6E6",
+}
+SIGNS = {Outcome.RIGHT: "", Outcome.WRONG: "\u00d7", Outcome.STOPPED: "!", Outcome.NOT_RUN: ""}
+WORDS = {
+    Outcome.RIGHT: "right",
+    Outcome.WRONG: "wrong without a word",
+    Outcome.STOPPED: "stopped with an error",
+    Outcome.NOT_RUN: "not run",
+}
+
+
+def draw(dataset: xr.Dataset):
+    """Return the figure: methods by scenes, each cell a strip of settings from coarse to fine.
+
+    Grey at the right end of a strip: finer settings that would have taken too long. Under it: the
+    loosest setting from which all are right, and its wall time per trajectory.
+    """
+    methods, scenes = dataset.sizes["method"], dataset.sizes["scene"]
+    first = loosest(dataset)
+    figure, axes = plt.subplots(
+        figsize=(3.4 + 1.5 * scenes, 1.5 + 0.52 * methods), layout="constrained"
+    )
+    for i in range(methods):
+        ran = np.isfinite(dataset.setting.values[i]).any(axis=0)
+        levels = int(ran.sum())
+        for j in range(scenes):
+            codes = dataset.outcome.values[i, j, :levels]
+            _strip(axes, i, j, codes)
+            axes.text(j, i + 0.28, _caption(dataset, first, i, j), ha="center", va="center",
+                      fontsize=7)  # fmt: skip
+    axes.set_xlim(-0.5, scenes - 0.5)
+    axes.set_ylim(methods - 0.5, -0.5)
+    axes.set_xticks(range(scenes), [str(x) for x in dataset.scene.values], fontsize=9)
+    names = zip(dataset.method.values, dataset.setting_name.values, strict=True)
+    axes.set_yticks(range(methods), [f"{name}\n({setting})" for name, setting in names], fontsize=8)
+    axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
+    axes.set_xticks(np.arange(scenes + 1) - 0.5, minor=True)
+    axes.set_yticks(np.arange(methods + 1) - 0.5, minor=True)
+    axes.grid(which="minor", color="0.8", linewidth=0.6)
+    axes.tick_params(which="minor", length=0)
+    keys = [
+        Rectangle((0, 0), 1, 1, facecolor=COLOURS[o], edgecolor="0.3", label=WORDS[o])
+        for o in Outcome
+    ]
+    figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    figure.suptitle(
+        "Where each method fails: settings from coarse (left) to fine (right); below, the loosest "
+        "setting from which all are right, and its time per trajectory",
+        fontsize=9,
+    )
+    return figure
+
+
+def _strip(axes, i: int, j: int, codes) -> None:
+    width = 0.9 / len(codes)
+    for k, code in enumerate(codes):
+        left = j - 0.45 + k * width
+        outcome = Outcome(int(code))
+        axes.add_patch(
+            Rectangle(
+                (left, i - 0.34), width, 0.38, facecolor=COLOURS[outcome], edgecolor="white", lw=0.8
+            )
+        )
+        axes.text(left + width / 2, i - 0.15, SIGNS[outcome], ha="center", va="center", fontsize=7)
+
+
+def _caption(dataset: xr.Dataset, first: np.ndarray, i: int, j: int) -> str:
+    level = int(first[i, j])
+    if np.all(dataset.outcome.values[i, j] == Outcome.NOT_RUN):
+        return "not run"
+    if level < 0:
+        return "never right"
+    setting, seconds = dataset.setting.values[i, j, level], dataset.seconds.values[i, j, level]
+    return f"{setting:.0e}: {duration(seconds)}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time with a unit that suits it."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds / 1e-6:.3g} \u00b5s"

@@ -1,0 +1,151 @@
+"""The texts under the failure chart and the stability limits, from their data."""
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from .failures import STILL, TOLERANCE, Outcome, loosest
+from .failures_plot import WORDS, duration
+
+KNOWN = """\
+- **near Painleve, Moreau-Jean**: converges, but to Newton's impact law: an impact without collision
+  begins at zero normal speed and so gives back none, while Poisson's law (MODEL.md section 6)
+  gives back e times the impulse of compression. With no hinge mass the two laws agree.
+- **Zeno landing, smoothed contact**: converges, but to a friction that follows the Stribeck curve
+  *during* an impact, while the model holds mu at its value before. With constant mu it converges
+  on the reference (`tests/test_bench_smooth.py`).
+- **steep Stribeck, smoothed contact**: the peak of the curve is cut off until the width is far
+  below the Stribeck speed (1 mm/s), and then each step is far below a microsecond.
+- **large step**: the free fall is a polynomial, so a method of order 2 or more has no error to
+  shorten its step by, at any tolerance. One that looks for events at the ends of steps, or for a
+  spring force at its stages, passes through the glass and does not notice.
+"""
+
+
+def failures_text(dataset: xr.Dataset, picture: str) -> str:
+    """Return Markdown: the picture, what it shows, also against us, and how it was measured."""
+    first = loosest(dataset)
+    lines = ["# Where each method fails", "", f"![methods by hard scenes]({picture})", ""]
+    lines += ["## What it shows", "", *_counts(dataset, first), "", KNOWN]
+    lines += ["## Against us", "", *_against_us(dataset, first), ""]
+    lines += ["## What was asked", ""]
+    lines += [
+        f"- **{scene}**: {about}"
+        for scene, about in zip(dataset.scene.values, dataset.about.values, strict=True)
+    ]
+    lines += [
+        "",
+        f"Right: in all cells of a scene (four blades) and at all 60 samples the tip is within "
+        f"{100 * TOLERANCE:g} % of the reference, as a share of the range of each coordinate (at "
+        f"least {100 * STILL:g} % of the other's). Reference: the engine at rtol 1e-12, "
+        "which an independent code confirms (`tests/test_bench_failures.py`).",
+        "",
+        f"One core of {dataset.attrs['machine']}, {dataset.attrs['created']}, load average "
+        f"{float(dataset.attrs['load_average']):.1f} at the end; wall time of a call over its "
+        "cells. Four cells are few: the times are for orders of magnitude, `wiperjax bench chart` "
+        "is for ratios. " + _versions(dataset),
+        "",
+    ]
+    notes = _notes(dataset)
+    return "\n".join(lines + (["## Not run", "", *notes, ""] if notes else []))
+
+
+def _counts(dataset: xr.Dataset, first) -> list[str]:
+    """One line a method: on how many scenes it can be right, and in how many runs it misled."""
+    out = [
+        "| method | scenes right at some setting | runs right | wrong without a word | stopped |",
+        "|---|---|---|---|---|",
+    ]
+    for i, name in enumerate(dataset.method.values):
+        codes = dataset.outcome.values[i]
+        ran = np.any(codes != Outcome.NOT_RUN, axis=1)
+        if not ran.any():
+            out.append(f"| {name} | not run | | | |")
+            continue
+        numbers = [int(np.sum(codes == o)) for o in (0, 1, 2)]
+        out.append(
+            f"| {name} | {int(np.sum(first[i] >= 0))} of {int(ran.sum())} | "
+            + " | ".join(map(str, numbers))
+            + " |"
+        )
+    return out
+
+
+def _against_us(dataset: xr.Dataset, first) -> list[str]:
+    """Every run of the engine that is not right, and every scene where another is faster."""
+    out, names = [], [str(name) for name in dataset.method.values]
+    ours = [i for i, name in enumerate(names) if name.startswith("engine")]
+    for i in ours:
+        for j, scene in enumerate(dataset.scene.values):
+            for outcome in (Outcome.WRONG, Outcome.STOPPED):
+                levels = np.flatnonzero(dataset.outcome.values[i, j] == outcome)
+                if len(levels):
+                    at = ", ".join(f"{x:.0e}" for x in dataset.setting.values[i, j, levels])
+                    out.append(f"- {names[i]}, {scene}: {WORDS[outcome]} at {at}")
+    spent = np.full(first.shape, np.inf)
+    for i, j in np.argwhere(first >= 0):
+        spent[i, j] = dataset.seconds.values[i, j, first[i, j]]
+    for j, scene in enumerate(dataset.scene.values):
+        if not ours or not np.isfinite(spent[ours, j].min()):
+            continue
+        mine, best = spent[ours, j].min(), int(np.argmin(spent[:, j]))
+        if best not in ours:
+            out.append(
+                f"- {scene}: {names[best]} is right in {duration(spent[best, j])}, the engine in "
+                f"{duration(mine)}"
+            )
+    return out or ["Nothing in this run."]
+
+
+def _notes(dataset: xr.Dataset) -> list[str]:
+    out = []
+    for name in dataset.method.values:
+        reasons = dataset.reason.sel(method=name)
+        for text in dict.fromkeys(str(x) for x in reasons.values if str(x)):
+            where = [
+                str(s) for s in dataset.scene.values if str(reasons.sel(scene=s).values) == text
+            ]
+            scenes = "all scenes" if len(where) == dataset.sizes["scene"] else ", ".join(where)
+            out.append(f"- {name}, {scenes}: {text}")
+    return out
+
+
+def _versions(dataset: xr.Dataset) -> str:
+    found = json.loads(dataset.attrs["versions"])
+    return "Versions: " + ", ".join(f"{k} {v}" for k, v in found.items()) + "."
+
+
+def limits_text(dataset: xr.Dataset, picture: str) -> str:
+    """Return Markdown: the picture, measured over theory, and how it was measured."""
+    lines = ["# Largest stable step", "", f"![step over stiffness]({picture})", ""]
+    lines += [
+        "Lines: theory, from the method's stability function and the eigenvalues of the motion. "
+        "Marks: measured, by bisection over fixed steps. Open marks at the top: no limit found up "
+        "to 100 times the fastest time constant.",
+        "",
+        "| problem | method | measured over theory |",
+        "|---|---|---|",
+    ]
+    for problem in dataset.problem.values:
+        for method in dataset.method.values:
+            theory = dataset.theory.sel(problem=problem, method=method).values
+            measured = dataset.measured.sel(problem=problem, method=method).values
+            if np.all(np.isnan(measured)):
+                continue
+            both = np.isfinite(theory) & np.isfinite(measured)
+            if both.any():
+                ratio = measured[both] / theory[both]
+                text = f"{ratio.min():.3f} to {ratio.max():.3f}"
+            else:
+                text = ""
+            unlimited = np.isinf(measured) & np.isinf(theory)
+            if unlimited.any():
+                text = f"{text} unlimited in both ({unlimited.sum()} points)".strip()
+            other = np.isinf(measured) != np.isinf(theory)
+            if other.any():
+                at = ", ".join(f"{x:.0e}" for x in measured[other])
+                text += f"; theory unlimited, measured {at} s ({other.sum()} points)"
+            lines.append(f"| {problem} | {method} | {text} |")
+    lines += ["", f"{dataset.attrs['machine']}. " + _versions(dataset), ""]
+    return "\n".join(lines)

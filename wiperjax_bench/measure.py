@@ -1,0 +1,93 @@
+"""Timing: interleaved repeats, medians with their spread, wall and processor time."""
+
+import platform
+import time
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from typing import NamedTuple
+
+import numpy as np
+
+LIBRARIES = (
+    "wiperjax",
+    "jax",
+    "jaxlib",
+    "diffrax",
+    "equinox",
+    "optimistix",
+    "numba",
+    "scipy",
+    "numpy",
+)
+
+
+class Cost(NamedTuple):
+    """Seconds of one call: median, 10th and 90th percentile of the wall time, median CPU time."""
+
+    wall: float
+    low: float
+    high: float
+    cpu: float
+    repeats: int
+
+
+def interleaved(calls: Sequence[Callable], repeats: int, patience: float = np.inf) -> list[Cost]:
+    """Return the cost of each call: every one once, then every one again, ``repeats`` times.
+
+    A slow machine, or a neighbour, then falls on all alike. Calls that took longer than
+    ``patience`` [s] are not repeated.
+    """
+    wall = [[] for _ in calls]
+    cpu = [[] for _ in calls]
+    for turn in range(repeats):
+        for i, call in enumerate(calls):
+            if turn and wall[i][0] > patience:
+                continue
+            cpu_start, start = time.process_time(), time.perf_counter()
+            call()
+            wall[i].append(time.perf_counter() - start)
+            cpu[i].append(time.process_time() - cpu_start)
+    return [
+        Cost(
+            float(np.median(w)),
+            float(np.quantile(w, 0.1)),
+            float(np.quantile(w, 0.9)),
+            float(np.median(c)),
+            len(w),
+        )
+        for w, c in zip(wall, cpu, strict=True)
+    ]
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that have a part in the numbers."""
+    found = {"python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def machine() -> str:
+    """Return the kind of processor and its cores; no name of the host."""
+    import os
+
+    name = platform.machine()
+    try:
+        with open("/proc/cpuinfo") as file:
+            names = [
+                line.split(":", 1)[1].strip() for line in file if line.startswith("model name")
+            ]
+        name = names[0] if names else name
+    except OSError:
+        pass
+    return f"{name}, {len(os.sched_getaffinity(0))} cores"
+
+
+def load() -> float:
+    """Return the load average of the last minute: how far the timings may be trusted."""
+    import os
+
+    return os.getloadavg()[0]

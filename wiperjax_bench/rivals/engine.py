@@ -1,0 +1,174 @@
+"""Our engine: its batch with refill is timed; events and samples come from its single solve."""
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from wiperjax import Result, Wiper
+from wiperjax.cells import CASES_PER_LANE, LANES
+from wiperjax.lanes import Pool, run_pool
+from wiperjax.solve import begin, make_problem, solution
+from wiperjax.solve import run as run_one
+
+from ..interface import Answer
+from ..scenes import Scene, blade_fields
+
+LOG = 1024  # events kept of a trajectory
+# Python numbers: terms that are 0, and a power of 1, are then left out of the program
+PLAIN = {"hinge_mass": 0.0, "hinge_damping": 0.0, "gravity": 0.0, "stribeck_shape": 1.0}
+FAILURES = [int(r) for r in Result if r not in (Result.FINISHED, Result.COLLAPSED)]
+
+
+def arrays(scene: Scene, precision: str) -> tuple:
+    """Return (wiper, position, velocity, scales) with the leaves that a compiled program takes.
+
+    Attack angle, load and steady speed have one value a cell in every scene: one compilation then
+    serves them all.
+    """
+    full = ("attack_angle", "normal_load")
+
+    def leaf(value, spread=False):
+        value = np.asarray(value, precision)
+        return np.broadcast_to(value, (scene.cells,)) if spread else value
+
+    blade = {
+        name: PLAIN[name] if np.all(value == PLAIN.get(name)) else leaf(value, name in full)
+        for name, value in blade_fields(scene.wiper).items()
+    }
+    steady = type(scene.wiper.belt).__name__ == "SteadyBelt"
+    belt = jax.tree.map(partial(leaf, spread=steady), scene.wiper.belt)
+    start = scene.start.astype(precision).T
+    scales = tuple(leaf(s, True) for s in scene.scales)
+    return Wiper(belt=belt, **blade), (start[0], start[1]), (start[2], start[3]), scales
+
+
+def lanes_for(precision: str, cases: int) -> int:
+    """Return the lanes that a sweep's block of ``cases`` gets on one device (`cells.evaluate`)."""
+    return max(1, min(LANES[precision], cases // CASES_PER_LANE))
+
+
+@eqx.filter_jit
+def batch(wiper, position, velocity, count, duration, rtol, scales, solver, precision, lanes):
+    """Return (outcome, effort) of `run_pool`; ``solver``, ``precision``, ``lanes`` are static."""
+    problem, q, v, start = _problem(
+        wiper, position, velocity, duration, rtol, scales, solver, precision
+    )
+    outcome, _, effort = run_pool(Pool(problem, q, v, start, count), lanes)
+    return outcome, effort
+
+
+@eqx.filter_jit
+def histories(wiper, position, velocity, duration, rtol, scales, times, solver, precision):
+    """Return the `Solution` of every cell, with its events and its samples."""
+    cells = position[0].shape[0]
+    parts = (wiper, position, velocity, scales)
+    varying, shared = eqx.partition(parts, lambda x: eqx.is_array(x) and x.shape == (cells,))
+
+    def one(varying):
+        wiper, position, velocity, scales = eqx.combine(varying, shared)
+        problem, q, v, start = _problem(
+            wiper, position, velocity, duration, rtol, scales, solver, precision,
+            sample_times=times, max_events=LOG,
+        )  # fmt: skip
+        return solution(problem, run_one(problem, begin(problem, q, v, start)))
+
+    return jax.vmap(one)(varying)
+
+
+def _problem(wiper, position, velocity, duration, rtol, scales, solver, precision, **more):
+    rtol = jnp.asarray(rtol, precision)
+    atol = tuple((rtol * s,) * 2 for s in scales)
+    return make_problem(
+        wiper,
+        duration,
+        initial_state=(position, velocity),
+        solver=solver,
+        rtol=rtol,
+        atol=atol,
+        dtype=jnp.dtype(precision),
+        max_steps=1_000_000,
+        **more,
+    )
+
+
+class Engine:
+    """The engine with one Runge-Kutta scheme in one precision."""
+
+    setting_name = "rtol"
+    cells = 1 << 20
+
+    def __init__(self, solver: type, precision: str = "float64", cores: int = 1):
+        self.solver, self.precision, self.cores = solver(), precision, cores
+        short = {"float64": "", "float32": " float32"}[precision]
+        self.name = f"engine {solver.__name__}{short}" + (f", {cores} cores" * (cores > 1))
+        finest = 10 if precision == "float64" else 6
+        self.settings = tuple(10.0**-k for k in range(3, finest + 1))
+
+    def available(self) -> str | None:
+        return None
+
+    def prepare(self, scene: Scene, setting: float):
+        """Return a call whose result is [(outcome, effort) of each core]; see ``answer``."""
+        given = arrays(scene, self.precision)
+        varying, shared = eqx.partition(
+            given, lambda x: isinstance(x, np.ndarray) and x.shape == (scene.cells,)
+        )
+        shared = jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, shared)
+        duration, rtol = jnp.asarray(scene.duration), jnp.asarray(setting)
+
+        def share(i: int):
+            """Cells of one core, dealt like cards; a program for one device, run by each thread."""
+            mine = jax.tree.map(lambda x: jnp.asarray(x[i :: self.cores]), varying)
+            wiper, position, velocity, scales = eqx.combine(mine, shared)
+            count = position[0].shape[0]
+            lanes = lanes_for(self.precision, count)
+            count = jnp.asarray(count, jnp.int32)
+            return lambda: jax.block_until_ready(
+                batch(
+                    wiper, position, velocity, count, duration, rtol, scales,
+                    self.solver, self.precision, lanes,
+                )
+            )  # fmt: skip
+
+        shares = [share(i) for i in range(self.cores)]
+
+        def call():
+            if len(shares) == 1:
+                return [shares[0]()]
+            with ThreadPoolExecutor(len(shares)) as pool:
+                return list(pool.map(lambda one: one(), shares))
+
+        def answer() -> Answer:
+            wiper, position, velocity, scales = eqx.combine(
+                jax.tree.map(jnp.asarray, varying), shared
+            )
+            found = jax.tree.map(
+                np.asarray,
+                histories(
+                    wiper, position, velocity, duration, rtol, scales,
+                    jnp.asarray(scene.sample_times), self.solver, self.precision,
+                ),
+            )  # fmt: skip
+            counts = np.minimum(found.events.count, LOG)
+            cut = lambda rows: [row[:n] for row, n in zip(rows, counts, strict=True)]
+            return Answer(
+                scene.sample_times,
+                np.stack(found.samples.position, -1).astype(float),
+                np.stack(found.samples.velocity, -1).astype(float),
+                cut(found.events.time),
+                cut(found.events.kind),
+                np.isin(found.result, FAILURES),
+                found.steps,
+            )
+
+        call.answer = answer
+        return call
+
+
+SOLVERS = (diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3)
+RIVALS = [Engine(s, p) for p in ("float64", "float32") for s in SOLVERS]
