@@ -24,7 +24,7 @@ def draw(dataset: xr.Dataset):
     problems = [str(p) for p in dataset.problem.values]
     figure, panels = plt.subplots(1, len(problems), figsize=(4.1 * len(problems), 4.3),
                                   layout="constrained", squeeze=False)  # fmt: skip
-    names = [str(name) for name in dataset.method.values]
+    names = [str(name) for name in dataset.solver.values]
     for panel, problem in zip(panels[0], problems, strict=True):
         part = dataset.sel(problem=problem)
         x = part.stiffness.values
@@ -32,7 +32,7 @@ def draw(dataset: xr.Dataset):
         finite = part.measured.values[np.isfinite(part.measured.values)]
         top = 30 * finite.max()
         for i, name in enumerate(here):
-            theory, measured = (part[v].sel(method=name).values for v in ("theory", "measured"))
+            theory, measured = (part[v].sel(solver=name).values for v in ("theory", "measured"))
             colour, mark = COLOURS[i], MARKS[i]
             free = np.isinf(measured)
             panel.plot(x, np.where(np.isfinite(theory), theory, np.nan), color=colour, lw=1.2)
