@@ -28,7 +28,7 @@ def draw(dataset: xr.Dataset):
     for panel, problem in zip(panels[0], problems, strict=True):
         part = dataset.sel(problem=problem)
         x = part.stiffness.values
-        here = [n for n in names if np.any(~np.isnan(part.measured.sel(method=n).values))]
+        here = [n for n in names if np.any(~np.isnan(part.measured.sel(solver=n).values))]
         finite = part.measured.values[np.isfinite(part.measured.values)]
         top = 30 * finite.max()
         for i, name in enumerate(here):
