@@ -114,6 +114,10 @@ def sweep(
     block: Annotated[
         int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
     ] = None,
+    target_error: Annotated[
+        float | None,
+        typer.Option(help="Pick solver, precision and rtol for this error (of the lip's length)."),
+    ] = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from wiperjax.spec import load_sweep
@@ -123,6 +127,8 @@ def sweep(
     if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
         raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
     spec = load_sweep(file)
+    if target_error is not None:
+        spec = _at_error(spec, target_error, file)
     _check_output(output, MAP_SUFFIXES, force or resume, file)
     drawing = output.with_suffix(".png") if picture else None
     if drawing is not None:
@@ -140,6 +146,7 @@ def sweep(
     command += [] if workers is None else ["--workers", str(workers)]
     command += [] if scheduler is None else ["--scheduler", scheduler]
     command += [] if local_cluster is None else ["--local-cluster", str(local_cluster)]
+    command += [] if target_error is None else ["--target-error", str(target_error)]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     try:
         with contextlib.ExitStack() as stack:
@@ -268,6 +275,26 @@ def _check_output(path: Path, suffixes: Sequence[str], force: bool, source: Path
     from wiperjax.storage import check_output
 
     check_output(path, force)
+
+
+def _at_error(spec: Any, target: float, file: Path) -> Any:
+    """Return the sweep with the settings that `accuracy.choose` picks; say which."""
+    from wiperjax.accuracy import choose
+
+    for key in ("solver", "precision", "rtol", "atol"):
+        if key in spec.run.model_fields_set:
+            raise ValueError(
+                f"{file}: run.{key} must be left out with --target-error, which picks it"
+            )
+    found = choose(target)
+    print(
+        f"target error {target:g}: {found.solver}, {found.precision}, rtol {found.rtol:g} "
+        f"(measured {found.error:.1e})"
+    )
+    run = spec.run.model_copy(
+        update={"solver": found.solver, "precision": found.precision, "rtol": found.rtol}
+    )
+    return spec.model_copy(update={"run": run})
 
 
 def _configure(cores: int | None) -> None:

@@ -21,6 +21,7 @@ from .scenes import Scene
 
 FORMAT = 1
 JUDGED = 128  # cells whose motion is compared
+BATCH = 4096  # cells of the random batch
 VALUES = {  # name: (unit, meaning)
     "wall": ("s", "wall time per trajectory, median of interleaved repeats"),
     "wall_low": ("s", "10th percentile of the repeats"),
@@ -69,7 +70,7 @@ def run(
     chosen = select(methods, quick)
     if not chosen:
         raise ValueError(f"no method has {methods} in its name")
-    repeats = repeats or (3 if quick else 7)
+    repeats = repeats or 3
     versions = measure.versions()
     key = {"format": FORMAT, "quick": quick, "repeats": repeats, "versions": versions,
            "machine": measure.machine(), "methods": [r.name for r in chosen]}  # fmt: skip
@@ -108,7 +109,7 @@ def run(
 
 def measure_scene(name: str, chosen: list[Rival], quick: bool, repeats: int, say) -> dict[str, Any]:
     """Return the measurements of one scene as plain numbers."""
-    cells = 64 if quick else 4096 if name == "batch" else scenes.CELLS
+    cells = 1024 if quick else BATCH if name == "batch" else scenes.CELLS
     judged = 16 if quick else JUDGED
     scene: Scene = getattr(scenes, name)(cells)
     part = scene.head(judged)

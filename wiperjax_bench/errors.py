@@ -69,7 +69,7 @@ def judge(scene: Scene, truth: Truth, answer: Answer) -> Errors:
     velocity = largest(answer.velocity, reference.velocity, scene.scales[1])
     judged = counted.any(axis=1)
     if not judged.any():
-        judged[:] = True
+        judged = np.ones_like(judged)
     event_time = wrong = np.nan
     if answer.event_times is not None and answer.event_kinds is not None:
         pairs = [

@@ -56,12 +56,12 @@ def work_precision(dataset: xr.Dataset, clock: str = "wall", error: str = "state
             good = np.isfinite(x) & np.isfinite(y) & (y > 0)
             if not good.any():
                 continue
-            low = np.maximum(x - one[f"{clock}_low"].values, 0) if clock == "wall" else None
-            high = np.maximum(one[f"{clock}_high"].values - x, 0) if clock == "wall" else None
             (line,) = ax.plot(x[good], y[good], ms=4.5, **style(name, methods))
-            if low is not None:
+            if clock == "wall":
+                low = np.maximum(x - one.wall_low.values, 0)[good]
+                high = np.maximum(one.wall_high.values - x, 0)[good]
                 ax.errorbar(
-                    x[good], y[good], xerr=[low[good], high[good]], fmt="none",
+                    x[good], y[good], xerr=[low, high], fmt="none",
                     ecolor=line.get_color(), elinewidth=0.7, alpha=0.6,
                 )  # fmt: skip
             wrong = good & (one.wrong_events.values > 0.5)

@@ -9,6 +9,9 @@ The wiper of MODEL.md with a massless hinge, event-driven, adaptive Tsit5. What 
   root of its cubic is then stepped onto once, and one Newton correction puts the state on it;
 - step sizes of slip and flight are remembered over events;
 - arithmetic may be reassociated and contracted (``fastmath``), NaN and infinity stay what they are.
+
+All in one file, for numba's cache of compiled code asks only whether the outermost function's own
+file has changed.
 """
 
 import math
@@ -214,7 +217,8 @@ def weights(z):
     """Return the dense output's weights at z in [0, 1], so that y = y0 + h sum(weights k)."""
     q = z * z
     return (
-        -1.0530884977290216 * z * (z - 1.3299890189751412) * (q - 1.4364028541716351 * z + 0.7139816917074209),
+        -1.0530884977290216 * z * (z - 1.3299890189751412)
+        * (q - 1.4364028541716351 * z + 0.7139816917074209),
         0.1017 * q * (q - 2.1966568338249754 * z + 1.2949852507374631),
         2.490627285651252793 * q * (q - 2.38535645472061657 * z + 1.57803468208092486),
         -16.54810288924490272 * (z - 1.21712927295533244) * (z - 0.61620406037800089) * q,
@@ -280,7 +284,8 @@ def flight_step(p, kz, mz, h, x, f, y, u, v, f1, u1, v1):
     x4 = u + h * (A41 * u1 + A42 * u2 + A43 * u3)
     y4 = v + h * (A41 * v1 + A42 * v2 + A43 * v3)
     f4, u4, v4 = flight_rate(
-        p, kz, mz, x + h * (A41 * u + A42 * x2 + A43 * x3), f + h * (A41 * f1 + A42 * f2 + A43 * f3),
+        p, kz, mz, x + h * (A41 * u + A42 * x2 + A43 * x3),
+        f + h * (A41 * f1 + A42 * f2 + A43 * f3),
         y + h * (A41 * v + A42 * y2 + A43 * y3), x4, y4,
     )  # fmt: skip
     x5 = u + h * (A51 * u1 + A52 * u2 + A53 * u3 + A54 * u4)
@@ -604,7 +609,7 @@ def run(
                     upcoming += 1
                 v_end, a_end = belt(g, t + length)
                 if observed:
-                    gather(total, regime, length, x1, w1 + a, x7, w7 + a_end, n1, n7, 0.0)
+                    gather(total, regime, length + d, x1, w1 + a, x7, w7 + a_end, n1, n7, 0.0)
                     while ticks < len(signal) and mark + ticks * interval <= t + length:
                         z = (mark + ticks * interval - t) / max(length, 1e-300)
                         signal[ticks] = hermite(z, x1, (w1 + a) * length, x7, (w7 + a_end) * length)
@@ -707,7 +712,7 @@ def run(
                     )
                     upcoming += 1
                 if observed:
-                    gather(total, FLIGHT, length, u, u1, ue, u7, 0.0, 0.0, max(y, ye))
+                    gather(total, FLIGHT, length + d, u, u1, ue, u7, 0.0, 0.0, max(y, ye))
                     while ticks < len(signal) and mark + ticks * interval <= t + length:
                         z = (mark + ticks * interval - t) / max(length, 1e-300)
                         signal[ticks] = hermite(z, u, u1 * length, ue, u7 * length)
@@ -747,6 +752,7 @@ def run(
                         s = math.copysign(1.0, w) if w != 0.0 else 0.0
                         end = w + pull * last - s * mu * push
                         x += last * (w + v)
+                        total[SLIP_TIME] += last if t >= mark else 0.0
                         t, w, vy = t + last, (end if s * end > 0.0 else 0.0), 0.0
                         v, a = belt(g, t)
             u = w + v

@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from wiperjax import SteadyBelt, TrapezoidBelt, Wiper
 
 LENGTH = 6e-3  # m, the reference lip
 SAMPLES = 20
-CELLS = 1024
+CELLS = 4096  # the engine takes 16 cases a lane at least: fewer would leave lanes out
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,11 @@ def _spread(rng, cells: int, value: float, percent: float = 1.0) -> np.ndarray:
     factor = 1 + 0.01 * percent * rng.uniform(-1, 1, cells)
     factor[0] = 1.0
     return value * factor
+
+
+def _steady(speed: Any) -> SteadyBelt:
+    """Return steady belts, one speed a cell."""
+    return SteadyBelt(speed)
 
 
 def _resting(wiper: Wiper, cells: int) -> np.ndarray:
@@ -186,7 +192,7 @@ def block(cells: int = CELLS) -> Scene:
     load = 1.0
     stiffness = (1.0 + load / BLOCK_LENGTH) * BLOCK_LENGTH**2
     wiper = Wiper(
-        belt=SteadyBelt(_spread(rng, cells, 0.5)),
+        belt=_steady(_spread(rng, cells, 0.5)),
         tip_mass=1.0,
         lip_length=BLOCK_LENGTH,
         support_stiffness=0.0,
@@ -207,12 +213,28 @@ def block(cells: int = CELLS) -> Scene:
 def batch(cells: int = 4096, duration: float = 0.02, seed: int = 20261121) -> Scene:
     """Return random blades of the reference sweep: alpha, load and speed over its whole box."""
     rng = np.random.default_rng(seed)
+    speed = np.exp(rng.uniform(math.log(0.02), math.log(1.0), cells))
     wiper = Wiper(
-        belt=SteadyBelt(np.exp(rng.uniform(math.log(0.02), math.log(1.0), cells))),
+        belt=_steady(speed),
         attack_angle=np.radians(rng.uniform(-40, 40, cells)),
         normal_load=rng.uniform(5, 30, cells),
     )
     return Scene(
         "batch", f"{cells} random blades of the reference sweep", wiper, _resting(wiper, cells),
-        duration, _times(duration), (LENGTH, wiper.belt.speed),
+        duration, _times(duration), (LENGTH, speed),
+    )  # fmt: skip
+
+
+def workload(cells: int, duration: float = 0.1, seed: int = 20261121) -> Scene:
+    """Return the blades of the speed table: alpha -40..40 deg, N0 5..30 N/m, V 0.02..1 m/s."""
+    rng = np.random.default_rng(seed)
+    speed = rng.uniform(0.02, 1.0, cells)
+    wiper = Wiper(
+        belt=_steady(speed),
+        attack_angle=np.radians(rng.uniform(-40, 40, cells)),
+        normal_load=rng.uniform(5, 30, cells),
+    )
+    return Scene(
+        "workload", "random blades, uniform", wiper, _resting(wiper, cells), duration,
+        _times(duration), (LENGTH, speed),
     )  # fmt: skip

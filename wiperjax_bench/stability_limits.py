@@ -9,8 +9,8 @@ Three stiffnesses, each on a blade at rest that is disturbed a little:
 Theory: with lambda the eigenvalues of the motion's Jacobian there and R the method's stability
 function, the largest h with abs(R(h lambda)) <= 1 for all of them (E. Hairer and G. Wanner,
 Solving Ordinary Differential Equations II, Springer 1996, IV.2). Measured: the largest fixed step
-at which the disturbance does not grow, by bisection on the actual methods. Set-valued methods (the engine,
-Moreau-Jean) have neither of the first two stiffnesses: they are measured on the same blade.
+at which the disturbance does not grow, by bisection on the actual methods. Set-valued methods (the
+engine, Moreau-Jean) have neither of the first two stiffnesses: they are measured on the same blade.
 """
 
 import dataclasses

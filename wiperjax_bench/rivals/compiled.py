@@ -109,7 +109,7 @@ def run(
     return prepared(scene, rtol, threads, events, mark, samples, window, budget, zeno_time)()
 
 
-def prepared(scene, rtol, threads=1, events=0, mark=np.inf, samples=0, window=0.0,
+def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, samples=0, window=0.0,
              budget=10**7, zeno_time=1e-8):  # fmt: skip
     """Return a callable without arguments that computes what `run` returns."""
     import numba

@@ -13,6 +13,7 @@ Forces come from `wiperjax.Wiper`; stepping, event detection and location are di
 """
 
 from functools import partial
+from typing import Any
 
 import diffrax
 import jax
@@ -30,7 +31,8 @@ STICK, SLIP_POS, SLIP_NEG, FLIGHT = (int(r) for r in Regime)
 ZENO_TIME = 1e-8
 LOG = 512
 MOST_PHASES, MOST_STEPS = 20_000, 100_000
-PASSED_IN_TIME = -1
+# one tolerance holds for the time [s] and for the condition: this sets the two apart
+FINE = 1e-4
 
 
 def spring_moment(w, zone, phi):
@@ -113,7 +115,7 @@ def guards(t, s, args):
 
 
 def condition(t, y, args, **_):
-    return jnp.min(guards(t, y, args))
+    return FINE * jnp.min(guards(t, y, args))
 
 
 def rest(w, zone, t, x):
@@ -180,7 +182,7 @@ def trajectory(w, start, marks, mark_kinds, samples, rtol, scales, solver):
     order = jnp.where(slip == 0, order, 0.0)
     term = diffrax.ODETerm(field)
     event = diffrax.Event(
-        condition, optx.Bisection(rtol=1e-12, atol=1e-11, flip="detect"), direction=False
+        condition, optx.Bisection(rtol=1e-14, atol=1e-11 * FINE, flip="detect"), direction=False
     )
     n = len(marks)
     atol = tuple(rtol * s for s in (scales[0], scales[1], scales[0], scales[1]))
@@ -211,10 +213,12 @@ def trajectory(w, start, marks, mark_kinds, samples, rtol, scales, solver):
             ),
             event=event, max_steps=MOST_STEPS, throw=False, adjoint=diffrax.ForwardMode(),
         )  # fmt: skip
-        fired = found.event_mask
+        fired = jnp.asarray(found.event_mask)
         failed = ~diffrax.is_okay(found.result)
-        new = jnp.where(fired, found.ts[-1], end)
-        x, slip, y, vy = (part[-1] for part in found.ys)
+        times: Any = found.ts
+        states: Any = found.ys
+        new = jnp.where(fired, times[-1], end)
+        x, slip, y, vy = (part[-1] for part in states)
         took = found.stats["num_accepted_steps"]
         typical = (new - t) / jnp.maximum(took, 1)
         steps_of = steps_of.at[slot].set(jnp.where(took > 2, typical, steps_of[slot]))

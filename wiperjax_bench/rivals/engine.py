@@ -1,5 +1,6 @@
 """Our engine: its batch with refill is timed; events and samples come from its single solve."""
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import diffrax
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wiperjax import Result, Wiper
-from wiperjax.cells import LANES
+from wiperjax.cells import CASES_PER_LANE, LANES
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.solve import begin, make_problem, solution
 from wiperjax.solve import run as run_one
@@ -18,7 +19,8 @@ from ..interface import Answer
 from ..scenes import Scene, blade_fields
 
 LOG = 1024  # events kept of a trajectory
-ABSENT = ("hinge_mass", "hinge_damping", "gravity")  # Python zeros: their terms are left out
+# Python numbers: terms that are 0, and a power of 1, are then left out of the program
+PLAIN = {"hinge_mass": 0.0, "hinge_damping": 0.0, "gravity": 0.0, "stribeck_shape": 1.0}
 FAILURES = [int(r) for r in Result if r not in (Result.FINISHED, Result.COLLAPSED)]
 
 
@@ -35,7 +37,7 @@ def arrays(scene: Scene, precision: str) -> tuple:
         return np.broadcast_to(value, (scene.cells,)) if spread else value
 
     blade = {
-        name: value if name in ABSENT and not np.any(value) else leaf(value, name in full)
+        name: PLAIN[name] if np.all(value == PLAIN.get(name)) else leaf(value, name in full)
         for name, value in blade_fields(scene.wiper).items()
     }
     steady = type(scene.wiper.belt).__name__ == "SteadyBelt"
@@ -43,6 +45,11 @@ def arrays(scene: Scene, precision: str) -> tuple:
     start = scene.start.astype(precision).T
     scales = tuple(leaf(s, True) for s in scene.scales)
     return Wiper(belt=belt, **blade), (start[0], start[1]), (start[2], start[3]), scales
+
+
+def lanes_for(precision: str, cases: int) -> int:
+    """Return the lanes that a sweep's block of ``cases`` gets on one device (`cells.evaluate`)."""
+    return max(1, min(LANES[precision], cases // CASES_PER_LANE))
 
 
 @eqx.filter_jit
@@ -95,10 +102,10 @@ class Engine:
     setting_name = "rtol"
     cells = 1 << 20
 
-    def __init__(self, solver: type, precision: str = "float64"):
-        self.solver, self.precision = solver(), precision
+    def __init__(self, solver: type, precision: str = "float64", cores: int = 1):
+        self.solver, self.precision, self.cores = solver(), precision, cores
         short = {"float64": "", "float32": " float32"}[precision]
-        self.name = f"engine {solver.__name__}{short}"
+        self.name = f"engine {solver.__name__}{short}" + (f", {cores} cores" * (cores > 1))
         finest = 10 if precision == "float64" else 6
         self.settings = tuple(10.0**-k for k in range(3, finest + 1))
 
@@ -106,25 +113,40 @@ class Engine:
         return None
 
     def prepare(self, scene: Scene, setting: float):
-        """Return a call whose result is (outcome, effort), and whose ``answer`` has histories."""
-        given = jax.tree.map(
-            lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x,
-            arrays(scene, self.precision),
+        """Return a call whose result is [(outcome, effort) of each core]; see ``answer``."""
+        given = arrays(scene, self.precision)
+        varying, shared = eqx.partition(
+            given, lambda x: isinstance(x, np.ndarray) and x.shape == (scene.cells,)
         )
-        wiper, position, velocity, scales = given
-        lanes = min(LANES[self.precision], scene.cells)
-        count = jnp.asarray(scene.cells, jnp.int32)
+        shared = jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, shared)
         duration, rtol = jnp.asarray(scene.duration), jnp.asarray(setting)
 
-        def call():
-            return jax.block_until_ready(
+        def share(i: int):
+            """Cells of one core, dealt like cards; a program for one device, run by each thread."""
+            mine = jax.tree.map(lambda x: jnp.asarray(x[i :: self.cores]), varying)
+            wiper, position, velocity, scales = eqx.combine(mine, shared)
+            count = position[0].shape[0]
+            lanes = lanes_for(self.precision, count)
+            count = jnp.asarray(count, jnp.int32)
+            return lambda: jax.block_until_ready(
                 batch(
                     wiper, position, velocity, count, duration, rtol, scales,
                     self.solver, self.precision, lanes,
                 )
             )  # fmt: skip
 
+        shares = [share(i) for i in range(self.cores)]
+
+        def call():
+            if len(shares) == 1:
+                return [shares[0]()]
+            with ThreadPoolExecutor(len(shares)) as pool:
+                return list(pool.map(lambda one: one(), shares))
+
         def answer() -> Answer:
+            wiper, position, velocity, scales = eqx.combine(
+                jax.tree.map(jnp.asarray, varying), shared
+            )
             found = jax.tree.map(
                 np.asarray,
                 histories(

@@ -95,52 +95,24 @@ def trajectory(p, motions, breaks, break_kinds, start, end, times, rtol, scales,
         kz, mz = m.spring(p, zone)
         stop = min(end, breaks[piece])
         max_step = 0.25 * math.sqrt(p.m / ((p.k1 + p.dk) / p.length**2 + p.k + p.load / p.length))
-        phi_of = lambda x: math.asin(min(max(x / p.length, -1.0), 1.0))
+        origin, begun = x, t
         if regime == m.STICK:
-            origin, begun = x, t
             max_step = 0.02 * p.length / max(abs(m.belt(motion, t)[0]), 1e-3)
             state = [x]
-            place = lambda t, s: (s[0], 0.0, m.belt(motion, t)[0], 0.0)
-            rhs = lambda t, s: [m.belt(motion, t)[0]]
-
-            def guard_up(t, s, kz=kz, mz=mz):
-                return m.cone(p, kz, mz, s[0], *m.belt(motion, t), 0.0)[0]
-
-            def guard_down(t, s, kz=kz, mz=mz):
-                return m.cone(p, kz, mz, s[0], *m.belt(motion, t), 0.0)[1]
-
-            guards = [guard_up, guard_down]
+            place, rhs, guards = _stick(m, p, motion, kz, mz)
         elif regime == m.FLIGHT:
             state = [x, y, u, vy]
-            place = lambda t, s: tuple(s)
-
-            def rhs(t, s, kz=kz, mz=mz):
-                _, du, dv = m.flight_rate(p, kz, mz, s[0], phi_of(s[0]), s[1], s[2], s[3])
-                return [s[2], s[3], du, dv]
-
-            guards = [lambda t, s: s[1]]
+            place, rhs, guards = _flight(m, p, kz, mz)
         else:
-            sign = 1.0 if regime == m.SLIP_POS else -1.0
             state = [x, w]
-            place = lambda t, s: (s[0], 0.0, s[1] + m.belt(motion, t)[0], 0.0)
-
-            def slip(t, s, sign=sign, kz=kz, mz=mz):
-                return m.slip_rate(p, kz, mz, sign, s[0], phi_of(s[0]), s[1], *m.belt(motion, t))
-
-            def rhs(t, s, slip=slip):
-                dx, _, dw, _ = slip(t, s)
-                return [dx, dw]
-
-            guards = [
-                lambda t, s, sign=sign: sign * s[1],
-                lambda t, s, slip=slip: slip(t, s)[3],
-            ]
+            sign = 1.0 if regime == m.SLIP_POS else -1.0
+            place, rhs, guards = _slip(m, p, motion, kz, mz, sign)
         contact_guards = len(guards)
         edges = [(side, s) for side, s in ((1, 1.0), (-1, -1.0)) if zone in (0, side)]
         for side, s in edges:  # the neck ends at both shoulders, a shoulder's branch at its own
             x_edge = p.x_high if side == 1 else p.x_low
             s = s if zone == 0 else -s
-            guards.append(lambda t, q, s=s, x_edge=x_edge: s * (x_edge - q[0]))
+            guards.append(_edge(s, x_edge))
         guards.append(lambda t, s: p.x_max - abs(s[0]))
         guards = [_terminal(g) for g in guards]
         lengths = {1: 1, 2: 2, 4: 4}[len(state)]
@@ -212,6 +184,50 @@ def trajectory(p, motions, breaks, break_kinds, start, end, times, rtol, scales,
     collapsed = bool(event_kinds) and event_kinds[-1] == m.COLLAPSE
     stopped = t < end and not collapsed
     return taken, event_times, event_kinds, stopped, evaluations
+
+
+def _phi(p, x):
+    """Lean at x; a trial stage may reach past the lip."""
+    return math.asin(min(max(x / p.length, -1.0), 1.0))
+
+
+def _stick(m, p, motion, kz, mz):
+    """Return (motion from the state (x,), right-hand side, guards) of stick."""
+    speed = lambda t: m.belt(motion, t)[0]
+    cone = lambda t, s: m.cone(p, kz, mz, s[0], *m.belt(motion, t), 0.0)
+    return (
+        lambda t, s: (s[0], 0.0, speed(t), 0.0),
+        lambda t, s: [speed(t)],
+        [lambda t, s: cone(t, s)[0], lambda t, s: cone(t, s)[1]],
+    )
+
+
+def _flight(m, p, kz, mz):
+    """The same of flight; the state is (x, y, x', y')."""
+
+    def rhs(t, s):
+        _, du, dv = m.flight_rate(p, kz, mz, s[0], _phi(p, s[0]), s[1], s[2], s[3])
+        return [s[2], s[3], du, dv]
+
+    return lambda t, s: tuple(s), rhs, [lambda t, s: s[1]]
+
+
+def _slip(m, p, motion, kz, mz, sign):
+    """The same of slip; the state is (x, x' - V)."""
+
+    def rates(t, s):
+        return m.slip_rate(p, kz, mz, sign, s[0], _phi(p, s[0]), s[1], *m.belt(motion, t))
+
+    return (
+        lambda t, s: (s[0], 0.0, s[1] + m.belt(motion, t)[0], 0.0),
+        lambda t, s: [*rates(t, s)[0:3:2]],
+        [lambda t, s: sign * s[1], lambda t, s: rates(t, s)[3]],
+    )
+
+
+def _edge(side, place):
+    """Guard of a shoulder at x = ``place``, positive on the side where the branch holds."""
+    return lambda t, s: side * (place - s[0])
 
 
 def _terminal(guard):

@@ -1,0 +1,305 @@
+"""The benchmark measures what it says: its rivals are right, its errors see faults, it restarts."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+from reference.blade import REFERENCE, Steady, Trapezoid, simulate
+
+import wiperjax
+from wiperjax import Event, TrapezoidBelt, accuracy, cli, cli_bench
+from wiperjax_bench import chart, compare, errors, exact, measure, pictures, report, rule, scenes
+from wiperjax_bench.interface import NotForThisScene
+from wiperjax_bench.rivals import compiled, every, scipy_phases
+
+LOOP = compiled.Compiled("numba scalar loop", 1)
+NAMES = {
+    "release": Event.RELEASE,
+    "capture": Event.CAPTURE,
+    "reversal": Event.REVERSAL,
+    "lift_off": Event.LIFT_OFF,
+    "impact": Event.IMPACT,
+    "kink": Event.KINK,
+    "collapse": Event.COLLAPSE,
+    "touch": Event.TOUCH,
+}
+
+
+def own_reference(scene, cell):
+    """(samples, event times, event kinds) of one cell by the tests' own reference."""
+    p = {k: float(v[cell]) for k, v in scene.parameters().items()}
+    blade = {k: v for k, v in p.items() if k in REFERENCE}
+    belt = Steady(p["belt_speed"])
+    if isinstance(scene.wiper.belt, TrapezoidBelt):
+        belt = Trapezoid(p["belt_speed"], p["belt_frequency"], p["belt_phase"], p["belt_ramp"])
+    run = simulate(
+        blade, belt, scene.duration, tuple(scene.start[cell]), sample_times=scene.sample_times
+    )
+    times, kinds = [], []
+    for event in run.events:
+        if event.kind == "zeno":  # an impact and its completion are one event
+            times[-1], kinds[-1] = event.time, int(Event.ZENO)
+            continue
+        times.append(event.time)
+        kind = NAMES.get(event.kind)
+        if kind is None:
+            v = belt.piece(event.time + 1e-9)[0](event.time)
+            kind = Event.BELT_REVERSAL if abs(v) < 1e-9 else Event.BELT_KINK
+        kinds.append(int(kind))
+    return run.samples, np.array(times), np.array(kinds)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["squeal", "chatter", "reversal", "zeno", "grazing", "batch"])
+def test_the_scalar_loop_agrees_with_the_tests_reference(name):
+    scene = getattr(scenes, name)(8).head(2)
+    answer = LOOP.prepare(scene, 1e-11).answer()
+    for cell in range(2):
+        samples, times, kinds = own_reference(scene, cell)
+        np.testing.assert_array_equal(answer.event_kinds[cell], kinds)
+        np.testing.assert_allclose(answer.event_times[cell], times, rtol=0, atol=2e-10)
+        n = len(samples["x"])
+        size = np.asarray(scene.scales[0]).max()
+        np.testing.assert_allclose(answer.position[cell, :n, 0], samples["x"], atol=1e-8 * size)
+        np.testing.assert_allclose(answer.position[cell, :n, 1], samples["y"], atol=1e-8 * size)
+
+
+def test_the_scalar_loop_converges_to_the_exact_block():
+    scene = scenes.block(6)
+    speeds = scene.parameters()["belt_speed"]
+    off = []
+    for rtol in (1e-5, 1e-7, 1e-9):
+        answer = LOOP.prepare(scene, rtol).answer()
+        worst = 0.0
+        for i, speed in enumerate(speeds):
+            x, v, times, kinds = exact.block(scenes.BLOCK_START, speed, 0.5, scene.sample_times)
+            np.testing.assert_array_equal(answer.event_kinds[i], kinds)
+            worst = max(worst, np.max(np.abs(answer.position[i, :, 0] - x)))
+            np.testing.assert_allclose(answer.event_times[i], times, atol=1e3 * rtol)
+        off.append(worst)
+    assert off[0] < 1e-3 and off[2] < 1e-7
+    assert off[1] < 0.05 * off[0] and off[2] < 0.05 * off[1]
+
+
+def test_the_batch_of_one_thread_equals_that_of_all():
+    scene = scenes.batch(200)
+    one, all_ = (compiled.run(scene, 1e-6, threads=n, mark=0.0) for n in (1, None))
+    # two compilations of one source: equal but for the rounding that fast arithmetic may move
+    np.testing.assert_array_equal(one.events, all_.events)
+    np.testing.assert_allclose(one.final, all_.final, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(one.total, all_.total, rtol=1e-6, atol=1e-9)
+    # times in the regimes add up
+    np.testing.assert_allclose(one.total[:, :3].sum(axis=1), scene.duration, rtol=1e-9)
+    assert np.all(one.result == 0)
+
+
+def test_scipy_finds_the_same_events():
+    scene = scenes.zeno(4).head(1)
+    true = LOOP.prepare(scene, 1e-11).answer()
+    answer = scipy_phases.Phases("RK45").prepare(scene, 1e-6)()
+    np.testing.assert_array_equal(answer.event_kinds[0], true.event_kinds[0])
+    assert not answer.stopped.any()
+    np.testing.assert_allclose(answer.position, true.position, rtol=0, atol=1e-5 * 6e-3)
+
+
+@pytest.mark.slow
+def test_diffrax_per_phase_finds_the_same_events():
+    from wiperjax_bench.rivals.diffrax_phases import PerPhase
+
+    scene = scenes.batch(64)
+    true = LOOP.prepare(scene, 1e-11).answer()
+    answer = PerPhase(mapped=True).prepare(scene, 1e-6)()
+    same = [np.array_equal(a, b) for a, b in zip(answer.event_kinds, true.event_kinds, strict=True)]
+    assert all(same)
+    assert not answer.stopped.any()
+
+
+def test_grazing_cells_touch_on_one_side_only():
+    scene = scenes.grazing(16)
+    answer = LOOP.prepare(scene, 1e-12).answer()
+    touched = [bool({5, 6, 12} & set(kinds.tolist())) for kinds in answer.event_kinds]
+    assert touched == [False, True] * 8
+
+
+@pytest.fixture(scope="module")
+def judged():
+    scene = scenes.squeal(8)
+    return scene, errors.truth(scene), LOOP.prepare(scene, 1e-8).answer()
+
+
+def test_errors_see_faults(judged):
+    scene, true, answer = judged
+    good = errors.judge(scene, true, answer)
+    assert good.state < 1e-6 and good.wrong == 0 and good.stopped == 0
+    assert 0 < good.event_time < 1e-7
+    moved = answer._replace(position=answer.position + 1e-3 * 6e-3)
+    assert errors.judge(scene, true, moved).state == pytest.approx(1e-3, rel=1e-3)
+    late = answer._replace(event_times=[t + 1e-5 for t in answer.event_times])
+    assert errors.judge(scene, true, late).event_time == pytest.approx(1e-5, rel=1e-2)
+    missed = [np.delete(k, 4) if i < 2 else k for i, k in enumerate(answer.event_kinds)]
+    times = [np.delete(t, 4) if i < 2 else t for i, t in enumerate(answer.event_times)]
+    lost = errors.judge(scene, true, answer._replace(event_kinds=missed, event_times=times))
+    assert lost.wrong == 2 / 8
+    gone = answer.position.copy()
+    gone[:, -3:] = np.nan
+    ended = answer._replace(position=gone, stopped=np.ones(8, bool))
+    assert errors.judge(scene, true, ended).state == np.inf
+    assert errors.judge(scene, true, ended).stopped == 1
+    silent = answer._replace(event_times=None, event_kinds=None)
+    assert math.isnan(errors.judge(scene, true, silent).wrong)
+
+
+def test_cost_at_equal_error_is_exact_on_power_laws():
+    error = np.logspace(-2, -8, 7)
+    cost = error**-0.2
+    assert compare.cost_at(error, cost, 3e-5) == pytest.approx(3e-5**-0.2, rel=1e-12)
+    assert math.isnan(compare.cost_at(error, cost, 1e-9))
+    assert compare.cost_at(error, cost, 0.5) == cost[0]
+
+
+def toy(faster: float) -> xr.Dataset:
+    """A chart in which another method costs 1/faster of ours at every error."""
+    error = np.logspace(-2, -8, 4)
+    cost = error**-0.2 * 1e-4
+    rows = []
+    for name, factor in (("engine Tsit5", 1.0), ("numba scalar loop", 1 / faster)):
+        for index in range(4):
+            row = dict.fromkeys(("setting", *chart.VALUES), 0.0)
+            row |= {"method": name, "index": index, "setting": 10.0 ** (-3 - index)}
+            row |= {"wall": cost[index] * factor, "state_error": error[index]}
+            row |= {"state_error_p90": 2 * error[index], "wall_low": cost[index] * factor}
+            rows.append(row | {"wall_high": cost[index] * factor * 1.1})
+    tables = [{"scene": "squeal", "about": "-", "confirmed": 1e-9, "horizon": 1.0, "load": 0.0}]
+    methods = [r for r in every() if r.name in ("engine Tsit5", "numba scalar loop")]
+    dataset = chart.assemble([tables[0] | {"rows": rows}], methods)
+    dataset.attrs |= {"machine": "-", "versions": "{}", "created": "-", "repeats": 1}
+    dataset.attrs["reference"] = "-"
+    return dataset
+
+
+def test_what_is_against_us_is_written_under_the_chart(tmp_path):
+    against = compare.against_us(toy(4.0))
+    assert len(against) == 1 and "numba scalar loop leads 4.0 x" in against[0]
+    assert compare.against_us(toy(0.5)) == []
+    assert "leads 4.0 x" in report.chart_text(toy(4.0), "x.png")
+    for file in pictures.save(toy(4.0), tmp_path / "picture"):
+        assert file.stat().st_size > 5000
+
+
+def test_interleaved_repeats_take_turns():
+    order = []
+    costs = measure.interleaved([lambda: order.append(0), lambda: order.append(1)], 3)
+    assert order == [0, 1] * 3
+    assert all(c.repeats == 3 and c.low <= c.wall <= c.high for c in costs)
+
+
+def test_a_chart_that_was_stopped_goes_on(tmp_path, monkeypatch):
+    measured, broken = [], [True]
+
+    def scene(name, chosen, *_):
+        if name == "block" and broken:
+            broken.clear()
+            raise OSError("disk full")
+        measured.append(name)
+        rows = [{"method": m.name, "note": "-"} for m in chosen]
+        return {"scene": name, "about": "", "confirmed": 0, "horizon": 1, "load": 0, "rows": rows}
+
+    monkeypatch.setattr(chart, "measure_scene", scene)
+    file = tmp_path / "chart.h5"
+    with pytest.raises(OSError):
+        chart.run(file, quick=True, say=lambda _: None)
+    assert not file.exists()
+    chart.run(file, quick=True, say=lambda _: None)
+    assert measured == ["squeal", "block"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["chart.h5"]
+
+
+def test_a_rival_says_what_it_is_not_for():
+    scene = scenes.squeal(2)
+    heavy = dataclasses.replace(scene, wiper=dataclasses.replace(scene.wiper, hinge_mass=1e-3))
+    with pytest.raises(NotForThisScene, match="hinge_mass"):
+        LOOP.prepare(heavy, 1e-6)
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_quick_chart(tmp_path, capsys):
+    """What CI runs: two scenes, three methods; every curve falls."""
+    file = tmp_path / "chart.h5"
+    assert cli.main(["bench", "chart", "--quick", "-o", str(file)]) == 0
+    with xr.open_dataset(file, engine="h5netcdf") as ds:
+        assert list(ds.scene.values) == ["squeal", "block"]
+        assert set(ds.solver.values) >= {"engine Tsit5", "numba scalar loop"}
+        error = ds.state_error.values
+        assert np.all(ds.wrong_events.fillna(0) == 0)
+        assert np.nanmax(error) < 1e-2 and np.nanmin(error) < 1e-7
+        first, last = error[..., 1], error[..., 5]
+        assert np.all((last < 0.1 * first) | np.isnan(first))
+        assert "jax" in json.loads(ds.attrs["versions"])
+    assert {p.suffix for p in tmp_path.iterdir()} == {".h5", ".png", ".svg", ".md"}
+    assert "against us" in (tmp_path / "chart.md").read_text()
+
+
+def test_without_numba_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cli_bench.importlib.util, "find_spec", lambda name: None)
+    assert cli.main(["bench", "chart", "-o", str(tmp_path / "x.h5")]) == 1
+    assert "pip install 'wiperjax[bench]'" in capsys.readouterr().err
+
+
+def test_the_library_does_not_import_the_bench():
+    import subprocess
+    import sys
+
+    code = "import sys, wiperjax, wiperjax.cli; print([m for m in sys.modules if 'bench' in m])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "['wiperjax.cli_bench']"
+
+
+# --- the rule -------------------------------------------------------------------------------------
+
+
+def test_the_rule_takes_the_cheapest_that_is_good_enough():
+    rows = accuracy.table()
+    for target in (1e-2, 1e-4, 1e-6):
+        found = accuracy.choose(target)
+        assert found.error <= target
+        assert all(r.cost >= found.cost for r in rows if r.error <= target)
+    with pytest.raises(ValueError, match="target_error must be at least"):
+        accuracy.choose(1e-20)
+    assert [r["rtol"] for r in rule.rows(toy(4.0))] == [1e-3, 1e-4, 1e-5, 1e-6]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", [1e-3, 1e-5])
+def test_the_error_asked_for_is_met_on_blades_never_seen(target):
+    from wiperjax.scene import SOLVERS
+    from wiperjax_bench.rivals.engine import Engine
+
+    found = accuracy.choose(target)
+    scene = scenes.workload(48, 0.02, seed=7)
+    method = Engine(SOLVERS[found.solver], found.precision)
+    answer = method.prepare(scene, found.rtol).answer()
+    assert errors.judge(scene, errors.truth(scene), answer).state_p90 <= target
+
+
+def test_a_sweep_with_a_target_error(tmp_path, capsys):
+    file = tmp_path / "s.toml"
+    file.write_text(
+        "[axes]\nattack_angle = {start = 0, stop = 10, num = 2}\n"
+        "[run]\ntransient = 1e-3\nwindow = 1e-3\nrtol = 1e-6\n"
+    )
+    words = ["sweep", str(file), "-o", str(tmp_path / "m.h5"), "--target-error"]
+    assert cli.main([*words, "1e-3"]) == 1
+    assert "run.rtol must be left out with --target-error" in capsys.readouterr().err
+    file.write_text(file.read_text().replace("rtol = 1e-6\n", ""))
+    assert cli.main([*words, "2"]) == 1
+    assert "target_error must be at least" in capsys.readouterr().err
+    spec = wiperjax.load_sweep(file)
+    chosen = cli._at_error(spec, 1e-4, file)
+    assert chosen.run.rtol == accuracy.choose(1e-4).rtol
+    assert chosen.digest() != spec.digest()

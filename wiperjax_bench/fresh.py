@@ -1,0 +1,54 @@
+"""What only a process of its own can tell: ``python -m wiperjax_bench.fresh compile|memory``."""
+
+import json
+import resource
+import sys
+import time
+
+
+def compile_() -> dict[str, float]:
+    """Return seconds from the start of the first block of a small sweep to its end, and again."""
+    from wiperjax.launch import configure
+
+    configure(1)
+    import numpy as np
+
+    from wiperjax import cells
+    from wiperjax.spec import parse_sweep
+
+    spec = parse_sweep(
+        {
+            "axes": {
+                "attack_angle": {"start": -30, "stop": 30, "num": 8},
+                "normal_load": {"start": 10, "stop": 20, "num": 4},
+                "belt_speed": {"start": 0.1, "stop": 1, "num": 4},
+            },
+            "run": {"transient": 1e-4, "window": 1e-3},
+        },
+        "bench",
+    )
+    times = []
+    for _ in range(2):
+        started = time.perf_counter()
+        cells.evaluate(spec, np.arange(128))
+        times.append(time.perf_counter() - started)
+    return {"compile": times[0], "block": times[1]}
+
+
+def memory(count: int = 1_000_000) -> dict[str, float]:
+    """Return the largest resident memory of a batch of ``count`` very short trajectories."""
+    from wiperjax.launch import configure
+
+    configure(1)
+    import diffrax
+
+    from .rivals.engine import Engine
+    from .scenes import workload
+
+    Engine(diffrax.Tsit5).prepare(workload(count, 1e-5), 1e-6)()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # KiB on Linux
+    return {"memory_gib": peak / 2**20}
+
+
+if __name__ == "__main__":
+    print(json.dumps({"compile": compile_, "memory": memory}[sys.argv[1]]()))

@@ -1,0 +1,169 @@
+"""`wiperjax bench maps`: how many cells of a map get another class, at which cost.
+
+Random cells of the reference sweep go through the sweep's own path (statistics, spectrum, class)
+with the engine at several settings and with the scalar loop in its place. The reference is the
+engine's Dopri8 at rtol 1e-9; the scalar loop at 1e-10 confirms it: cells on which these two differ
+are undecided (chaotic, or on the edge of a class) and are the floor of every row.
+"""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from wiperjax import cells
+from wiperjax.labels import label
+from wiperjax.results import Result
+from wiperjax.scene import build_wiper
+from wiperjax.spec import parse_sweep
+from wiperjax.spectrum import dominant_frequency
+
+from . import measure, scalar, scenes
+from .rivals import compiled
+
+SWEEP = {  # sweeps/reference.toml
+    "axes": {
+        "attack_angle": {"start": -40, "stop": 40, "num": 41},
+        "normal_load": {"start": 5, "stop": 30, "num": 11},
+        "belt_speed": {"start": 0.02, "stop": 1.0, "num": 21, "spacing": "geometric"},
+    },
+    "run": {"transient": 0.4, "window": 0.4},
+}
+COMPARED = ("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms",
+            "normal_force_mean", "normal_force_max", "dominant_frequency")  # fmt: skip
+REFERENCE = ("engine", {"solver": "dopri8", "rtol": 1e-9})
+SECOND = ("scalar", {"rtol": 1e-10})
+SETTINGS = [
+    *(("engine", {"rtol": 10.0**-k}) for k in range(3, 9)),
+    *(("engine", {"rtol": 10.0**-k, "precision": "float32"}) for k in range(3, 7)),
+    *(("engine", {"rtol": r, "solver": "bosh3"}) for r in (1e-3, 1e-4, 1e-5)),
+    *(("engine", {"rtol": r, "solver": "dopri8"}) for r in (1e-4, 1e-6)),
+    *(("scalar", {"rtol": r}) for r in (1e-4, 1e-6, 1e-8)),
+]
+
+
+def scalar_evaluate(spec, index: np.ndarray) -> dict:
+    """Return the columns of cells as `wiperjax.cells.evaluate` does, by the scalar loop."""
+    wiper = build_wiper(spec.cells(index), spec.belt.kind)
+    full = lambda x: np.broadcast_to(np.asarray(x, float), index.shape).copy()
+    start = np.zeros((len(index), 4))
+    start[:, 0] = full(wiper.lip_length) * np.sin(full(wiper.attack_angle))
+    run = spec.run
+    end = run.transient + run.window
+    speed = full(wiper.belt.peak)
+    scene = scenes.Scene("map", "", wiper, start, end, np.array([end]), (scenes.LENGTH, speed))
+    r = compiled.run(
+        scene, run.rtol, threads=None, mark=run.transient, samples=run.samples, window=run.window
+    )
+    result = np.array([Result.FINISHED, Result.COLLAPSED, Result.STEP_TOO_SMALL,
+                       Result.STEP_BUDGET_SPENT, Result.NON_FINITE])[r.result]  # fmt: skip
+    done = result == Result.FINISHED
+    total = np.where(done[:, None], r.total, np.nan)
+    mean = total[:, scalar.U] / run.window
+    variance = total[:, scalar.UU] / run.window - mean**2
+    return {
+        "result": result,
+        "stick_fraction": total[:, scalar.STICK_TIME] / run.window,
+        "slip_fraction": total[:, scalar.SLIP_TIME] / run.window,
+        "flight_fraction": total[:, scalar.FLIGHT_TIME] / run.window,
+        "velocity_rms": np.sqrt(np.maximum(variance, 0)),
+        "velocity_mean": mean,
+        "belt_speed_rms": speed,
+        "normal_force_mean": total[:, scalar.FORCE] / run.window,
+        "normal_force_max": total[:, scalar.FORCE_MAX],
+        "signal": r.signal,
+        "sample_interval": run.window / run.samples,
+    }
+
+
+def evaluate(code: str, changes: dict, index: np.ndarray) -> tuple[dict, float]:
+    """Return (columns with class and frequency, processor time a cell [s])."""
+    spec = parse_sweep(SWEEP | {"run": SWEEP["run"] | changes}, "bench maps")
+    how = cells.evaluate if code == "engine" else scalar_evaluate
+    how(spec, index)  # compiles
+    started = time.process_time()
+    columns = dict(how(spec, index))
+    cost = (time.process_time() - started) / len(index)
+    finished = columns["result"] == Result.FINISHED
+    with np.errstate(invalid="ignore"):
+        frequency = dominant_frequency(columns.pop("signal"), float(columns["sample_interval"]))
+    columns["dominant_frequency"] = np.where(finished, frequency, np.nan)
+    columns["label"] = label(columns, spec.classes)
+    return columns, cost
+
+
+def run(output: Path, *, quick: bool = False, count: int = 512, seed: int = 5, say=print):
+    """Return the dataset of wrong classes and errors of the map's variables."""
+    rng = np.random.default_rng(seed)
+    count = 24 if quick else count
+    index = np.sort(rng.choice(41 * 11 * 21, count, replace=False))
+    true, _ = evaluate(*REFERENCE, index)
+    second, _ = evaluate(*SECOND, index)
+    settled = true["label"] == second["label"]
+    say(f"{count} cells; the two references agree on {np.mean(settled):.1%} of the classes")
+    rows = []
+    chosen = [SETTINGS[3], SETTINGS[15]] if quick else SETTINGS
+    for code, changes in chosen:
+        found, cost = evaluate(code, changes, index)
+        row = {
+            "code": code,
+            "solver": changes.get("solver", "tsit5"),
+            "precision": changes.get("precision", "float64"),
+            "rtol": changes["rtol"],
+            "cpu": cost,
+            "wrong": float(np.mean(found["label"] != true["label"])),
+            "wrong_settled": float(np.mean((found["label"] != true["label"])[settled])),
+            "failed": float(np.mean(found["result"] > 1)),
+        }
+        for name in COMPARED:
+            off = np.abs(found[name] - true[name])[settled]
+            size = np.nanpercentile(np.abs(true[name]), 90) or 1.0
+            row[f"{name}_median"] = float(np.nanmedian(off) / size)
+            row[f"{name}_p90"] = float(np.nanquantile(off, 0.9) / size)
+        rows.append(row)
+        say(
+            f"  {code} {row['solver']} {row['precision']} rtol {row['rtol']:.0e}: "
+            f"{row['wrong']:.2%} of classes differ, {cost * 1e3:.2f} ms a cell"
+        )
+    data = {
+        k: ("row", [r[k] for r in rows], {"units": "s" if k == "cpu" else "1"}) for k in rows[0]
+    }
+    dataset = xr.Dataset(
+        data,
+        attrs={
+            "title": "classes and map variables against a reference",
+            "cells": count,
+            "undecided": float(np.mean(~settled)),
+            "machine": measure.machine(),
+            "versions": json.dumps(measure.versions(), sort_keys=True),
+        },
+    )
+    dataset.to_netcdf(output, engine="h5netcdf")
+    return dataset
+
+
+def text(dataset: xr.Dataset) -> str:
+    """Return the table as Markdown."""
+    lines = [
+        "# Classes of a map, and its variables, by setting",
+        "",
+        f"{dataset.attrs['cells']} random cells of the reference sweep, 0.8 s each. On "
+        f"{dataset.attrs['undecided']:.1%} of them the two references give different classes "
+        "(chaos, or an edge between classes); the next column leaves those out. Errors: 90th "
+        "percentile over the cells, relative to the variable's 90th percentile.",
+        "",
+        "| code | solver | precision | rtol | class differs | of decided cells | failed | "
+        "stick fraction | rms velocity | frequency | CPU ms a cell |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for i in range(dataset.sizes["row"]):
+        r = {k: v.item() for k, v in dataset.isel(row=i).items()}
+        lines.append(
+            f"| {r['code']} | {r['solver']} | {r['precision']} | {r['rtol']:.0e} | "
+            f"{r['wrong']:.2%} | {r['wrong_settled']:.2%} | {r['failed']:.2%} | "
+            f"{r['stick_fraction_p90']:.1e} | {r['velocity_rms_p90']:.1e} | "
+            f"{r['dominant_frequency_p90']:.1e} | {r['cpu'] * 1e3:.3g} |"
+        )
+    return "\n".join([*lines, ""])

@@ -1,0 +1,64 @@
+"""The table behind `--target-error`, made from the chart's data."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+SCENES = ("squeal", "chatter", "reversal", "zeno", "batch")  # blades; grazing is no sweep's norm
+WRONG = 0.02  # share of cells with another sequence of events, at most
+
+
+def rows(dataset: xr.Dataset, clock: str = "wall") -> list[dict]:
+    """Return solver, precision, rtol, error and relative cost of every measured engine setting.
+
+    The error is the worst of the scenes'; the cost their geometric mean. A setting whose events
+    are wrong in more than `WRONG` of the cells of the random batch, or that stopped, is left out.
+    """
+    scenes = [s for s in SCENES if s in dataset.scene.values]
+    found = []
+    for name in (str(n) for n in dataset.solver.values if str(n).startswith("engine")):
+        words = name.split()
+        part = dataset.sel(solver=name, scene=scenes)
+        for step in range(dataset.sizes["step"]):
+            one = part.isel(step=step)
+            error, cost = one.state_error_p90.values, one[clock].values
+            if not np.all(np.isfinite(error)) or not np.all(np.isfinite(cost)):
+                continue
+            if one.stopped.max() > 0 or one.wrong_events.max() > WRONG:
+                continue
+            found.append(
+                {
+                    "solver": words[1].lower(),
+                    "precision": words[2] if len(words) > 2 else "float64",
+                    "rtol": float(one.setting.values[0]),
+                    "error": float(f"{error.max():.2g}"),
+                    "cost": float(np.exp(np.mean(np.log(cost)))),
+                }
+            )
+    found = [r for r in found if r["precision"] == "float64" or r["rtol"] >= 1e-6]
+    if not found:
+        raise ValueError("the chart has no finished settings of the engine")
+    least = min(r["cost"] for r in found)
+    for row in found:
+        row["cost"] = float(f"{row['cost'] / least:.3g}")
+    return sorted(found, key=lambda r: r["cost"])
+
+
+def write(dataset: xr.Dataset, output: Path, clock: str = "wall") -> list[dict]:
+    """Write the table as JSON, with where it comes from; return its rows."""
+    made = rows(dataset, clock)
+    scenes = [s for s in SCENES if s in dataset.scene.values]
+    head = {
+        "about": "work-precision of the engine, see wiperjax/accuracy.py",
+        "machine": dataset.attrs["machine"],
+        "created": dataset.attrs["created"],
+        "scenes": scenes,
+        "versions": json.loads(dataset.attrs["versions"]),
+    }
+    lines = ",\n".join("  " + json.dumps(row) for row in made)
+    text = json.dumps(head, indent=1)[:-2] + ',\n "rows": [\n' + lines + "\n ]\n}\n"
+    json.loads(text)
+    output.write_text(text)
+    return made
