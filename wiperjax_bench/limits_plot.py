@@ -50,7 +50,7 @@ def draw(dataset: xr.Dataset):
         panel.set_xlabel(f"{AXES[problem]} [{part.unit.values}]")
         panel.set_ylabel("largest stable step [s]")
         panel.grid(True, which="major", color="0.9")
-        panel.legend(fontsize=7, loc="best")
+        panel.legend(fontsize=7, loc="lower left" if problem != "friction" else "lower right")
     return figure
 
 
