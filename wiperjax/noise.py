@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from .observers import AbstractObserver, RegimeTotals, Totals, integral, outputs
 from .polynomials import largest
-from .results import Event
+from .results import Event, Regime
 from .system import Scalar
 
 
@@ -17,6 +17,8 @@ class ReversalRecord(NamedTuple):
     force_max_reversal: Scalar  # within the window around V = 0
     force_integral_stroke: Scalar  # outside it
     stroke_time: Scalar
+    stick_time_stroke: Scalar
+    flight_time_stroke: Scalar
     impulse_max_reversal: Scalar
     vibration_integral: Scalar  # of output^2 in the window after V = 0
     vibration_time: Scalar
@@ -34,7 +36,7 @@ class ReversalTotals(AbstractObserver):
 
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)
-        return ReversalRecord(self._regimes.init(dtype, shape), z, z, z, z, z, z)
+        return ReversalRecord(self._regimes.init(dtype, shape), *[z] * 8)
 
     def stretch(self, record, stretch):
         s = stretch
@@ -47,6 +49,7 @@ class ReversalTotals(AbstractObserver):
         force = [node.forces.normal for node in s.nodes]
         peak = largest([jnp.where(n, f, 0.0) for n, f in zip(near, force, strict=True)])
         far = [(~n).astype(dtype) for n in near]
+        stroke = integral(h, far)
         vibration = [w * x * x for w, x in zip(just_after, outputs(s), strict=True)]
 
         return ReversalRecord(
@@ -54,7 +57,9 @@ class ReversalTotals(AbstractObserver):
             jnp.where(on, jnp.maximum(record.force_max_reversal, peak), record.force_max_reversal),
             record.force_integral_stroke
             + integral(h, [w * f for w, f in zip(far, force, strict=True)]),
-            record.stroke_time + integral(h, far),
+            record.stroke_time + stroke,
+            record.stick_time_stroke + jnp.where(s.regime == Regime.STICK, stroke, 0.0),
+            record.flight_time_stroke + jnp.where(s.regime == Regime.FLIGHT, stroke, 0.0),
             record.impulse_max_reversal,
             record.vibration_integral + integral(h, vibration),
             record.vibration_time + integral(h, just_after),
