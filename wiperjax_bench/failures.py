@@ -93,7 +93,7 @@ def measure(
     settings: int | None = None,
     tell: Callable[[str], None] = lambda line: None,
 ) -> xr.Dataset:
-    """Return outcome, error, seconds per trajectory and steps by (method, scene, level).
+    """Return outcome, error, seconds per trajectory and steps by (solver, scene, level).
 
     ``level`` counts a method's settings from coarse to fine; ``settings`` limits them (None: all).
     Seconds are wall time of one call for all cells, over the cells; the median of three where a
@@ -136,7 +136,7 @@ def measure(
                     reason[i, j] = f"finer settings left out: this one took {spent:.0f} s"
                     break
     names = [rival.name for rival in rivals]
-    axes = ("method", "scene", "level")
+    axes = ("solver", "scene", "level")
     meanings = " ".join(o.name.lower() for o in Outcome)
     flags = {"flag_values": np.array([int(o) for o in Outcome], np.int8), "flag_meanings": meanings}
     return xr.Dataset(
@@ -149,10 +149,10 @@ def measure(
             "reason": (axes[:2], reason.astype(str), {"long_name": "why settings were not run"}),
         },
         coords={
-            "method": names,
+            "solver": names,
             "scene": [scene.name for scene in built.values()],
             "level": np.arange(levels),
-            "setting_name": ("method", [rival.setting_name for rival in rivals]),
+            "setting_name": ("solver", [rival.setting_name for rival in rivals]),
             "about": ("scene", [scene.about for scene in built.values()]),
         },
         attrs={

@@ -29,7 +29,7 @@ def draw(dataset: xr.Dataset):
     Grey at the right end of a strip: finer settings that would have taken too long. Under it: the
     loosest setting from which all are right, and its wall time per trajectory.
     """
-    methods, scenes = dataset.sizes["method"], dataset.sizes["scene"]
+    methods, scenes = dataset.sizes["solver"], dataset.sizes["scene"]
     first = loosest(dataset)
     figure, axes = plt.subplots(
         figsize=(3.4 + 1.5 * scenes, 1.5 + 0.52 * methods), layout="constrained"
@@ -45,7 +45,7 @@ def draw(dataset: xr.Dataset):
     axes.set_xlim(-0.5, scenes - 0.5)
     axes.set_ylim(methods - 0.5, -0.5)
     axes.set_xticks(range(scenes), [str(x) for x in dataset.scene.values], fontsize=9)
-    names = zip(dataset.method.values, dataset.setting_name.values, strict=True)
+    names = zip(dataset.solver.values, dataset.setting_name.values, strict=True)
     axes.set_yticks(range(methods), [f"{name}\n({setting})" for name, setting in names], fontsize=8)
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
     axes.set_xticks(np.arange(scenes + 1) - 0.5, minor=True)
@@ -83,7 +83,9 @@ def _caption(dataset: xr.Dataset, first: np.ndarray, i: int, j: int) -> str:
     if np.all(dataset.outcome.values[i, j] == Outcome.NOT_RUN):
         return "not run"
     if level < 0:
-        return "never right"
+        right = np.flatnonzero(dataset.outcome.values[i, j] == Outcome.RIGHT)
+        at = ", ".join(f"{x:.0e}" for x in dataset.setting.values[i, j, right])
+        return f"right at {at} only" if at else "never right"
     setting, seconds = dataset.setting.values[i, j, level], dataset.seconds.values[i, j, level]
     return f"{setting:.0e}: {duration(seconds)}"
 

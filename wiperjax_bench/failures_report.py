@@ -57,7 +57,7 @@ def _counts(dataset: xr.Dataset, first) -> list[str]:
         "| method | scenes right at some setting | runs right | wrong without a word | stopped |",
         "|---|---|---|---|---|",
     ]
-    for i, name in enumerate(dataset.method.values):
+    for i, name in enumerate(dataset.solver.values):
         codes = dataset.outcome.values[i]
         ran = np.any(codes != Outcome.NOT_RUN, axis=1)
         if not ran.any():
@@ -74,7 +74,7 @@ def _counts(dataset: xr.Dataset, first) -> list[str]:
 
 def _against_us(dataset: xr.Dataset, first) -> list[str]:
     """Every run of the engine that is not right, and every scene where another is faster."""
-    out, names = [], [str(name) for name in dataset.method.values]
+    out, names = [], [str(name) for name in dataset.solver.values]
     ours = [i for i, name in enumerate(names) if name.startswith("engine")]
     for i in ours:
         for j, scene in enumerate(dataset.scene.values):
@@ -100,8 +100,8 @@ def _against_us(dataset: xr.Dataset, first) -> list[str]:
 
 def _notes(dataset: xr.Dataset) -> list[str]:
     out = []
-    for name in dataset.method.values:
-        reasons = dataset.reason.sel(method=name)
+    for name in dataset.solver.values:
+        reasons = dataset.reason.sel(solver=name)
         for text in dict.fromkeys(str(x) for x in reasons.values if str(x)):
             where = [
                 str(s) for s in dataset.scene.values if str(reasons.sel(scene=s).values) == text
@@ -128,9 +128,9 @@ def limits_text(dataset: xr.Dataset, picture: str) -> str:
         "|---|---|---|",
     ]
     for problem in dataset.problem.values:
-        for method in dataset.method.values:
-            theory = dataset.theory.sel(problem=problem, method=method).values
-            measured = dataset.measured.sel(problem=problem, method=method).values
+        for method in dataset.solver.values:
+            theory = dataset.theory.sel(problem=problem, solver=method).values
+            measured = dataset.measured.sel(problem=problem, solver=method).values
             if np.all(np.isnan(measured)):
                 continue
             both = np.isfinite(theory) & np.isfinite(measured)

@@ -24,15 +24,15 @@ def draw(dataset: xr.Dataset):
     problems = [str(p) for p in dataset.problem.values]
     figure, panels = plt.subplots(1, len(problems), figsize=(4.1 * len(problems), 4.3),
                                   layout="constrained", squeeze=False)  # fmt: skip
-    names = [str(name) for name in dataset.method.values]
+    names = [str(name) for name in dataset.solver.values]
     for panel, problem in zip(panels[0], problems, strict=True):
         part = dataset.sel(problem=problem)
         x = part.stiffness.values
-        here = [n for n in names if np.any(~np.isnan(part.measured.sel(method=n).values))]
+        here = [n for n in names if np.any(~np.isnan(part.measured.sel(solver=n).values))]
         finite = part.measured.values[np.isfinite(part.measured.values)]
         top = 30 * finite.max()
         for i, name in enumerate(here):
-            theory, measured = (part[v].sel(method=name).values for v in ("theory", "measured"))
+            theory, measured = (part[v].sel(solver=name).values for v in ("theory", "measured"))
             colour, mark = COLOURS[i], MARKS[i]
             free = np.isinf(measured)
             panel.plot(x, np.where(np.isfinite(theory), theory, np.nan), color=colour, lw=1.2)
@@ -50,7 +50,7 @@ def draw(dataset: xr.Dataset):
         panel.set_xlabel(f"{AXES[problem]} [{part.unit.values}]")
         panel.set_ylabel("largest stable step [s]")
         panel.grid(True, which="major", color="0.9")
-        panel.legend(fontsize=7, loc="best")
+        panel.legend(fontsize=7, loc="lower left" if problem != "friction" else "lower right")
     return figure
 
 

@@ -268,7 +268,7 @@ def set_valued() -> dict[str, float]:
 
 
 def measure(points: int | None = None, tell: Callable[[str], None] = lambda line: None):
-    """Return the dataset: theory and measurement [s] by (problem, method, point).
+    """Return the dataset: theory and measurement [s] by (problem, solver, point).
 
     inf: no limit found within `RANGE` times the fastest time constant. ``points``: how many
     stiffnesses.
@@ -291,7 +291,7 @@ def measure(points: int | None = None, tell: Callable[[str], None] = lambda line
                     f"measured {measured[i, j, k]:9.3e} s"
                 )
     free = set_valued()
-    axes = ("problem", "method", "point")
+    axes = ("problem", "solver", "point")
     return xr.Dataset(
         {
             "theory": (axes, theory, {"long_name": "largest stable step, theory", "units": "s"}),
@@ -304,7 +304,7 @@ def measure(points: int | None = None, tell: Callable[[str], None] = lambda line
         },
         coords={
             "problem": list(chosen),
-            "method": names,
+            "solver": names,
             "unit": ("problem", [UNITS[problem] for problem in chosen]),
         },
         attrs={
