@@ -116,12 +116,15 @@ class Shooting:
     def driven_period(self, parameter: float) -> tuple[float, float]:
         """Return the period that the clock sets, and its derivative by the parameter."""
         assert self.clock is not None
-        moving, fixed = _split(self.at(parameter))
+        clock, system = self.clock, self.at(parameter)
 
-        def period(moving):
-            return self.repeats * jnp.asarray(self.clock(_join(moving, fixed)), float)  # type: ignore[misc]
+        def period(parameter):
+            varied = system
+            if self.over is not None:
+                varied = named.replaced(system, self.over, parameter)
+            return self.repeats * jnp.asarray(clock(varied), float)
 
-        value, slope = jax.jvp(period, (moving,), (self.along(),))
+        value, slope = jax.jvp(period, (jnp.asarray(parameter, float),), (jnp.ones(()),))
         return float(value), float(slope)
 
     def returned(self, where: Chart, phase: float, w, period: float, parameter: float):
@@ -151,18 +154,6 @@ class Shooting:
         by_parameter = moved.by_parameter + slope * moved.by_period
         columns.append(where.read(by_parameter)[:, None] * self.parameter_scale)
         return residual, np.concatenate(columns, axis=1), moved
-
-
-def _split(system):
-    import equinox as eqx
-
-    return eqx.partition(system, eqx.is_inexact_array)
-
-
-def _join(moving, fixed):
-    import equinox as eqx
-
-    return eqx.combine(moving, fixed)
 
 
 @dataclass(frozen=True)
@@ -207,7 +198,7 @@ def correct(
 
     try:
         answer = scipy.optimize.root(
-            equations, guess, jac=True, method="hybr", options={"xtol": 1e-11, "factor": 0.1}
+            equations, guess, jac=True, method="hybr", options={"xtol": 1e-10, "factor": 0.1}
         )
         if not np.array_equal(last["u"], answer.x):
             equations(answer.x)

@@ -4,6 +4,7 @@ A name is the path of a field, ``belt.speed`` or ``attack_angle``; for a `Wiper`
 files (``belt_speed``) hold as well.
 """
 
+from collections.abc import Callable
 from dataclasses import fields
 
 import equinox as eqx
@@ -12,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
-from .parameters import BELTS
+from .parameters import BELTS, PARAMETERS
 from .system import AbstractSystem
 from .wiper import Wiper
 
@@ -65,18 +66,39 @@ def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
     return system
 
 
-def direction(system: AbstractSystem, name: str | None):
-    """Return the tangent of ``system`` along the number ``name`` (or zero): 1 there, 0 elsewhere.
+def direction(system: AbstractSystem, name: str | None, *others: str):
+    """Return the tangent of ``system`` along the number ``name`` (or zero): 1 there.
 
-    ``system`` must be `traceable` for ``name``.
+    It is 0 at ``others`` and None elsewhere: what it does not hold is not differentiated at all. So
+    one compiled program serves every direction among the same names. ``system`` must be
+    `traceable` for all of them.
     """
-    still = jax.tree.map(
-        lambda x: jnp.zeros_like(x) if eqx.is_inexact_array(x) else None, system
-    )
-    if name is None:
-        return still
-    where = _at(path(system, name))
-    return eqx.tree_at(where, still, jnp.ones_like(where(system)))
+    tangent = jax.tree.map(lambda x: None, system)
+    for each in (*others, name):
+        if each is not None:
+            where = _at(path(system, each))
+            size = jnp.ones_like if each == name else jnp.zeros_like
+            tangent = eqx.tree_at(where, tangent, size(where(system)), is_leaf=_is_none)
+    return tangent
+
+
+def _is_none(x) -> bool:
+    return x is None
+
+
+def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Callable]:
+    """Return how the number ``name`` is called in files, its attributes, and SI -> unit of files.
+
+    The parameters of a `Wiper` have the names and units of sweep files (angles in degrees).
+    """
+    route = path(system, name)
+    if isinstance(system, Wiper):
+        keys = BELTS.get(_KINDS.get(type(system.belt), ""), {})
+        entry = PARAMETERS.get(keys.get(route[-1], "") if route[0] == "belt" else route[-1])
+        if entry is not None:
+            attrs = {"long_name": entry.long_name, "units": entry.edge_unit}
+            return entry.name, attrs, entry.to_edge
+    return "_".join(route), {"long_name": ".".join(route)}, lambda x: x
 
 
 def _at(route: tuple[str, ...]):
