@@ -8,6 +8,7 @@ branch taken up again on the other side with the derivatives that hold there (di
 Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, chapters 6 to 8).
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
@@ -194,8 +195,8 @@ class _Walk:
                 if turn < 0.8 and length > 1e-3 * self.longest:
                     length *= 0.5
                     continue
-                for located in self._located(here, ahead, length):
-                    yield self._counted(located)
+                for point in self._located(here, ahead, length):
+                    yield self._counted(point)
                 length = min(self.longest, length * (1.4 if turn > 0.98 else 1.0))
             elif ahead is None and length > 1e-2 * self.longest:
                 length *= 0.5
@@ -227,7 +228,7 @@ class _Walk:
         self.count += 1
         return step
 
-    # --- one step -------------------------------------------------------------------------------
+    # --- one step --------------------------------------------------------------------------------
 
     def _full(self, step: Step) -> np.ndarray:
         """Unit tangent in scaled state, period and parameter."""
@@ -295,7 +296,7 @@ class _Walk:
         tangent += (passed.by_parameter + slope * passed.by_period) * change
         return tangent, passed.state, int(point.motion.regimes[index])
 
-    # --- special points -------------------------------------------------------------------------
+    # --- special points --------------------------------------------------------------------------
 
     def _located(self, here: Step, ahead: Step, length: float) -> list[Step]:
         """Return the special points between two steps of one word, in order."""
@@ -315,7 +316,7 @@ class _Walk:
                 return test(kept[distance])
 
             try:
-                root = scipy.optimize.brentq(value, 0.0, length, xtol=LOCATED, rtol=1e-12)
+                root = float(scipy.optimize.brentq(value, 0.0, length, xtol=LOCATED))  # type: ignore[arg-type]
             except Lost:
                 continue
             if kind == "neimark_sacker" and not _turning(kept[root].cycle):
@@ -353,7 +354,7 @@ class _Walk:
         d = where.basis.shape[1]
         for size in (1e-4, 1e-3, 1e-2):
             u = edge.point.unknowns + size * edge.tangent
-            period = u[d] * shooting.period_scale if shooting.clock is None else np.nan
+            period = u[d] * shooting.period_scale if shooting.clock is None else float("nan")
             try:
                 parameter = u[-1] * shooting.parameter_scale
                 _, jacobian, motion = shooting.returned(where, phase, u[:d], period, parameter)
@@ -398,12 +399,14 @@ class _Walk:
             return False
         a, b = here.point.parameter, ahead.point.parameter
         at = b - two**2 * (b - a) / (two**2 - one**2)
-        self.special.append(Special("hopf", "the cycle shrinks onto steady slip", at, self.count - 1))
+        self.special.append(
+            Special("hopf", "the cycle shrinks onto steady slip", at, self.count - 1)
+        )
         self.end = "a Hopf point"
         return True
 
 
-# --- what is watched -------------------------------------------------------------------------------
+# --- what is watched -----------------------------------------------------------------------------
 
 
 def _determinant(sign: float) -> Callable[[Step], float]:
@@ -427,7 +430,7 @@ def _turning(cycle: Cycle) -> bool:
     """Whether a complex pair lies on the unit circle."""
     values = cycle.multipliers
     assert values is not None
-    return bool(np.any((np.abs(np.abs(values) - 1) < 1e-4) & (np.abs(values.imag) > 1e-6)))
+    return bool(np.any((np.abs(np.abs(values) - 1) < 1e-4) & (np.abs(np.imag(values)) > 1e-6)))
 
 
 TESTS: tuple[tuple[str, str, Callable[[Step], float]], ...] = (
@@ -462,11 +465,13 @@ def corner_kind(one: Cycle, two: Cycle) -> str:
     if names & {"lift_off", "impact", "zeno", "touch"}:
         return "grazing"
     a, b = short.regimes.split(), long.regimes.split()
-    for deed, i, j, k, m in SequenceMatcher(None, a, b, autojunk=False).get_opcodes():
+    for deed, _, _, k, m in SequenceMatcher(None, a, b, autojunk=False).get_opcodes():
         if deed == "equal" or m == k:
             continue
         inner, left, right = b[k:m], b[k - 1], b[m % len(b)]
         if "stick" in inner:
             return "grazing_sliding" if left == right else "crossing_sliding"
-        return "switching_sliding" if "stick" in (left, right) and left != right else "adding_sliding"
+        return (
+            "switching_sliding" if "stick" in (left, right) and left != right else "adding_sliding"
+        )
     return "grazing_sliding" if "capture" in names else "crossing_sliding"

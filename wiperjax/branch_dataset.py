@@ -44,7 +44,7 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     }
     values = np.stack([_known(c.multipliers) for c in branch.cycles])
     plane = ("point", "multiplier")
-    for key, part in (("real", values.real), ("imag", values.imag)):
+    for key, part in (("real", np.real(values)), ("imag", np.imag(values))):
         words = {"long_name": f"multipliers, {key}. part, largest first", "units": "1"}
         variables[f"multiplier_{key}"] = (plane, part, words)
     stable = np.array([c.stable for c in branch.cycles], np.int8)

@@ -24,6 +24,7 @@ from .shooting import Chart, Stretch, chart, stretch, turning_point
 from .system import AbstractSystem
 
 CLOSED = 1e-7  # of the return map, relative to the size of the motion: larger is no cycle
+ISOLATED = 1e-6  # distance of a multiplier from 1
 STILL = 1e-6  # of the typical size: a smaller oscillation is rest
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
 MOST_RETURNS = 8  # turning points, or periods of the clock, in one period of the motion
@@ -236,7 +237,7 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
     values = np.zeros(2 * n - (shooting.clock is None), complex)
     values[: len(monodromy)] = np.linalg.eigvals(monodromy)
     values = values[np.argsort(-np.abs(values), kind="stable")]
-    isolated = np.min(np.abs(values - 1)) > 1e-9
+    isolated = np.min(np.abs(values - 1)) > ISOLATED
     totals, period = motion.totals, point.period
     mean = float(totals.output_integral) / period
     square = float(totals.output_square_integral) / period
@@ -342,7 +343,7 @@ def _slip_margin(motion: Stretch) -> float:
     return float(np.min(vertex[low]))
 
 
-# --- from a simulation -----------------------------------------------------------------------------
+# --- from a simulation ---------------------------------------------------------------------------
 
 
 def find_cycle(
@@ -401,15 +402,11 @@ def close(shooting: Shooting, state, regime: int, period: float, phase: float = 
     """Return the cycle near ``state``, in ``regime`` at ``phase``, by Newton's method."""
     parameter = 0.0 if shooting.over is None else named.value(shooting.system, shooting.over)
     shooting = replace(shooting, period_scale=period)
-    where = chart(
-        shooting.system, state, phase * period, regime, shooting.scale, shooting.section
-    )
+    where = chart(shooting.system, state, phase * period, regime, shooting.scale, shooting.section)
     guess = np.zeros(where.basis.shape[1])
     if shooting.clock is None:
         guess = np.append(guess, 1.0)
-    point = correct(
-        shooting, where, phase, np.append(guess, parameter / shooting.parameter_scale)
-    )
+    point = correct(shooting, where, phase, np.append(guess, parameter / shooting.parameter_scale))
     if point is None:
         return Cycle(shooting.system, Found.NOT_CONVERGED, shooting=shooting)
     cycle = cycle_at(shooting, point)
@@ -450,9 +447,8 @@ def _sizes(motion: Stretch, typical: np.ndarray) -> np.ndarray:
 
 
 def _free_guess(shooting: Shooting, state, settle: float):
-    """Return (shooting, state, phase, regime, period) near the cycle of a system without a clock."""
+    """Return (shooting, state, phase, regime, period) near the cycle of a steady system."""
     typical = shooting.scale
-    n = len(state) // 2
     motion = _run(shooting, state, -1, settle, 1e-7)
     window = 0.25 * settle
     for _ in range(8):

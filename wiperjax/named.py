@@ -6,6 +6,7 @@ files (``belt_speed``) hold as well.
 
 from collections.abc import Callable
 from dataclasses import fields
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -40,7 +41,7 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
 
 def value(system: AbstractSystem, name: str) -> float:
     """Return the number ``name`` of ``system``."""
-    return float(_at(path(system, name))(system))
+    return float(np.asarray(_at(path(system, name))(system)))
 
 
 def replaced(system: AbstractSystem, name: str, number) -> AbstractSystem:
@@ -101,8 +102,8 @@ def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Call
     return "_".join(route), {"long_name": ".".join(route)}, lambda x: x
 
 
-def _at(route: tuple[str, ...]):
-    def where(tree):
+def _at(route: tuple[str, ...]) -> Callable[[Any], Any]:
+    def where(tree: Any) -> Any:
         for key in route:
             tree = getattr(tree, key)
         return tree

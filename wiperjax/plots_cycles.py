@@ -1,5 +1,7 @@
 """Pictures of periodic motion: branches, stable and unstable, over brute-force diagrams."""
 
+from pathlib import Path
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -51,7 +53,7 @@ def bifurcation_diagram(
     if brute is not None:
         _dots(ax, brute, over, quantity)
     if rest is not None:
-        _line(ax, rest[0], rest[1], np.asarray(rest[2], bool), REST, "at rest on the belt's slip")
+        _line(ax, rest[0], rest[1], np.asarray(rest[2], bool), REST, "steady slip")
     if branch is not None:
         x, y = branch[over].values, branch[quantity].values
         _line(ax, x, y, branch["stable"].values.astype(bool), BRANCH, "cycle")
@@ -59,7 +61,8 @@ def bifurcation_diagram(
     ax.set_xlabel(axis_label(shown[over]))
     ax.set_ylabel(axis_label(shown[quantity]))
     ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
-    ax.legend(loc="best", fontsize="small", framealpha=0.9)
+    # below the axes: a branch fills them from corner to corner
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize="small")
     return ax
 
 
@@ -67,7 +70,9 @@ def _dots(ax: Axes, brute: xr.Dataset, over: str, quantity: str) -> None:
     for way in ("down", "up"):
         colour, size = DOTS[way]
         values = brute[quantity].sel(way=way)
-        x = np.broadcast_to(brute[over].values.reshape((-1,) + (1,) * (values.ndim - 1)), values.shape)
+        x = np.broadcast_to(
+            brute[over].values.reshape((-1,) + (1,) * (values.ndim - 1)), values.shape
+        )
         ax.plot(
             np.ravel(x),
             np.ravel(values.values),
@@ -127,13 +132,21 @@ def _marks(ax: Axes, branch: xr.Dataset, x, y) -> None:
         seen.add(words)
 
 
+def draw_branch(branch: xr.Dataset, path: str | Path) -> None:
+    """Draw a branch alone into a picture file."""
+    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    ax = bifurcation_diagram(branch, ax=figure.subplots())
+    ax.set_title(str(branch.attrs.get("title", "")), fontweight="bold")
+    figure.savefig(path, dpi=150)
+
+
 def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the size of the multipliers over the parameter; 1 is the border of stability."""
     if ax is None:
         ax = Figure(figsize=(8.0, 3.2), layout="constrained").subplots()
     over = str(branch.attrs["over"])
-    size = np.hypot(branch["multiplier_real"], branch["multiplier_imag"])
-    for k in range(size.sizes["multiplier"]):
+    size = np.hypot(branch["multiplier_real"].values, branch["multiplier_imag"].values)
+    for k in range(size.shape[1]):
         ax.plot(branch[over], size[:, k], ".-", linewidth=1.0, label=f"multiplier {k + 1}")
     ax.axhline(1.0, color="black", linewidth=0.8)
     ax.set_yscale("symlog", linthresh=0.1)
@@ -144,7 +157,7 @@ def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def remedy_bars(shares: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw what each parameter buys (`remedy.sensitivities`): per cent of the noise per per cent."""
+    """Draw what each parameter buys (`remedy.sensitivities`)."""
     if ax is None:
         ax = Figure(figsize=(6.5, 3.2), layout="constrained").subplots()
     order = np.argsort(np.abs(shares["buys"].values))

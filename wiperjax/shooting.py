@@ -67,7 +67,7 @@ def stretch(
     numbers = (jnp.asarray(x, float) for x in (period, phase, part, rtol))
     code = jnp.asarray(regime, jnp.int32)
     found = _stretch(system, along, jnp.asarray(state, float), code, *numbers)
-    return jax.tree.map(np.asarray, found)
+    return Stretch(**jax.tree.map(np.asarray, found))
 
 
 def _looked_at(*state):
@@ -102,7 +102,7 @@ def tidy(system: AbstractSystem, time, state, regime):
 
 
 @eqx.filter_jit
-def _stretch(system, along, state, regime, period, phase, part, rtol):
+def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
     varied = jax.tree.map(lambda d: d is not None, along, is_leaf=lambda d: d is None)
     moving, fixed = eqx.partition(system, varied)
     n = state.shape[0] // 2
@@ -147,7 +147,7 @@ def _stretch(system, along, state, regime, period, phase, part, rtol):
         local = system.prepared().on_piece(system.first_piece(t))
         return contact(local, t, q, local.from_rates(t, q, v)).slip_speed
 
-    return Stretch(
+    return dict(
         state=end,
         by_state=by[:, : 2 * n],
         by_period=by[:, 2 * n],
@@ -165,7 +165,7 @@ def _stretch(system, along, state, regime, period, phase, part, rtol):
     )
 
 
-# --- coordinates of the states that a motion can pass ----------------------------------------------
+# --- coordinates of the states that a motion can pass --------------------------------------------
 
 
 class Chart(NamedTuple):
@@ -192,7 +192,7 @@ class Chart(NamedTuple):
 
 
 def chart(system, state, time, regime: int, scale, section=None) -> Chart:
-    """Return coordinates of the states near ``state`` in ``regime``; on ``section`` if one is given.
+    """Return coordinates of the states near ``state`` in ``regime``, on ``section`` if given.
 
     ``section(t, q, v)`` is a function of time, positions and velocities q' that vanishes there.
     Raises ValueError if the contact can not be told from the coordinates.
