@@ -354,7 +354,7 @@ class _Walk:
         d = where.basis.shape[1]
         for size in (1e-4, 1e-3, 1e-2):
             u = edge.point.unknowns + size * edge.tangent
-            period = u[d] * shooting.period_scale if shooting.clock is None else float("nan")
+            period = float(u[d] * shooting.period_scale) if shooting.clock is None else math.nan
             try:
                 parameter = u[-1] * shooting.parameter_scale
                 _, jacobian, motion = shooting.returned(where, phase, u[:d], period, parameter)

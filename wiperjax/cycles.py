@@ -7,7 +7,7 @@ turns); with a clock (a wiping belt, a forced oscillator) the period is known.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
@@ -103,6 +103,7 @@ class Shooting:
     period_scale: float
     parameter_scale: float = 1.0
     rtol: float = 1e-10
+    varied: tuple[str, ...] = ()  # numbers that the compiled program can differentiate by
 
     def at(self, parameter: float) -> AbstractSystem:
         """Return the system at a value of the parameter."""
@@ -112,7 +113,7 @@ class Shooting:
 
     def along(self):
         """Return the tangent of the system along the parameter."""
-        return named.direction(self.system, self.over)
+        return named.direction(self.system, self.over, *self.varied)
 
     def driven_period(self, parameter: float) -> tuple[float, float]:
         """Return the period that the clock sets, and its derivative by the parameter."""
@@ -354,6 +355,7 @@ def find_cycle(
     period: Callable[[AbstractSystem], Any] | float | None = None,
     section: Callable = turning_point,
     over: str | None = None,
+    varied: Sequence[str] = (),
     rtol: float = 1e-10,
 ) -> Cycle:
     """Return the limit cycle that a simulation of ``settle`` seconds comes to.
@@ -365,7 +367,8 @@ def find_cycle(
     system if it depends on what will be varied; None: nothing depends on time (a steady belt).
     ``section(t, q, v)``, a function of positions and velocities q' on whose zeros the cycle of a
     system without a clock starts (default: where the first coordinate turns). ``over``, name of the
-    number that `branch.follow` will vary. ``rtol`` of the integration.
+    number that `branch.follow` will vary; ``varied``, numbers that `remedy` will: named here, they
+    share its compiled program. ``rtol`` of the integration.
 
     **Returns** a `Cycle`; ``found`` says whether there is one, else why not.
 
@@ -375,13 +378,14 @@ def find_cycle(
         raise ValueError(f"system must be a system such as Wiper(), but was {system!r}")
     if not (isinstance(settle, int | float) and 0 < settle < math.inf):
         raise ValueError(f"settle must be a finite time > 0, but was {settle!r}")
-    chosen = () if over is None else (over,)
-    system = named.traceable(system, *chosen)
+    varied = tuple(varied) if over is None else (over, *varied)
+    system = named.traceable(system, *varied)
     start = system.default_state() if initial_state is None else initial_state
     state = np.concatenate([np.asarray(part, float).ravel() for part in start])
     clock = period if callable(period) or period is None else _constant(float(period))
     typical = np.concatenate([np.asarray(s, float) for s in system.scales(len(state) // 2)])
-    shooting = Shooting(system, over, clock, None if clock else section, 1, typical, 1.0, rtol=rtol)
+    shooting = Shooting(system, over, clock, None if clock else section, 1, typical, 1.0)
+    shooting = replace(shooting, rtol=rtol, varied=varied)
     if over is not None:
         size = abs(named.value(system, over))
         shooting = replace(shooting, parameter_scale=size or 1.0)

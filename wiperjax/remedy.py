@@ -60,13 +60,14 @@ def sensitivities(
     if measure not in MEASURES:
         raise ValueError(f"measure must be one of {', '.join(MEASURES)}, but was {measure!r}")
     bounds = names if isinstance(names, Mapping) else None
-    system = named.traceable(cycle.system, *names)
+    every = tuple(dict.fromkeys((*shooting.varied, *names)))
+    system = named.traceable(cycle.system, *every)
     where = chart(
         system, state, cycle.phase * cycle.period, cycle.regime, shooting.scale, shooting.section
     )
     slopes, value = [], getattr(cycle, measure)
     for name in names:
-        along = named.direction(system, name, *(other for other in names if other != name))
+        along = named.direction(system, name, *every)
         m = stretch(
             system,
             along,
@@ -170,8 +171,11 @@ def descend(
         raise ValueError(f"bounds must hold the blade as it is, but {worst} lies outside")
     x = (at - low) / (high - low)
     rows = [_row(cycle, bounds, measure, True)]
-    end, system = f"{most} steps", named.traceable(cycle.system, *bounds)
-    cycle = replace(cycle, system=system)
+    if cycle.shooting is None:
+        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
+    varied = tuple(dict.fromkeys((*cycle.shooting.varied, *bounds)))
+    end, system = f"{most} steps", named.traceable(cycle.system, *varied)
+    cycle = replace(cycle, system=system, shooting=replace(cycle.shooting, varied=varied))
     for _ in range(most):
         slope = sensitivities(cycle, bounds, measure)["buys"].values
         free = ~(((x <= 0) & (slope > 0)) | ((x >= 1) & (slope < 0)))
@@ -184,13 +188,13 @@ def descend(
             system = named.replaced(system, name, value)
         following = _tracked(cycle, system)
         if following is None:  # the cycle ends here; is there another motion?
-            following = find_cycle(system, settle=settle, rtol=_rtol(cycle))
+            following = _settled(cycle, system, settle)
         if following.found != Found.FOUND:
             end = f"the cycle has ended: {following.found.name.lower()}"
             rows.append(_row(replace(following, system=system), bounds, measure, False))
             break
         rows.append(_row(following, bounds, measure, same_word(cycle, following)))
-        cycle = replace(following, system=named.traceable(system, *bounds))
+        cycle = following
     names = list(bounds)
     columns = {name: ("step", np.array([row[name] for row in rows])) for name in names}
     columns |= {
@@ -202,9 +206,19 @@ def descend(
     return Path(xr.Dataset(columns, attrs={"end": end}), system, end, said)
 
 
-def _rtol(cycle: Cycle) -> float:
-    assert cycle.shooting is not None
-    return cycle.shooting.rtol
+def _settled(cycle: Cycle, system, settle: float) -> Cycle:
+    """Return the cycle that ``system`` settles on from where ``cycle`` was."""
+    shooting, state = cycle.shooting, cycle.state
+    assert shooting is not None and state is not None
+    n = len(state) // 2
+    return find_cycle(
+        system,
+        settle=settle,
+        initial_state=(state[:n], state[n:]),
+        period=None if shooting.clock is None else shooting.clock,
+        varied=shooting.varied,
+        rtol=shooting.rtol,
+    )
 
 
 def _row(cycle: Cycle, bounds, measure: str, same: bool) -> dict[str, Any]:
