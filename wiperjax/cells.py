@@ -20,8 +20,9 @@ from .solve import make_problem
 from .stability import steady_slip
 from .wiper import Wiper
 
-LANES = {"float64": 256, "float32": 512}  # a device; as much as its cache holds
-LIGHT_TURNS = 2  # a full turn
+LANES = {"float64": 512, "float32": 1024}  # a device, at most: as much as its cache holds
+CASES_PER_LANE = 16  # at least: the last cases of a block leave lanes empty
+FLOWS = 3  # a jump
 
 
 def identity() -> dict[str, str]:
@@ -117,11 +118,11 @@ def _capacity(cells: int, shares: int) -> int:
 def _arrays(wiper: Wiper, precision: str) -> Wiper:
     """Turn parameters into arrays, (cells,) where they vary and () where they do not.
 
-    A Python 0 stays one: its terms are left out of the compiled program.
+    A Python 0 or 1 stays one: its terms, or a power of 1, are left out of the compiled program.
     """
 
     def leaf(value):
-        if isinstance(value, int | float) and value == 0:
+        if isinstance(value, int | float) and value in (0, 1):
             return value
         return jnp.asarray(value, precision)
 
@@ -153,7 +154,7 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
             s.transient,
             interval,
             s.samples,
-            SAMPLES_PER_STEP * (LIGHT_TURNS + 1),
+            SAMPLES_PER_STEP * FLOWS,
             s.raster is not None,
         ),
         max_steps=s.max_steps,
@@ -164,8 +165,8 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
         dtype=jnp.dtype(s.precision),
     )
     pool = Pool(problem, q, v, start, count)
-    lanes = min(LANES[s.precision], q[0].shape[-1])
-    outcome, signal, effort = run_pool(pool, lanes, LIGHT_TURNS)
+    lanes = max(1, min(LANES[s.precision], q[0].shape[-1] // CASES_PER_LANE))
+    outcome, signal, effort = run_pool(pool, lanes, FLOWS)
     if s.raster is not None:
         kept = np.array(raster_index(s.samples, s.raster))
         signal = signal._replace(regime=signal.regime[:, kept])

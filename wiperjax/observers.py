@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from .regimes import Forces
+from .polynomials import largest
 from .results import Event, Regime
 from .system import Scalar
 
@@ -24,10 +24,20 @@ class Stretch(NamedTuple):
     start: Scalar  # time
     length: Scalar
     regime: Scalar
-    times: Scalar  # at the nodes of the step, (5, ...)
-    positions: tuple
-    velocities: tuple
-    contact_forces: Forces
+    nodes: tuple  # of five `Node`, at equal distances from its start to its end
+
+
+def integral(length, values) -> Scalar:
+    """Integral over a stretch from ``values`` at its nodes (Boole's rule, of order 6)."""
+    return length * sum(w * x for w, x in zip(BOOLE, values, strict=True))
+
+
+def outputs(stretch: Stretch) -> list[Scalar]:
+    """The system's output velocity at the nodes of a stretch, in the state's precision."""
+    return [
+        jnp.asarray(stretch.system.output(n.time, n.position, n.velocity), n.velocity[0].dtype)
+        for n in stretch.nodes
+    ]
 
 
 class Happening(NamedTuple):
@@ -101,26 +111,27 @@ class RegimeTotals(AbstractObserver):
         s = stretch
         dtype = record.stick_time.dtype
         h = jnp.where(s.start >= self.start, s.length, 0.0).astype(dtype)
-        out = jnp.asarray(s.system.output(s.times, s.positions, s.velocities), dtype)
-        peak = jnp.max(s.contact_forces.normal, axis=0)
-        gap = jnp.zeros_like(peak)
+        out = outputs(s)
+        force = [node.forces.normal for node in s.nodes]
+        gap = jnp.zeros_like(h)
         if s.system.unilateral:
-            gap = jnp.max(jnp.asarray(s.system.gap(s.times, s.positions), dtype), axis=0)
+            for node in s.nodes:
+                gap = jnp.maximum(gap, jnp.asarray(s.system.gap(node.time, node.position), dtype))
         counts = s.start >= self.start
-
-        def integral(values):
-            return h * sum(w * x for w, x in zip(BOOLE, values, strict=True))
 
         return record._replace(
             stick_time=record.stick_time + jnp.where(s.regime == Regime.STICK, h, 0.0),
             flight_time=record.flight_time + jnp.where(s.regime == Regime.FLIGHT, h, 0.0),
             slip_time=record.slip_time
             + jnp.where((s.regime == Regime.SLIP_POS) | (s.regime == Regime.SLIP_NEG), h, 0.0),
-            output_integral=record.output_integral + integral(out),
-            output_square_integral=record.output_square_integral + integral(out * out),
-            normal_force_integral=record.normal_force_integral + integral(s.contact_forces.normal),
+            output_integral=record.output_integral + integral(h, out),
+            output_square_integral=record.output_square_integral
+            + integral(h, [x * x for x in out]),
+            normal_force_integral=record.normal_force_integral + integral(h, force),
             normal_force_max=jnp.where(
-                counts, jnp.maximum(record.normal_force_max, peak), record.normal_force_max
+                counts,
+                jnp.maximum(record.normal_force_max, largest(force)),
+                record.normal_force_max,
             ),
             gap_max=jnp.where(counts, jnp.maximum(record.gap_max, gap), record.gap_max),
         )
