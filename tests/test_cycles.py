@@ -232,3 +232,27 @@ def test_motions_without_a_cycle_say_so():
         follow(quiet, 0.0, 1.0)
     with pytest.raises(ValueError, match="settle must be a finite time > 0, but was -1"):
         find_cycle(Ring(), settle=-1)
+
+
+@pytest.mark.slow
+def test_smallest_change_that_makes_steady_slip_stable():
+    from wiperjax import remedy
+
+    blade = wiperjax.Wiper(attack_angle=math.radians(5.0))
+    bounds = {"support_damping": (0.5, 12.0), "mu_static": (0.35, 1.0)}
+    found = remedy.stabilise(blade, bounds, margin=50.0, starts=3)
+    best = found.parameters.isel(start=0)
+    growth = float(steady_slip(found.blade).growth_rate)
+    assert -60 < growth < 0  # the border of the demand, not beyond it
+    assert float(best.growth_rate) == pytest.approx(growth, rel=1e-6)
+    for name, (low, high) in bounds.items():
+        assert low <= float(best[name]) <= high
+    # no cheaper one on a grid
+    low, high = np.array(list(bounds.values())).T
+    share = np.linspace(0.0, 1.0, 41)
+    c, mu = np.meshgrid(low[0] + share * (high - low)[0], low[1] + share * (high - low)[1])
+    every = wiperjax.Wiper(attack_angle=math.radians(5.0), support_damping=c, mu_static=mu)
+    stable = np.asarray(steady_slip(every).growth_rate) < -50
+    given = (np.array([1.0, 1.0]) - low) / (high - low)
+    cost = (share[None, :] - given[0]) ** 2 + (share[:, None] - given[1]) ** 2
+    assert float(best.cost) < np.min(cost[stable])
