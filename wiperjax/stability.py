@@ -179,8 +179,10 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
         by_v = jax.jvp(motion, (x, still), (still, one))[1]
         stiff, damp = by_x.acceleration, by_v.acceleration
         spread = damp * damp + 4 * stiff
-        growth = 0.5 * (damp + jnp.sqrt(jnp.maximum(spread, 0.0)))
-        turn = 0.5 * jnp.sqrt(jnp.maximum(-spread, 0.0))
+        # the root of a positive number in either case: that of zero has no derivative
+        root = 0.5 * jnp.sqrt(jnp.where(spread == 0, 1.0, jnp.abs(spread)))
+        growth = 0.5 * damp + jnp.where(spread > 0, root, 0.0)
+        turn = jnp.where(spread < 0, root, 0.0)
         exists = exists & rest.holds
 
         def known(value):
