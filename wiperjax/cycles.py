@@ -463,8 +463,8 @@ def _free_guess(shooting: Shooting, state, settle: float):
         times = times[peak]
         if len(times) < 6 and window < 4 * settle:
             window *= 2
-        elif len(times) > 40:
-            window *= 20 / len(times)
+        elif len(times) > 14:  # enough samples for each of them
+            window *= 9 / len(times)
         else:
             break
     if len(times) < 2:

@@ -189,6 +189,9 @@ def descend(
         following = _tracked(cycle, system)
         if following is None:  # the cycle ends here; is there another motion?
             following = _settled(cycle, system, settle)
+        if following.found == Found.AT_REST:  # quiet from here; from the default start as well?
+            other = _settled(cycle, system, settle, default=True)
+            following = other if other.found == Found.FOUND else following
         if following.found != Found.FOUND:
             end = f"the cycle has ended: {following.found.name.lower()}"
             rows.append(_row(replace(following, system=system), bounds, measure, False))
@@ -206,15 +209,15 @@ def descend(
     return Path(xr.Dataset(columns, attrs={"end": end}), system, end, said)
 
 
-def _settled(cycle: Cycle, system, settle: float) -> Cycle:
-    """Return the cycle that ``system`` settles on from where ``cycle`` was."""
+def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycle:
+    """Return the cycle that ``system`` settles on from where ``cycle`` was, or its own start."""
     shooting, state = cycle.shooting, cycle.state
     assert shooting is not None and state is not None
     n = len(state) // 2
     return find_cycle(
         system,
         settle=settle,
-        initial_state=(state[:n], state[n:]),
+        initial_state=None if default and isinstance(system, Wiper) else (state[:n], state[n:]),
         period=None if shooting.clock is None else shooting.clock,
         varied=shooting.varied,
         rtol=shooting.rtol,
