@@ -378,6 +378,13 @@ class _Walk:
         kind = corner_kind(edge.cycle, ahead.cycle)
         turns = edge.sense * ahead.sense < 0
         detail = change(edge.cycle, ahead.cycle.word)
+        if self.special:  # to and fro over one corner, closer than it is located: nothing happened
+            last = self.special[-1]
+            undone = sorted(detail.translate(str.maketrans("+-", "-+")).split())
+            near = abs(last.parameter - edge.point.parameter) < 1e-5 * self.shooting.parameter_scale
+            if near and sorted(last.detail.split()) == undone:
+                self.special.pop()
+                return
         name = f"{kind}_fold" if turns else kind
         where = self.count - 1
         self.special.append(Special(name, detail, edge.point.parameter, max(where, 0)))
