@@ -225,6 +225,42 @@ def simulate(
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
 
 
+@app.command()
+def follow(
+    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="A blade that makes a noise.")],
+    over: Annotated[str, typer.Option(help="Parameter to vary, such as belt_speed.")],
+    low: Annotated[float, typer.Option("--from", help="Its range, in the units of files.")],
+    high: Annotated[float, typer.Option("--to", help="The upper end.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="BRANCH.h5", help="To make.")],
+    step: Annotated[float, typer.Option(min=1e-4, max=0.5, help="Length of a step.")] = 0.03,
+    force: Force = False,
+) -> None:
+    """Follow the limit cycle of a scene over a parameter, stable and unstable."""
+    from wiperjax.spec import load_scene
+
+    spec = load_scene(file)
+    picture = output.with_suffix(".png")
+    _check_output(output, MAP_SUFFIXES, force, file)
+    _check_output(picture, PICTURE_SUFFIXES, force, file)
+
+    _configure(1)
+    from wiperjax.branch_run import run
+    from wiperjax.plots.branches import draw_branch
+    from wiperjax.storage import write_dataset
+
+    branch = run(spec, over, low, high, step)
+    write_dataset(branch, output, force)
+    draw_branch(branch, picture)
+    unit = branch[over].attrs["units"]
+    for kind, value, detail in zip(
+        *(branch[f"special_{key}"].values for key in ("kind", "parameter", "detail")), strict=True
+    ):
+        print(f"{over} {value:.6g} {unit}: {kind.replace('_', ' ')} ({detail})")
+    print(f"ends     {branch.attrs['ends']}")
+    print(f"branch   {output}: {branch.sizes['point']} cycles")
+    print(f"picture  {picture}")
+
+
 @app.command(help=PLOT_HELP)
 def plot(
     file: Annotated[

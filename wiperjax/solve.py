@@ -164,8 +164,9 @@ def solve(
     zeno_time=1e-8,
     observer: AbstractObserver | None = None,
     statistics_start=None,
+    start=0.0,
 ) -> Solution:
-    """Return the `Solution` of one trajectory from t = 0 to ``duration`` [s].
+    """Return the `Solution` of one trajectory over ``duration`` [s] from ``start`` on.
 
     A pure function: it works under `jax.jit`, `jax.vmap` over any parameter of ``system`` (an
     equinox module), and forward-mode derivatives. It never raises for a numerical failure; look
@@ -180,12 +181,12 @@ def solve(
     ``max_events``, capacity of the event log (more are counted, flagged, and not stored);
     ``max_steps``, trial steps; ``max_step`` [s]; ``zeno_time`` [s], flights shorter than this are
     completed by the limit of their sequence; ``observer``, online statistics (default
-    `RegimeTotals` from ``statistics_start`` on).
+    `RegimeTotals` from ``statistics_start`` on); ``start``, time at which it begins [s].
 
     Raises ValueError for wrong shapes or an unsuitable solver (when traced, so once).
     """
     if observer is None:
-        observer = RegimeTotals(0.0 if statistics_start is None else statistics_start)
+        observer = RegimeTotals(start if statistics_start is None else statistics_start)
     problem, q, v, start = make_problem(
         system,
         duration,
@@ -200,6 +201,7 @@ def solve(
         zeno_time=zeno_time,
         mark=statistics_start,
         observer=observer,
+        start=start,
     )
     return solution(problem, run(problem, begin(problem, q, v, start)))
 

@@ -103,7 +103,7 @@ def _map(wiper, belt_speed, branches):
 
     def one(varying):
         wiper, speed = eqx.combine(varying, fixed)
-        return _equilibria(replace(wiper, belt=SteadyBelt(speed)), branches)
+        return equilibria(replace(wiper, belt=SteadyBelt(speed)), branches)
 
     return jax.lax.map(one, varying, batch_size=min(belt_speed.shape[0], _LANES))
 
@@ -131,8 +131,11 @@ def _slip(wiper: Wiper, x, velocity, regime) -> _Motion:
     return _Motion(acceleration, normal, mass, (normal > 0) & (d > 0))
 
 
-def _equilibria(wiper: Wiper, branches: int) -> SteadySlip:
-    """Return the first ``branches`` equilibria of one wiper, along the belt's motion first."""
+def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
+    """Return the first ``branches`` equilibria of one wiper on a `SteadyBelt`, (branches,) each.
+
+    A pure function of the wiper's numbers: it may be mapped and differentiated.
+    """
     speed = jnp.asarray(wiper.belt.velocity(0.0, 0), float)
     along = jnp.where(speed < 0, -1.0, 1.0)
     regime = jnp.where(speed < 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
@@ -178,8 +181,10 @@ def _equilibria(wiper: Wiper, branches: int) -> SteadySlip:
         by_v = jax.jvp(motion, (x, still), (still, one))[1]
         stiff, damp = by_x.acceleration, by_v.acceleration
         spread = damp * damp + 4 * stiff
-        growth = 0.5 * (damp + jnp.sqrt(jnp.maximum(spread, 0.0)))
-        turn = 0.5 * jnp.sqrt(jnp.maximum(-spread, 0.0))
+        # the root of a positive number in either case: that of zero has no derivative
+        root = 0.5 * jnp.sqrt(jnp.where(spread == 0, 1.0, jnp.abs(spread)))
+        growth = 0.5 * damp + jnp.where(spread > 0, root, 0.0)
+        turn = jnp.where(spread < 0, root, 0.0)
         exists = exists & rest.holds
 
         def known(value):

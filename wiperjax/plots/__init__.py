@@ -5,6 +5,8 @@ there. Angles are degrees, positions millimetres. No jax here.
 """
 
 from .animation import animate as animate
+from .branches import bifurcation_diagram as bifurcation_diagram
+from .branches import remedy_bars as remedy_bars
 from .classes import class_map as class_map
 from .classes import mechanism_map as mechanism_map
 from .classes import motion as motion

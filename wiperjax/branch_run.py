@@ -1,0 +1,73 @@
+"""From a scene file to a branch of its noise over one parameter: the command ``follow``."""
+
+import json
+import time
+
+import numpy as np
+import xarray as xr
+
+from . import dataset, named
+from .belts import SteadyBelt
+from .branch import follow
+from .branch_dataset import branch_dataset
+from .cycles import Found, find_cycle
+from .parameters import PARAMETERS
+from .scene import build_wiper, start_state
+from .spec import SceneSpec
+
+_ADVICE = {
+    Found.AT_REST: "its motion dies out: quiet; start where it makes a noise",
+    Found.NOT_PERIODIC: "its motion is not periodic within run.duration; make that longer",
+    Found.NOT_CONVERGED: "Newton's method found none near it; make run.duration longer",
+    Found.NOT_ISOLATED: "its cycle is at a fold; start at another value",
+    Found.TRAJECTORY_FAILED: "its motion ends early",
+}
+
+
+def run(spec: SceneSpec, over: str, low: float, high: float, step: float = 0.03) -> xr.Dataset:
+    """Return the branch through the motion that a scene settles on, as `branch_dataset`.
+
+    **Arguments:** ``over``, a parameter of sweep files; ``low``, ``high``, its range in their units
+    (degrees); ``step``, see `follow`. The motion is taken after ``run.duration`` of the scene.
+
+    Raises ValueError if there is no such parameter, no cycle at the scene's own value, or that
+    value lies outside the range.
+    """
+    begun = time.perf_counter()
+    wiper = build_wiper(spec.parameters(), spec.belt.kind)
+    entry = PARAMETERS.get(over)
+    if entry is None:
+        raise ValueError(f"--over must be one of {', '.join(PARAMETERS)}, but was {over!r}")
+    for end in (low, high):
+        if problem := entry.problem(end):
+            raise ValueError(f"{over}: {problem}")
+    own = float(entry.to_edge(named.value(wiper, over)))
+    if not low <= own <= high:
+        raise ValueError(
+            f"the range of {over} must hold the scene's own value {own:g}, "
+            f"but was {low:g} to {high:g}"
+        )
+    position, velocity = start_state(wiper, spec.start)
+    cycle = find_cycle(
+        wiper,
+        settle=spec.run.duration,
+        initial_state=(np.asarray(position), np.asarray(velocity)),
+        period=None if isinstance(wiper.belt, SteadyBelt) else _stroke,
+        over=over,
+    )
+    if cycle.found != Found.FOUND:
+        why = f" ({cycle.why})" if cycle.why else ""
+        raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
+    branch = follow(cycle, float(entry.to_si(low)), float(entry.to_si(high)), step=step)
+    attrs = {
+        "title": spec.title or f"cycles over {entry.long_name}",
+        "specification_text": spec.text,
+        "specification": json.dumps(spec.document()),
+        **dataset.provenance(None, time.perf_counter() - begun),
+    }
+    return branch_dataset(branch).assign_attrs(dataset.plain_attributes(attrs))
+
+
+def _stroke(wiper):
+    """Period of the belt."""
+    return 1 / wiper.belt.frequency

@@ -1,0 +1,243 @@
+"""Shooting: the motion over a stretch of time as a map of its start, with exact derivatives.
+
+The derivative is taken by forward mode through the event loop, so that every event, its reset and
+its time are in it (the saltation matrices). One compiled program serves a type of system, whatever
+the start, the period, the parameter that is varied and its value.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+
+from .observers import RegimeTotals, Totals
+from .results import Regime
+from .solve import begin, make_problem, record_sample, run, solution
+from .state import EventLog
+from .system import AbstractSystem, contact
+from .transition import settle
+
+SAMPLES = 257  # of a stretch; states at even distances
+EVENTS = 256  # of a stretch, that are told apart
+SMALL = 1e-12  # of the typical size: what is rounding
+
+
+class Stretch(NamedTuple):
+    """The motion over a stretch of time. n coordinates; a state is (position, q'), 2 n numbers.
+
+    ``by_state``, ``by_period`` and ``by_parameter`` are the derivatives of ``state`` (2n, 2n),
+    (2n,), (2n,); ``totals_by`` those of ``totals`` by the same 2 n + 2 numbers, last axis.
+    """
+
+    state: np.ndarray  # (2n,) at the end
+    by_state: np.ndarray
+    by_period: np.ndarray
+    by_parameter: np.ndarray
+    totals: Totals
+    totals_by: Totals
+    times: np.ndarray  # (samples,)
+    samples: np.ndarray  # (samples, 2n)
+    regimes: np.ndarray  # (samples,)
+    normal_force: np.ndarray  # (samples,)
+    slip_speed: np.ndarray  # (samples,)
+    events: EventLog
+    overflow: bool
+    result: int
+
+
+def stretch(
+    system: AbstractSystem,
+    along,
+    state,
+    period: float,
+    *,
+    phase: float = 0.0,
+    part: float = 1.0,
+    regime: int = -1,
+    rtol: float = 1e-10,
+) -> Stretch:
+    """Return the motion from ``state`` at ``phase * period`` over ``part * period``.
+
+    ``along`` is the tangent of ``system`` that ``by_parameter`` is taken along
+    (`named.direction`). ``regime`` is that of ``state`` if known: see `tidy`.
+    """
+    numbers = (jnp.asarray(x, float) for x in (period, phase, part, rtol))
+    code = jnp.asarray(regime, jnp.int32)
+    found = _stretch(system, along, jnp.asarray(state, float), code, *numbers)
+    return Stretch(**jax.tree.map(np.asarray, found))
+
+
+def _looked_at(*state):
+    """Samples are looked at, not differentiated: half the time of a motion."""
+    return jax.lax.stop_gradient(record_sample(*state))
+
+
+def tidy(system: AbstractSystem, time, state, regime):
+    """Return ``state`` (2n,) exactly on the contact that ``regime`` means; differentiable.
+
+    A contact is closed where its gap and its rate are exactly zero, and sticks where its slip speed
+    is; a state that was stored, moved or corrected misses that by rounding, and would begin with a
+    bounce of 1e-40 m. Nothing is done for a regime below 0.
+    """
+    n = state.shape[0] // 2
+    local = system.prepared().on_piece(system.first_piece(time))
+    q = tuple(state[:n])
+    v = local.from_rates(time, q, tuple(state[n:]))
+    closed = (regime >= 0) & (regime != Regime.FLIGHT)
+    sizes = local.scales(n)
+    for _ in range(2):  # the second time for contacts on a curve
+        c = contact(local, time, q, v)
+        q, v = settle(local, c, q, v, closed, closed, regime == Regime.STICK)
+
+    def snapped(values, typical):
+        small = [closed & (jnp.abs(x) < SMALL * s) for x, s in zip(values, typical, strict=True)]
+        pairs = zip(values, small, strict=True)
+        return tuple(x - jax.lax.stop_gradient(jnp.where(z, x, 0.0)) for x, z in pairs)
+
+    q, v = snapped(q, sizes[0]), snapped(v, sizes[1])
+    return jnp.stack([*q, *local.rates(time, q, v)])
+
+
+@eqx.filter_jit
+def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
+    varied = jax.tree.map(lambda d: d is not None, along, is_leaf=lambda d: d is None)
+    moving, fixed = eqx.partition(system, varied)
+    n = state.shape[0] // 2
+    grid = jnp.linspace(0.0, 1.0, SAMPLES)
+
+    def motion(state, period, moving):
+        start, duration = phase * period, part * period
+        state = tidy(eqx.combine(moving, fixed), start, state, regime)
+        problem, q, v, start = make_problem(
+            eqx.combine(moving, fixed),
+            duration,
+            start=start,
+            initial_state=(tuple(state[:n]), tuple(state[n:])),
+            solver=None,
+            rtol=rtol,
+            atol=None,
+            sample_times=start + duration * grid,
+            max_events=EVENTS,
+            observer=RegimeTotals(start),
+            record=_looked_at,
+        )
+        s = solution(problem, run(problem, begin(problem, q, v, start)))
+        end = jnp.concatenate([s.final_position, s.final_velocity])
+        whole, counts = eqx.partition(s.statistics, eqx.is_inexact_array)
+        return (end, whole), (s, counts)
+
+    eye = jnp.eye(2 * n + 2)
+    columns = (
+        eye[:, : 2 * n],
+        eye[:, 2 * n],
+        jax.tree.map(lambda d: eye[:, -1].reshape((-1,) + (1,) * d.ndim) * d, along),
+    )
+    (end, whole), slopes, (s, counts) = jax.vmap(
+        lambda tangent: jax.jvp(motion, (state, period, moving), tangent, has_aux=True),
+        out_axes=(None, 0, None),
+    )(columns)
+    by, whole_by = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), slopes)
+    times = phase * period + part * period * grid
+    q, v = s.samples.position, s.samples.velocity
+
+    def sliding(t, q, v):
+        local = system.prepared().on_piece(system.first_piece(t))
+        return contact(local, t, q, local.from_rates(t, q, v)).slip_speed
+
+    return dict(
+        state=end,
+        by_state=by[:, : 2 * n],
+        by_period=by[:, 2 * n],
+        by_parameter=by[:, -1],
+        totals=eqx.combine(whole, counts),
+        totals_by=whole_by,
+        times=times,
+        samples=jnp.stack([*q, *v], axis=-1),
+        regimes=s.samples.regime,
+        normal_force=s.samples.normal_force,
+        slip_speed=jax.vmap(sliding)(times, q, v),
+        events=s.events,
+        overflow=s.event_overflow,
+        result=s.result,
+    )
+
+
+# --- coordinates of the states that a motion can pass --------------------------------------------
+
+
+class Chart(NamedTuple):
+    """Coordinates near ``origin``: ``origin + basis @ w``, within the contact and on the section.
+
+    ``wide`` spans the states that keep the contact (m of them), ``basis`` those that lie on the
+    section as well (the same without one).
+    """
+
+    origin: np.ndarray  # (2n,)
+    basis: np.ndarray  # (2n, d)
+    wide: np.ndarray  # (2n, m); scaled so that wide.T @ (x / scale^2) reads coordinates
+    scale: np.ndarray  # (2n,)
+    regime: int
+
+    def state(self, w) -> np.ndarray:
+        """State at the coordinates ``w`` (d,)."""
+        return self.origin + self.basis @ w
+
+    def read(self, x) -> np.ndarray:
+        """Coordinates (m, ...) of states' differences ``x`` (2n, ...) in ``wide``."""
+        scale = self.scale.reshape((-1,) + (1,) * (np.ndim(x) - 1))
+        return self.wide.T @ (x / scale**2)
+
+
+def chart(system, state, time, regime: int, scale, section=None) -> Chart:
+    """Return coordinates of the states near ``state`` in ``regime``, on ``section`` if given.
+
+    ``section(t, q, v)`` is a function of time, positions and velocities q' that vanishes there.
+    Raises ValueError if the contact can not be told from the coordinates.
+    """
+    state, scale = np.asarray(state, float), np.asarray(scale, float)
+    values, slopes = _constraints(system, jnp.asarray(time, float), jnp.asarray(state), section)
+    values = np.asarray(values)
+    gap, closing, slip, crossing = (np.asarray(row) for row in slopes)
+    rows = []
+    if regime != Regime.FLIGHT and system.unilateral:
+        rows += [gap, closing]
+    if regime == Regime.STICK:
+        rows += [slip]
+    wide = _null_space(rows, scale)
+    if section is None:
+        return Chart(state, wide, wide, scale, regime)
+    towards = wide @ (wide.T @ crossing)  # the shortest way to the section that keeps the contact
+    distance = values[3] / (crossing @ towards)
+    basis = _null_space([*rows, crossing], scale)
+    return Chart(state - distance * towards, basis, wide, scale, regime)
+
+
+def _null_space(rows, scale) -> np.ndarray:
+    """Orthonormal directions (in units of ``scale``) in which none of ``rows`` changes, scaled."""
+    if not rows:
+        return np.diag(scale)
+    directions = scipy.linalg.null_space(np.stack(rows) * scale)
+    directions[np.abs(directions) < SMALL] = 0.0  # coordinates that rest do so exactly
+    return scale[:, None] * directions
+
+
+@eqx.filter_jit
+def _constraints(system, time, state, section):
+    n = state.shape[0] // 2
+
+    def values(state):
+        local = system.prepared().on_piece(system.first_piece(time))
+        q, v = tuple(state[:n]), tuple(state[n:])
+        c = contact(local, time, q, local.from_rates(time, q, v))
+        crossing = jnp.zeros(()) if section is None else section(time, q, v)
+        return jnp.stack([c.gap, c.normal_speed, c.slip_speed, crossing])
+
+    return values(state), jax.jacfwd(values)(state)
+
+
+def turning_point(t, q, v) -> Any:
+    """Zero where the first coordinate turns: the default section of a motion without a clock."""
+    return v[0]

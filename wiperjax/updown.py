@@ -1,0 +1,173 @@
+"""Brute-force bifurcation diagrams: simulate up and down a range, each step from the last state.
+
+What differs between the way up and the way down is coexisting motion: quiet and squeal at the same
+setting, say. Only stable motions show; `branch.follow` gives the unstable ones between.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from . import named
+from .results import RESULTS, RUNNING, Result
+from .shooting import tidy
+from .solve import solve
+from .system import AbstractSystem
+
+WAYS = ("up", "down")
+PEAKS = 16  # maxima kept of each window, evenly spread if there are more
+FLAT = 1e-9  # of the typical size: a smaller range is a motion at rest
+
+
+def up_and_down(
+    system: AbstractSystem,
+    over: str,
+    values,
+    *,
+    settle: float,
+    window: float,
+    initial_state=None,
+    period: Callable[[AbstractSystem], Any] | None = None,
+    kick: float = 1e-6,
+    samples: int = 1024,
+    rtol: float = 1e-7,
+) -> xr.Dataset:
+    """Return the motions met on the way up and down ``values`` of the number ``over``.
+
+    **Main arguments:** ``system``; ``over``, its name (`named.path`); ``values``, increasing (SI
+    units, radians); ``settle`` [s] simulated at each value before it is looked at, for ``window``
+    [s].
+
+    **Other arguments:** ``initial_state`` = (position, q') at either end (default: the system's
+    own); ``period(system)`` of what drives it [s]: settle and window are then rounded up to whole
+    periods, so that the clock goes on as it was; ``kick``, by which the first coordinate is moved
+    before each value, of its typical size: without it an equilibrium that has become unstable is
+    left only when rounding has grown (delayed loss of stability); ``samples`` of a window;
+    ``rtol``.
+
+    **Returns** a dataset with the dimensions ``way`` (up, down), the parameter (in the unit of
+    files) and ``peak``: ``maximum`` of the first coordinate (NaN-padded; of a motion at rest, where
+    it rests), ``velocity_rms``, ``stick_fraction``, ``flight_fraction``, ``result``. After a motion
+    that failed or collapsed the next value starts from ``initial_state``.
+
+    Both ways run side by side in one compiled program.
+
+    Raises ValueError for values that do not increase or a name that is not there.
+    """
+    values = np.asarray(values, float)
+    if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0):
+        raise ValueError(f"values must increase and be two or more, but were {values}")
+    given = system
+    system = named.traceable(system, over)
+    start = system.default_state() if initial_state is None else initial_state
+    state = jnp.concatenate([jnp.asarray(part, float).ravel() for part in start])
+    state = jnp.broadcast_to(state, (2, *state.shape))
+    if initial_state is None:  # the default start may depend on what is varied
+        ends = [named.replaced(system, over, v).default_state() for v in (values[0], values[-1])]
+        state = jnp.stack([jnp.concatenate([jnp.stack(p) * 1.0 for p in end]) for end in ends])
+    ways = jnp.stack([values, values[::-1]])
+    numbers = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))
+    found = _march(system, over, period, ways, state, numbers, samples)
+    position, velocity, *columns = (np.array(x) for x in found)
+    for array in (position, velocity, *columns):
+        array[1] = array[1, ::-1]
+    stick, flight, rms, result = columns
+    typical = float(np.asarray(system.scales(state.shape[1] // 2)[0][0]))
+    peaks = np.full((*position.shape[:2], PEAKS), np.nan)
+    for at in np.ndindex(position.shape[:2]):
+        highs = maxima(position[at], velocity[at], FLAT * typical)
+        if len(highs) > PEAKS:
+            highs = highs[np.linspace(0, len(highs) - 1, PEAKS).round().astype(int)]
+        peaks[at][: len(highs)] = highs
+    fair = np.isin(result, (Result.FINISHED, Result.PAINLEVE_INDETERMINATE))
+    name, attrs, to_file = named.stored(given, over)
+    plane = ("way", name)
+
+    def settled(values, long_name, units=None):
+        unit = {} if units is None else {"units": units}
+        return plane, np.where(fair, values, np.nan), {"long_name": long_name, **unit}
+
+    flags = {
+        "long_name": "how the trajectory ended",
+        "flag_values": np.array(list(RESULTS.values()), np.int8),
+        "flag_meanings": " ".join(RESULTS),
+    }
+    metre, speed = ("m", "m/s") if isinstance(given, _blade()) else (None, None)
+    maximum = np.where(fair[..., None], peaks, np.nan)
+    about = {"long_name": "maxima of the first coordinate"} | ({"units": metre} if metre else {})
+    return xr.Dataset(
+        {
+            "maximum": ((*plane, "peak"), maximum, about),
+            "velocity_rms": settled(rms, "standard deviation of the output velocity", speed),
+            "stick_fraction": settled(stick, "share of the window in stick", "1"),
+            "flight_fraction": settled(flight, "share of the window in flight", "1"),
+            "result": (plane, result.astype(np.int8), flags),
+        },
+        coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
+        attrs={"over": name, "system": type(given).__name__, "settle": settle, "window": window},
+    )
+
+
+def _blade():
+    from .wiper import Wiper
+
+    return Wiper
+
+
+def maxima(position, velocity, flat: float) -> np.ndarray:
+    """Return the maxima of a sampled coordinate, or its mean where its range is below ``flat``."""
+    if not np.all(np.isfinite(position)):
+        return np.zeros(0)
+    if np.ptp(position) < flat:
+        return np.array([position.mean()])
+    at = np.flatnonzero((velocity[:-1] > 0) & (velocity[1:] <= 0))
+    return np.maximum(position[at], position[at + 1])
+
+
+@eqx.filter_jit
+def _march(system, over, period, ways, states, numbers, samples: int):
+    settle, window, kick, rtol = numbers
+    grid = jnp.linspace(0.0, 1.0, samples)
+
+    def one(initial, carry, value):
+        state, regime = carry
+        local = named.replaced(system, over, value)
+        n = state.shape[0] // 2
+        before, after = settle, window
+        if period is not None:
+            turn = period(local)
+            before = jnp.ceil(before / turn * (1 - 1e-9)) * turn
+            after = jnp.ceil(after / turn * (1 - 1e-9)) * turn
+        state = state.at[0].add(kick * local.scales(n)[0][0])
+        state = tidy(local, jnp.zeros(()), state, regime)
+        s = solve(
+            local,
+            before + after,
+            initial_state=(tuple(state[:n]), tuple(state[n:])),
+            rtol=rtol,
+            sample_times=before + after * grid,
+            statistics_start=before,
+            max_events=0,
+        )
+        totals = s.statistics
+        mean = totals.output_integral / after
+        rms = jnp.sqrt(jnp.maximum(totals.output_square_integral / after - mean**2, 0.0))
+        fair = (s.result == Result.FINISHED) | (s.result == Result.PAINLEVE_INDETERMINATE)
+        end = jnp.concatenate([s.final_position, s.final_velocity])
+        carry = jnp.where(fair, end, initial), jnp.where(fair, s.final_regime, RUNNING)
+        # x' = 0 in a slip that the kick has just begun is left to the engine to decide
+        q, v = s.samples.position[0], s.samples.velocity[0]
+        shares = totals.stick_time / after, totals.flight_time / after
+        return carry, (q, v, *shares, rms, s.result)
+
+    def way(values, initial):
+        begin = initial, jnp.asarray(-1, jnp.int32)
+        return jax.lax.scan(partial(one, initial), begin, values)[1]
+
+    return jax.vmap(way)(ways, states)
