@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .observers import BOOLE, AbstractObserver, RegimeTotals, Totals
+from .observers import AbstractObserver, RegimeTotals, Totals
 from .results import Event
 from .system import Scalar
 
@@ -39,7 +39,6 @@ class ReversalTotals(AbstractObserver):
         s = stretch
         dtype = record.stroke_time.dtype
         on = s.start >= self.start
-        h = jnp.where(on, s.length, 0.0).astype(dtype)
         since = s.system.belt.since_reversal(s.times)
         near = jnp.abs(since) <= self.window
         just_after = (near & (since >= 0)).astype(dtype)
@@ -49,7 +48,7 @@ class ReversalTotals(AbstractObserver):
         far = (~near).astype(dtype)
 
         def integral(values):
-            return h * sum(w * x for w, x in zip(BOOLE, values, strict=True))
+            return jnp.where(on, s.integral(values), 0.0)
 
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),

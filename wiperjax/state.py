@@ -154,6 +154,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     slots = first_switch(system) + len(switches) + int(limited)
     orders = jnp.stack([first_order] + [jnp.zeros_like(first_order)] * (slots - 1))
 
+    local = local.on_sides(sides)
     rate = vector_field(start, (position, velocity), (local, regime))
     pairs = zip(
         jax.tree.leaves(rate),

@@ -169,7 +169,8 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
     stretch = Stretch(
         system,
         state.time,
-        length,
+        trial.h,
+        correction,
         state.regime,
         trial.times,
         trial.positions,

@@ -74,7 +74,7 @@ def error_norm(problem: Problem, y0, step: Step):
 
 def attempt(problem: Problem, state: State) -> Trial:
     """Return the trial step from ``state``; nothing is committed."""
-    system, solver = problem.system.on_piece(state.piece), problem.solver
+    system, solver = problem.system.on_piece(state.piece).on_sides(state.sides), problem.solver
     y0 = (state.position, state.velocity)
 
     mark = jnp.minimum(problem.end, system.break_time(state.piece)).astype(state.time.dtype)
