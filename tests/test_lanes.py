@@ -29,7 +29,7 @@ def blades(rng, cases=CASES):
 
 
 @eqx.filter_jit
-def run(wiper, position, count, lanes=8, light_turns=2, max_steps=20_000):
+def run(wiper, position, count, lanes=8, flows=3, max_steps=20_000):
     still = jnp.zeros_like(position)
     interval = DURATION / SAMPLES
     problem, q, v, start = make_problem(
@@ -41,9 +41,9 @@ def run(wiper, position, count, lanes=8, light_turns=2, max_steps=20_000):
         atol=None,
         max_steps=max_steps,
         max_step=2 * interval,
-        signal=Signal(0.0, interval, SAMPLES, 2 * (light_turns + 1)),
+        signal=Signal(0.0, interval, SAMPLES, 2 * flows),
     )
-    return run_pool(Pool(problem, q, v, start, count), lanes, light_turns)
+    return run_pool(Pool(problem, q, v, start, count), lanes, flows)
 
 
 @pytest.fixture(scope="module")

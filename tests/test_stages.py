@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax.barrier import begin_unit
+
 from wiperjax.stages import check_solver, node_states, rk_step
 
 SOLVERS = [diffrax.Tsit5(), diffrax.Dopri5(), diffrax.Dopri8(), diffrax.Bosh3()]
@@ -23,8 +23,8 @@ def test_step_and_dense_output_equal_diffrax(solver):
     term = diffrax.ODETerm(field)
     y0 = ((jnp.asarray(0.3),), (jnp.asarray(-0.7),))
     t0, h, args = jnp.asarray(0.2), jnp.asarray(0.17), jnp.asarray(-2.0)
-    unit = begin_unit((), float)
-    ours = rk_step(solver, term, t0, y0, h, field(t0, y0, args), args, unit)
+
+    ours = rk_step(solver, term, t0, y0, h, field(t0, y0, args), args)
     state = solver.init(term, t0, t0 + h, y0, args)
     y1, error, dense, _, _ = solver.step(term, t0, t0 + h, y0, args, state, made_jump=False)
     path = solver.interpolation_cls(t0=t0, t1=t0 + h, **dense)

@@ -21,7 +21,7 @@ from .stability import steady_slip
 from .wiper import Wiper
 
 LANES = {"float64": 256, "float32": 512}  # a device; as much as its cache holds
-LIGHT_TURNS = 2  # a full turn
+FLOWS = 3  # a jump
 
 
 def identity() -> dict[str, str]:
@@ -153,7 +153,7 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
             s.transient,
             interval,
             s.samples,
-            SAMPLES_PER_STEP * (LIGHT_TURNS + 1),
+            SAMPLES_PER_STEP * FLOWS,
             s.raster is not None,
         ),
         max_steps=s.max_steps,
@@ -165,7 +165,7 @@ def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, A
     )
     pool = Pool(problem, q, v, start, count)
     lanes = min(LANES[s.precision], q[0].shape[-1])
-    outcome, signal, effort = run_pool(pool, lanes, LIGHT_TURNS)
+    outcome, signal, effort = run_pool(pool, lanes, FLOWS)
     if s.raster is not None:
         kept = np.array(raster_index(s.samples, s.raster))
         signal = signal._replace(regime=signal.regime[:, kept])

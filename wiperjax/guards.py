@@ -12,17 +12,17 @@ same arithmetic:
 | limit | the system's own limit | same | same |
 """
 
-import jax
 import jax.numpy as jnp
 
 from .regimes import friction_coefficient, slip_sign, stick_forces
 from .results import Regime
-from .system import AbstractSystem, Contact
+from .sparse import plus, times
+from .system import AbstractSystem, Contact, Scalar
 
 FIRST, SECOND, JAM = 0, 1, 2
 
 
-def contact_sizes(system: AbstractSystem, c: Contact, regime, speed):
+def contact_sizes(system: AbstractSystem, c: Contact, regime, speed) -> list[Scalar]:
     """Sizes of the contact's guards just after an event, which their rounding errors scale with.
 
     In stick the load on the cone, in slip the typical ``speed``; a gap or a pressing force that
@@ -42,8 +42,8 @@ def first_switch(system: AbstractSystem) -> int:
     return 3 if system.coupled else 2
 
 
-def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides):
-    """Return the values of the slots, stacked along a new first axis; unused slots are 1.
+def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> tuple[Scalar, ...]:
+    """Return the value of every slot; unused slots are 1.
 
     Lift-off is watched through the free acceleration, -b_n, not through the normal force: the
     force has a pole where D = 0, b_n is regular there (MODEL.md section 7).
@@ -63,13 +63,13 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides):
     if unilateral:
         first = jnp.where(flying, c.gap, first)
         second = jnp.where(flying, one, second)
-    slots: list[jax.Array] = [first, second]
+    slots: list[Scalar] = [first, second]
     if system.coupled:
-        d = (c.w_nn - sign * friction_coefficient(system, c, sign) * c.w_tn) / c.w_nn
+        mu = friction_coefficient(system, c, sign)
+        d = plus(c.w_nn, times(c.w_tn, -sign * mu)) / c.w_nn
         slots.append(jnp.where(sign == 0, one, d))
-    switches = system.switches(t, q, v)
-    slots += [jnp.asarray(side * s, one.dtype) for side, s in zip(sides, switches, strict=True)]
+    slots += [side * s for side, s in zip(sides, system.switches(t, q, v), strict=True)]
     bound = system.limit(t, q, v)
     if bound is not None:
-        slots.append(jnp.asarray(bound, one.dtype))
-    return jnp.stack([jnp.broadcast_to(s, one.shape) for s in slots])
+        slots.append(bound)
+    return tuple(jnp.broadcast_to(jnp.asarray(s, one.dtype), one.shape) for s in slots)

@@ -15,18 +15,18 @@ from .system import contact, rates
 
 
 @eqx.filter_custom_jvp
-def time_to_event(correction, located, guards, system, t, q, v, regime, sides, slot):
+def time_to_event(correction, located, guard, system, t, q, v, regime, sides, slot):
     """Return ``correction`` [s], the time from (t, q, v) to the event of ``slot``.
 
-    Its derivative is that of the event time, where ``located``; ``guards`` are the guard values
-    at (t, q, v), slots first.
+    Its derivative is that of the event time, where ``located``; ``guard`` is the value of the slot
+    at (t, q, v). Costs nothing but where derivatives are taken.
     """
     return correction
 
 
 @time_to_event.def_jvp
 def _time_to_event_jvp(primals, tangents):
-    correction, located, guards, system, t, q, v, regime, sides, slot = primals
+    correction, located, _, system, t, q, v, regime, sides, slot = primals
     change = tangents[2]
     if change is None:
         return correction, jnp.zeros_like(correction)
@@ -34,13 +34,11 @@ def _time_to_event_jvp(primals, tangents):
     def along(t, q, v):
         return guard_values(system, contact(system, t, q, v), t, q, v, regime, sides)
 
-    speeds = rates(system, t, q, v)
     c = contact(system, t, q, v)
-    a = acceleration(c, forces(system, c, regime))
-    slopes = jax.jvp(along, (t, q, v), (jnp.ones_like(t), speeds, a))[1]
-    slots = jnp.arange(guards.shape[0]).reshape((-1,) + (1,) * jnp.ndim(slot))
-    mine = slots == slot
-    slope = jnp.sum(jnp.where(mine, slopes, 0.0), axis=0)
-    fall = jnp.sum(jnp.where(mine, change, 0.0), axis=0)
-    shift = -fall / jnp.where(located & (slope < 0), slope, -1.0)
+    motion = rates(system, t, q, v), acceleration(c, forces(system, c, regime))
+    slopes = jax.jvp(along, (t, q, v), (jnp.ones_like(t), *motion))[1]
+    slope = slopes[0]
+    for i, other in enumerate(slopes[1:], 1):
+        slope = jnp.where(slot == i, other, slope)
+    shift = -change / jnp.where(located & (slope < 0), slope, -1.0)
     return correction, jnp.where(located, shift, 0.0).astype(correction.dtype)

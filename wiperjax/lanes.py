@@ -1,9 +1,9 @@
 """A batch that never waits: a fixed number of lanes over a pool of cases.
 
 Every lane is a trajectory with its own time, step and regime. A lane that ends takes the next case
-of the pool inside the compiled loop, so none idles for another. A round is a few light turns
-(steps proved free of events) and one full turn (events located, regimes changed): events are
-rare and their arithmetic is dear, and a batch runs it for all lanes at once.
+of the pool inside the compiled loop, so none idles for another. A round is a few flows (trial steps
+of smooth motion) and one jump (regimes changed): events are rare, their arithmetic is dear, a batch
+runs it for all lanes at once, and a lane with an event waits for it.
 """
 
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from .results import RUNNING, Result
 from .sampling import Signal, flush
 from .solve import final_velocity
 from .state import Problem, State, initial_state
-from .step import advance, advance_light
+from .step import flow, jump
 from .transition import where
 
 
@@ -90,7 +90,7 @@ def _outcome(problem: Problem, state: State) -> Outcome:
     )
 
 
-def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any, Effort]:
+def run_pool(pool: Pool, lanes: int, flows: int = 3) -> tuple[Outcome, Any, Effort]:
     """Run every case of ``pool``; return (outcomes, samples or None, effort).
 
     ``lanes`` trajectories are in flight at any time. The result of a case does not depend on its
@@ -163,13 +163,13 @@ def run_pool(pool: Pool, lanes: int, light_turns: int = 3) -> tuple[Outcome, Any
         parts, state, case, upcoming, outcome, record, taken = inner
         local = _rebuild(problem, parts, shared)
         before = jnp.sum(state.attempts)
-        state = lax.fori_loop(0, light_turns, lambda _, s: advance_light(local, s), state)
-        state = advance(local, state)
+        state = lax.fori_loop(0, flows, lambda _, s: flow(local, s), state)
+        state = jump(local, state)
         if signal is not None:
             record, ring = flush(record, state.samples, state.sample_index)
             state = state._replace(samples=ring)
         useful = useful + jnp.sum(state.attempts) - before
-        executed = executed + (light_turns + 1) * lanes
+        executed = executed + flows * lanes
         return parts, state, case, upcoming, outcome, record, taken, useful, executed
 
     def busy(carry):

@@ -22,6 +22,7 @@ from .system import Scalar
 from .trial import Trial, pick
 
 MAX_TRIES = 12
+CLEAR, VIOLATED, MURKY = 2.0, -1.0, -0.5  # bounds of a first zero in [0, 1] that are none
 
 
 class Plan(NamedTuple):
@@ -40,115 +41,131 @@ class Plan(NamedTuple):
     tries: Scalar
 
 
-def light(trial: Trial, state: State):
-    """True where the step needs no more thought: accurate, free of events, away from any mark."""
-    calm = trial.ok & ~trial.lands & (state.target < 0)
-    return calm & jnp.all(trial.proved, axis=0)
+class Obstacle(NamedTuple):
+    """The first thing in the way of a trial step."""
+
+    slot: Scalar
+    violated: Scalar  # the guard of ``slot`` is negative from the start
+    murky: Scalar  # its error estimate is as large as itself: nothing can be said of this step
+    found: Scalar  # it vanishes at ``theta``
+    undecided: Scalar  # nothing is known beyond ``theta``
+    theta: Scalar
+    doubtful: Scalar  # a guard taken for free of zeros with less certainty than its error asks
+
+
+def first_obstacle(state: State, trial: Trial) -> Obstacle:
+    """Return the earliest of what all guards put in the way, whatever their order in the list.
+
+    A root is sought for the guard whose lower bound comes first. Another one that vanishes earlier
+    after all shows up when the step has been shortened; where the first turns out to have no root
+    and another might, the step is shortened to what is proved free.
+    """
+    pending = state.target >= 0
+    earliest = second = jnp.full_like(trial.guards[0].cut, CLEAR)
+    slot = jnp.zeros_like(state.target)
+    for i, g in enumerate(trial.guards):
+        clear = g.proved | (pending & (state.target == i))
+        # an error estimate near the value itself makes roots out of nothing: shorten the step first
+        murky = g.start <= 8 * g.blur
+        bound = jnp.where(g.falls, VIOLATED, jnp.where(murky, MURKY, g.cut))
+        bound = keep(jnp.where(clear, CLEAR, bound))
+        first = bound < earliest
+        second = jnp.where(first, earliest, jnp.minimum(second, bound))
+        earliest = jnp.where(first, bound, earliest)
+        slot = jnp.where(first, i, slot)
+        earliest, second, slot = keep((earliest, second, slot))
+
+    control, error = keep(pick([(g.control, g.error) for g in trial.guards], slot))
+    root = keep(first_root(control))
+    violated, murky = earliest == VIOLATED, earliest == MURKY
+    asked = (earliest >= 0) & (earliest < CLEAR)
+    tied = asked & pending & root.found & (root.theta > 1 - 1e-6)
+    quiet = asked & (root.free | tied)
+    # a second one that is violated or murky would have come first
+    unknown = quiet & (second < CLEAR)
+    found = asked & root.found & ~quiet
+    undecided = (asked & ~root.found & ~quiet) | unknown
+    theta = jnp.where(quiet, second, root.theta)
+    doubtful = quiet & ~tied & (root.low <= error)
+    return keep(Obstacle(slot, violated, murky, found, undecided, theta, doubtful))
 
 
 def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     """Return what to do with ``trial``."""
     pending = state.target >= 0
-    slots = jnp.arange(trial.proved.shape[0]).reshape((-1,) + (1,) * state.time.ndim)
-    clear = trial.proved | (pending & (state.target == slots))
-    violated = ~clear & trial.falls
-    # an error estimate near the value itself makes roots out of nothing: shorten the step first
-    murky = ~clear & ~violated & (trial.starts <= 8 * trial.blurs)
-    unit = state.unit
-    clear, violated, murky = keep((clear, violated, murky), unit)
-    # the earliest of all guards, whatever their order in the list. Roots are sought for the two
-    # whose lower bounds come first; a third one shows up again when the step has been shortened.
-    bound = jnp.where(violated, -1.0, jnp.where(murky, -0.5, trial.cuts))
-    bound = keep(jnp.where(clear, 2.0, bound), unit)
-    one = keep(jnp.argmin(bound, axis=0).astype(jnp.int32), unit)
-    others = jnp.where(slots == one, 2.0, bound)
-    two = keep(jnp.argmin(others, axis=0).astype(jnp.int32), unit)
-    third = jnp.min(jnp.where(slots == two, 2.0, others), axis=0)
-    pair = tuple(jnp.stack([pick(b, one), pick(b, two)]) for b in trial.controls)
-    roots = keep(first_root(keep(pair, unit)), unit)
-    asked = keep(jnp.stack([pick(bound, one), pick(bound, two)]), unit)
-    tied = pending & roots.found & (roots.theta > 1 - 1e-6)
-    quiet = (asked == 2.0) | (~(asked < 0) & (roots.free | tied))
-    ahead = jnp.where(quiet, 2.0, jnp.where(asked < 0, asked, roots.theta))
-    errors = jnp.stack([pick(trial.errors, one), pick(trial.errors, two)])
-    doubtful = (asked < 2.0) & quiet & ~tied & (roots.low <= errors)
-    second = ahead[1] < ahead[0]
-    first = jnp.where(second, two, one)
-    ahead = jnp.minimum(ahead[0], ahead[1])
-    unknown = (ahead == 2.0) & (third < 2.0)
-    ahead = jnp.where(unknown, jnp.maximum(third, 0.0), ahead)
-    violated, murky = ahead == -1.0, ahead == -0.5
-    blocked = (ahead >= 0) & (ahead < 2.0)
-    found = blocked & ~unknown & jnp.where(second, roots.found[1], roots.found[0])
-    undecided = blocked & ~found
-    obstructed = violated | murky | blocked
-    first, ahead, violated, murky, found, undecided, obstructed = keep(
-        (first, ahead, violated, murky, found, undecided, obstructed), unit
-    )
+    first = first_obstacle(state, trial)
+    obstructed = first.violated | first.murky | first.found | first.undecided
 
     # the event being located: Newton on the length of the step
     # (the slope comes from a polynomial and may be a per cent off, in stick most of all)
-    eps = float(jnp.finfo(trial.starts.dtype).eps)
+    eps = float(jnp.finfo(trial.guards[0].start.dtype).eps)
     tolerance = jnp.clip(0.01 * jnp.sqrt(problem.rtol), 2000 * eps, 1e-3)
     slot = jnp.maximum(state.target, 0)
-    value, slope = pick(trial.end_values, slot), pick(trial.end_slopes, slot)
+    value, slope, start, proved = keep(
+        pick([(g.value, g.slope, g.start, g.proved) for g in trial.guards], slot)
+    )
     falling = slope < 0
     # towards a double root the slope dies and Newton's error grows: go on for longer there
-    flat = jnp.abs(slope) / jnp.maximum(jnp.abs(pick(trial.starts, slot)), 1e-30)
+    flat = jnp.abs(slope) / jnp.maximum(jnp.abs(start), 1e-30)
     tolerance = stop_gradient(tolerance * jnp.minimum(flat, 1.0))
-    shift = keep(-value / jnp.where(falling, slope, -1.0), unit)
+    shift = keep(-value / jnp.where(falling, slope, -1.0))
     close = falling & (jnp.abs(stop_gradient(shift)) <= tolerance)
     # as near as the clock can tell
     tick = 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
     small = (trial.h <= tick) & (jnp.abs(stop_gradient(shift) * trial.h) <= tick)
-    located = pending & trial.ok & ~obstructed & ((falling & close) | (small & falling))
-    chase = pending & trial.ok & ~obstructed & ~located
-    miss = chase & (value > 0) & pick(trial.proved, slot) & (~falling | (jnp.abs(shift) > 0.05))
+    free = pending & trial.ok & ~obstructed
+    located = free & falling & (close | small)
+    chase = free & ~located
+    miss = chase & (value > 0) & proved & (~falling | (jnp.abs(shift) > 0.05))
     lost = chase & ~miss & (~falling | (state.tries >= MAX_TRIES))
     newton = chase & ~miss & ~lost
-    located, miss, lost, newton = keep((located, miss, lost, newton), unit)
+    located, miss, lost, newton = keep((located, miss, lost, newton))
 
+    active = (state.result == RUNNING) & (state.due < 0)
     accept = trial.ok & ~obstructed & (~pending | miss)
-    fire = (trial.ok & violated) | trial.jams
-    rejected = ~trial.ok & ~trial.jams & (state.result == RUNNING)
+    fire = (trial.ok & first.violated) | trial.jams
+    rejected = ~trial.ok & ~trial.jams & active
 
     h = stop_gradient(trial.h)
     dtype = h.dtype
-    retarget = trial.ok & found
-    target = jnp.where(retarget, first, jnp.where(newton, state.target, -1)).astype(jnp.int32)
+    retarget = trial.ok & first.found
+    target = jnp.where(retarget, first.slot, jnp.where(newton, state.target, -1)).astype(jnp.int32)
+    theta = first.theta.astype(dtype)
     stretch = jnp.clip(1 + stop_gradient(shift), 0.5, 1.5).astype(dtype)
-    new_trial = jnp.where(retarget, h * ahead.astype(dtype), h * stretch)
+    new_trial = jnp.where(retarget, h * theta, h * stretch)
     # a shortened step must not teach the controller: it keeps its own step until one is accepted
     grown = jnp.where(
         trial.lands | pending, jnp.maximum(state.step, trial.next_step), trial.next_step
     )
     step = jnp.where(accept, grown, state.step)
     step = jnp.where(rejected, trial.next_step, step)
-    step = jnp.where(trial.ok & murky, 0.25 * h, step)
-    step = jnp.where(trial.ok & undecided, h * jnp.maximum(ahead, 0.1).astype(dtype), step)
+    step = jnp.where(trial.ok & first.murky, 0.25 * h, step)
+    step = jnp.where(trial.ok & first.undecided, h * jnp.maximum(theta, 0.1), step)
     step = jnp.where(lost, 0.5 * h, step)
 
     correction = time_to_event(
         jnp.where(located, shift.astype(dtype) * h, 0.0),
         located,
-        trial.end_values,
-        problem.system.on_piece(state.piece),
+        value,
+        problem.system.on_piece(state.piece).on_sides(state.sides),
         state.time + trial.h,
         *trial.step.y1,
         state.regime,
         state.sides,
         slot,
     )
-    return Plan(
-        accept=accept,
-        arrive=located,
-        fire=fire,
-        slot=jnp.where(trial.jams, JAM, jnp.where(fire, first, slot)).astype(jnp.int32),
-        correction=correction,
-        unproved=(accept | located) & jnp.any(doubtful, axis=0),
-        rejected=rejected | lost | (trial.ok & (murky | undecided)),
-        step=step,
-        target=target,
-        trial=new_trial,
-        tries=jnp.where(newton, state.tries + 1, 0).astype(jnp.int32),
+    return keep(
+        Plan(
+            accept=accept,
+            arrive=located,
+            fire=fire,
+            slot=jnp.where(trial.jams, JAM, jnp.where(fire, first.slot, slot)).astype(jnp.int32),
+            correction=correction,
+            unproved=(accept | located) & first.doubtful,
+            rejected=rejected | lost | (trial.ok & (first.murky | first.undecided)),
+            step=step,
+            target=target,
+            trial=new_trial,
+            tries=jnp.where(newton, state.tries + 1, 0).astype(jnp.int32),
+        )
     )

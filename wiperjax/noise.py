@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .observers import AbstractObserver, RegimeTotals, Totals
+from .observers import AbstractObserver, RegimeTotals, Totals, outputs
+from .polynomials import largest
 from .results import Event
 from .system import Scalar
 
@@ -39,13 +40,14 @@ class ReversalTotals(AbstractObserver):
         s = stretch
         dtype = record.stroke_time.dtype
         on = s.start >= self.start
-        since = s.system.belt.since_reversal(s.times)
-        near = jnp.abs(since) <= self.window
-        just_after = (near & (since >= 0)).astype(dtype)
-        force = s.contact_forces.normal
-        out = jnp.asarray(s.system.output(s.times, s.positions, s.velocities), dtype)
-        peak = jnp.max(jnp.where(near, force, 0.0), axis=0)
-        far = (~near).astype(dtype)
+        since = [s.system.belt.since_reversal(node.time) for node in s.nodes]
+        near = [jnp.abs(x) <= self.window for x in since]
+        just_after = [(n & (x >= 0)).astype(dtype) for n, x in zip(near, since, strict=True)]
+        force = [node.forces.normal for node in s.nodes]
+        peak = largest([jnp.where(n, f, 0.0) for n, f in zip(near, force, strict=True)])
+        far = [(~n).astype(dtype) for n in near]
+        vibration = [w * x * x for w, x in zip(just_after, outputs(s), strict=True)]
+        load = [w * f for w, f in zip(far, force, strict=True)]
 
         def integral(values):
             return jnp.where(on, s.integral(values), 0.0)
@@ -53,10 +55,10 @@ class ReversalTotals(AbstractObserver):
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),
             jnp.where(on, jnp.maximum(record.force_max_reversal, peak), record.force_max_reversal),
-            record.force_integral_stroke + integral(far * force),
+            record.force_integral_stroke + integral(load),
             record.stroke_time + integral(far),
             record.impulse_max_reversal,
-            record.vibration_integral + integral(just_after * out * out),
+            record.vibration_integral + integral(vibration),
             record.vibration_time + integral(just_after),
         )
 

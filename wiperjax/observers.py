@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from .regimes import Forces
 from .results import Event, Regime
 from .system import Scalar
 
@@ -26,10 +25,7 @@ class Stretch(NamedTuple):
     step: Scalar  # length of the step whose nodes are below
     correction: Scalar  # from its end to an event: tiny, but it carries the event time's derivative
     regime: Scalar
-    times: Scalar  # at the nodes of the step, (5, ...)
-    positions: tuple
-    velocities: tuple
-    contact_forces: Forces
+    nodes: tuple  # of five `Node`, at equal distances from its start to its end
 
     @property
     def length(self) -> Scalar:
@@ -37,32 +33,39 @@ class Stretch(NamedTuple):
         return self.step + self.correction
 
     def integral(self, values) -> Scalar:
-        """Integral over the stretch of something given at its nodes."""
-        dtype = values.dtype
+        """Integral of something given at the nodes (Boole's rule, of order 6)."""
+        dtype = values[-1].dtype
         mean = sum(w * x for w, x in zip(BOOLE, values, strict=True))
         return self.step.astype(dtype) * mean + self.correction.astype(dtype) * values[-1]
 
-    def largest(self, values) -> Scalar:
-        """Largest value over the stretch of something given at its nodes.
+    def peak(self, values) -> Scalar:
+        """Largest value of something given at the nodes: the vertex of the parabola through the
+        largest node and its neighbours.
 
-        The vertex of a parabola through the largest node and its neighbours: a maximum over nodes
-        alone would have an error of second order, and no usable derivative.
+        The largest node alone would have an error of second order, and no usable derivative.
         """
         rise = sum(w * x for w, x in zip(END_SLOPE, values, strict=True))
-        step = jnp.where(self.step > 0, self.step, 1.0).astype(values.dtype)
-        tail = values[-1] + rise * self.correction.astype(values.dtype) / step
-        nodes = (*values[:-1], tail)
-        best = jnp.clip(jnp.argmax(values, axis=0), 1, len(nodes) - 2)
+        step = jnp.where(self.step > 0, self.step, 1.0).astype(rise.dtype)
+        *inner, end = values
+        nodes = (*inner, end + rise * self.correction.astype(rise.dtype) / step)
+        # in the middle: the largest of the inner nodes
         a, b, c = nodes[:3]
-        for i in range(2, len(nodes) - 1):
-            a, b, c = (
-                jnp.where(best == i, new, old)
-                for new, old in zip(nodes[i - 1 : i + 2], (a, b, c), strict=True)
-            )
+        for i in (2, 3):
+            higher = nodes[i] > b
+            around = zip(nodes[i - 1 : i + 2], (a, b, c), strict=True)
+            a, b, c = (jnp.where(higher, new, old) for new, old in around)
         bend, slope = a - 2 * b + c, 0.5 * (c - a)
         at = jnp.clip(-slope / jnp.where(bend < 0, bend, -1.0), -1.0, 1.0)
-        vertex = b + at * (slope + 0.5 * at * bend)
-        return jnp.where(bend < 0, vertex, jnp.maximum(a, c))
+        high = jnp.where(bend < 0, b + at * (slope + 0.5 * at * bend), b)
+        return jnp.maximum(jnp.maximum(nodes[0], nodes[-1]), high)
+
+
+def outputs(stretch: Stretch) -> list[Scalar]:
+    """The system's output velocity at the nodes of a stretch, in the state's precision."""
+    return [
+        jnp.asarray(stretch.system.output(n.time, n.position, n.velocity), n.velocity[0].dtype)
+        for n in stretch.nodes
+    ]
 
 
 class Happening(NamedTuple):
@@ -137,11 +140,12 @@ class RegimeTotals(AbstractObserver):
         dtype = record.stick_time.dtype
         counts = s.start >= self.start
         h = jnp.where(counts, s.length, 0.0).astype(dtype)
-        out = jnp.asarray(s.system.output(s.times, s.positions, s.velocities), dtype)
-        peak = s.largest(s.contact_forces.normal)
-        gap = jnp.zeros_like(peak)
+        out = outputs(s)
+        force = [node.forces.normal for node in s.nodes]
+        gap = jnp.zeros_like(h)
         if s.system.unilateral:
-            gap = s.largest(jnp.asarray(s.system.gap(s.times, s.positions), dtype))
+            gap = [jnp.asarray(s.system.gap(n.time, n.position), dtype) for n in s.nodes]
+            gap = s.peak(gap)
 
         def integral(values):
             return jnp.where(counts, s.integral(values), 0.0)
@@ -152,10 +156,10 @@ class RegimeTotals(AbstractObserver):
             slip_time=record.slip_time
             + jnp.where((s.regime == Regime.SLIP_POS) | (s.regime == Regime.SLIP_NEG), h, 0.0),
             output_integral=record.output_integral + integral(out),
-            output_square_integral=record.output_square_integral + integral(out * out),
-            normal_force_integral=record.normal_force_integral + integral(s.contact_forces.normal),
+            output_square_integral=record.output_square_integral + integral([x * x for x in out]),
+            normal_force_integral=record.normal_force_integral + integral(force),
             normal_force_max=jnp.where(
-                counts, jnp.maximum(record.normal_force_max, peak), record.normal_force_max
+                counts, jnp.maximum(record.normal_force_max, s.peak(force)), record.normal_force_max
             ),
             gap_max=jnp.where(counts, jnp.maximum(record.gap_max, gap), record.gap_max),
         )

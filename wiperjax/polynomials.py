@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
+from .barrier import keep
 from .system import Scalar
 
 DEGREE = 4
@@ -73,20 +73,29 @@ class Root(NamedTuple):
     low: Scalar  # lower bound of the polynomial beyond ``theta`` (where free)
 
 
+def largest(values) -> Scalar:
+    """Largest size of a tuple of values."""
+    high = jnp.abs(values[0])
+    for v in values[1:]:
+        high = jnp.maximum(high, jnp.abs(v))
+    return high
+
+
 def hull_cut(control):
     """First zero of the lower boundary of the control polygon's hull: a lower bound of any root.
 
     1 where no control value after the first is negative.
     """
-    cut = jnp.ones_like(control[0])
+    # the steepest line from the first control point to a negative one
+    fall = jnp.zeros_like(control[0])
     for i in range(1, DEGREE + 1):
-        crosses = control[i] < 0
-        hull = (i / DEGREE) * control[0] / jnp.where(crosses, control[0] - control[i], 1.0)
-        cut = jnp.where(crosses, jnp.minimum(cut, hull), cut)
-    return jnp.maximum(cut, 0.0)
+        drop = (DEGREE / i) * (control[0] - control[i])
+        fall = jnp.maximum(fall, jnp.where(control[i] < 0, drop, 0.0))
+    crosses = fall > 0
+    return jnp.where(crosses, jnp.clip(control[0] / jnp.where(crosses, fall, 1.0), 0.0, 1.0), 1.0)
 
 
-def first_root(control, passes: int = 6, polish: int = 3) -> Root:
+def first_root(control, passes: int = 5, polish: int = 3) -> Root:
     """First zero on [0, 1] of the polynomial with Bernstein ``control`` values, the first positive.
 
     Clipping from the left: the polynomial cannot vanish before the lower boundary of its control
@@ -95,10 +104,9 @@ def first_root(control, passes: int = 6, polish: int = 3) -> Root:
     digits; where that fails (nearly double roots) the proved stretch is what is returned.
     """
     n = DEGREE
-    size = jnp.max(jnp.abs(jnp.stack(control)), axis=0)
+    size = largest(control)
 
-    def clip(_, carry):
-        left, b = carry
+    def clip(left, b):
         cut = jnp.where(minimum(b[1:]) < 0, hull_cut(b), 0.0)
         points = list(b)  # de Casteljau: control values of the right part
         for level in range(n):
@@ -106,7 +114,9 @@ def first_root(control, passes: int = 6, polish: int = 3) -> Root:
                 points[i] = points[i] + cut * (points[i + 1] - points[i])
         return left + cut * (1 - left), tuple(points)
 
-    left, b = lax.fori_loop(0, passes, clip, (jnp.zeros_like(control[0]), tuple(control)))
+    left, b = jnp.zeros_like(control[0]), tuple(control)
+    for _ in range(passes):
+        left, b = keep(clip(left, b))
     free = minimum(b) > 0
 
     c = (

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from .results import Regime
+from .sparse import absent, plus, times
 from .system import AbstractSystem, Contact, Scalar
 
 
@@ -25,7 +26,7 @@ def slip_forces(c: Contact, sign, mu, unilateral: bool) -> tuple[Forces, Scalar]
     """Forces of slip in direction ``sign`` and D = W_nn - sign mu W_tn (MODEL.md section 7)."""
     if not unilateral:
         return Forces(-sign * mu * c.load, c.load), jnp.ones_like(c.load)
-    d = c.w_nn - sign * mu * c.w_tn
+    d = plus(c.w_nn, times(c.w_tn, -sign * mu))
     normal = -c.b_n / d
     return Forces(-sign * mu * normal, normal), d
 
@@ -37,6 +38,8 @@ def stick_forces(c: Contact, frictional: bool, unilateral: bool) -> Forces:
         return Forces(jnp.zeros_like(normal), normal)
     if not unilateral:
         return Forces(-c.b_t / c.w_tt, c.load)
+    if absent(c.w_tn):
+        return Forces(-c.b_t / c.w_tt, -c.b_n / c.w_nn)
     det = c.w_tt * c.w_nn - c.w_tn * c.w_tn
     return Forces((c.w_tn * c.b_n - c.w_nn * c.b_t) / det, (c.w_tn * c.b_t - c.w_tt * c.b_n) / det)
 
@@ -67,7 +70,7 @@ def forces(system: AbstractSystem, c: Contact, regime) -> Forces:
 def acceleration(c: Contact, f: Forces):
     """Accelerations of the coordinates under the contact forces ``f``."""
     return tuple(
-        a + t * f.tangential + n * f.normal
+        plus(a, times(t, f.tangential), times(n, f.normal))
         for a, t, n in zip(c.free, c.along_t, c.along_n, strict=True)
     )
 
@@ -100,7 +103,7 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
 
     def start_of_slip(sign):
         f, d = slip_forces(c, sign, law.coefficient(jnp.zeros_like(c.b_t)), unilateral)
-        a_t = c.b_t + c.w_tt * f.tangential + c.w_tn * f.normal
+        a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
         return (sign * a_t >= 0) & (f.normal > 0) & (d > 0), d
 
     pos, d_pos = start_of_slip(1.0)

@@ -26,6 +26,8 @@ class Step(NamedTuple):
     y1: Any  # state after the step
     error: Any  # embedded error estimate
     stages: list  # stage increments h f, one pytree a stage
+    rate1: Any  # vector field at the end
+    end: Any  # what else `rk_step`'s ``arrive`` found there
 
 
 def weighted_sum(weights, increments, start):
@@ -40,19 +42,26 @@ def weighted_sum(weights, increments, start):
     return out
 
 
-def rk_step(solver, term, t, y, h, rate, args, unit) -> Step:
-    """One trial step of ``solver`` from (t, y); ``rate`` is the vector field there."""
+def rk_step(solver, term, t, y, h, rate, args, arrive) -> Step:
+    """One trial step of ``solver`` from (t, y); ``rate`` is the vector field there.
+
+    ``arrive(t1, y1)`` returns (vector field at the end, anything else worth keeping): the engine
+    looks at the end of a step for its guards anyway, and a first-same-as-last solver's last stage
+    is evaluated there.
+    """
     tableau = solver.tableau
     size = jnp.asarray(h).astype(jtu.tree_leaves(y)[0].dtype)  # time may have more digits
     stages = [jtu.tree_map(lambda f: size * f, rate)]
-    y_last = y
-    for a, c in zip(tableau.a_lower, tableau.c, strict=True):
-        y_last = weighted_sum(a, stages, y)
-        y_last = keep(y_last, unit)
-        stages.append(keep(term.vf_prod(t + float(c) * h, y_last, args, size), unit))
-    # first-same-as-last: the last stage was evaluated at the result itself
-    y1 = y_last if tableau.fsal else weighted_sum(tableau.b_sol, stages, y)
-    return Step(y1, weighted_sum(tableau.b_error, stages, None), stages)
+    inner = len(tableau.c) - 1 if tableau.fsal else len(tableau.c)
+    for a, c in zip(tableau.a_lower[:inner], tableau.c[:inner], strict=True):
+        y_stage = keep(weighted_sum(a, stages, y))
+        stages.append(keep(term.vf_prod(t + float(c) * h, y_stage, args, size)))
+    last = tableau.a_lower[-1] if tableau.fsal else tableau.b_sol
+    y1 = keep(weighted_sum(last, stages, y))
+    rate1, end = arrive(t + h, y1)
+    if tableau.fsal:
+        stages.append(jtu.tree_map(lambda f: size * f, rate1))
+    return Step(y1, weighted_sum(tableau.b_error, stages, None), stages, rate1, end)
 
 
 @lru_cache(maxsize=16)
@@ -74,12 +83,11 @@ def dense_weights(solver_type, theta: float) -> np.ndarray:
         return np.asarray(weights, np.float64)
 
 
-def node_states(solver, y0, step: Step):
-    """Return the states at NODES, stacked along a new first axis: (5, ...) a coordinate."""
-    interior = [
+def node_states(solver, y0, step: Step) -> tuple:
+    """Return the states at the inner ones of `NODES`, from the dense output."""
+    return tuple(
         weighted_sum(dense_weights(type(solver), theta), step.stages, y0) for theta in NODES[1:-1]
-    ]
-    return jtu.tree_map(lambda *x: jnp.stack(x), y0, *interior, step.y1)
+    )
 
 
 def check_solver(solver) -> None:

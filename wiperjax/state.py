@@ -8,12 +8,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .barrier import begin_unit
 from .guards import first_switch, guard_values
 from .observers import AbstractObserver
-from .regimes import acceleration, decide, forces, slip_sign
+from .regimes import Forces, acceleration, decide, forces, slip_sign
 from .results import RUNNING, Regime, Result
+from .sparse import plus, times
 from .system import AbstractSystem, Contact, Scalar, contact, rates
+
+BREAK = 1000  # in place of a slot: a smooth piece of the prescribed motion ends
 
 
 class Problem(eqx.Module):
@@ -50,8 +52,6 @@ class EventLog(NamedTuple):
 class State(NamedTuple):
     """The loop carry of one trajectory, or of a batch (lanes last)."""
 
-    unit: jax.Array  # ones, opaque to the compiler (see `stages.keep`)
-
     # evolving
     time: Scalar
     position: tuple
@@ -59,12 +59,17 @@ class State(NamedTuple):
     regime: Scalar
     piece: Scalar  # smooth piece of the prescribed motion
     sides: tuple  # sign of each switching function
-    orders: jax.Array  # multiplicity of each guard's known zero at `time`, slots first
-    reach: jax.Array  # largest size of each guard so far: what its rounding errors scale with
-    rate: Any  # vector field here (the first stage of the next step)
+    orders: tuple  # multiplicity of each guard's known zero at `time`, one a slot
+    reach: tuple  # largest size of each guard so far: what its rounding errors scale with
+    due: Scalar  # slot of the event that happens now, BREAK, or -1
+    # at `time`, for the next step
+    rate: Any  # vector field (its first stage)
+    guards: tuple  # values of the guards
+    reactions: Forces
     # step control
     step: Scalar  # the controller's next step
     step_of: tuple  # remembered step of stick, slip, flight
+    last_event: Scalar  # time
     last_error: Scalar  # of the last accepted step, relative to the tolerance
     target: Scalar  # slot of an event being located, or -1
     trial: Scalar  # step that should end on it
@@ -87,9 +92,9 @@ class State(NamedTuple):
 
 def vector_field(t, y, args):
     """Right-hand side of the smooth motion in a regime; the vector field of the diffrax term."""
-    system, regime, *unit = args
+    system, regime = args
     position, velocity = y
-    c = contact(system, t, position, velocity, *unit)
+    c = contact(system, t, position, velocity)
     return rates(system, t, position, velocity), acceleration(c, forces(system, c, regime))
 
 
@@ -103,7 +108,7 @@ def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
     static to dynamic), 2 where the cone was reached smoothly (MODEL.md section 5).
     """
     f = forces(system, c, regime)
-    a_t = c.b_t + c.w_tt * f.tangential + c.w_tn * f.normal
+    a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
     size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
     # an acceleration the wrong way is what the tolerance left of the release's own zero
     return jnp.where(slip_sign(regime) * a_t > 1e-7 * size, 1, 2)
@@ -152,10 +157,13 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     sides = tuple(jnp.where(s < 0, -1.0, 1.0).astype(dtype) for s in switches)
     limited = local.limit(start, position, velocity) is not None
     slots = first_switch(system) + len(switches) + int(limited)
-    orders = jnp.stack([first_order] + [jnp.zeros_like(first_order)] * (slots - 1))
+    orders = (first_order, *[jnp.zeros_like(first_order)] * (slots - 1))
 
     local = local.on_sides(sides)
-    rate = vector_field(start, (position, velocity), (local, regime))
+    c = contact(local, start, position, velocity)
+    reactions = forces(local, c, regime)
+    rate = (rates(local, start, position, velocity), acceleration(c, reactions))
+    guards = guard_values(local, c, start, position, velocity, regime, sides)
     pairs = zip(
         jax.tree.leaves(rate),
         jax.tree.leaves((position, velocity)),
@@ -183,8 +191,6 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         z,
     )
     return State(
-        # 1 + 0 step: the compiler may not assume that the step is finite
-        unit=begin_unit(start.shape, dtype) + 0.0 * step.astype(dtype),
         time=start,
         position=position,
         velocity=velocity,
@@ -192,10 +198,14 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         piece=piece,
         sides=sides,
         orders=orders,
-        reach=jnp.abs(guard_values(local, c, start, position, velocity, regime, sides)),
+        reach=tuple(jnp.abs(g) for g in guards),
+        due=z - 1,
         rate=rate,
+        guards=guards,
+        reactions=reactions,
         step=step,
         step_of=(step, step, step),
+        last_event=start,
         last_error=jnp.ones_like(position[0]),
         target=z - 1,
         trial=step,

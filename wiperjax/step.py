@@ -1,4 +1,9 @@
-"""One turn of the event loop: a trial step, its verdict, and what follows from it."""
+"""The event loop's two halves: a stretch of smooth motion, and the event it leads to.
+
+`flow` tries a step and moves; where it arrives at an event, or a break of the prescribed motion, it
+leaves the slot in ``State.due``. `jump` carries out what is due. One trajectory does both in turn;
+a batch does several flows for one jump, since few of its lanes have an event at any time.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -6,12 +11,11 @@ from jax.lax import stop_gradient
 
 from .barrier import keep
 from .guards import first_switch
-from .locate import Plan, light, locate
+from .locate import Plan, locate
 from .observers import Happening, Stretch
-from .regimes import acceleration
 from .results import RUNNING, Regime, Result
 from .sampling import take_samples, take_signal
-from .state import Problem, State
+from .state import BREAK, Problem, State
 from .system import rates
 from .transition import settle, transition, where
 from .trial import Trial, attempt
@@ -21,90 +25,86 @@ ZERO_TIME_EVENTS = 24  # events at one instant after which no lasting regime is 
 
 def advance(problem: Problem, state: State) -> State:
     """Return the state after one trial step, with its event if it has one."""
-    trial = attempt(problem, state)
-    return conclude(problem, state, trial, locate(problem, state, trial))
+    state = flow(problem, state)
+    return jax.lax.cond(jnp.any(state.due >= 0), lambda s: jump(problem, s), lambda s: s, state)
 
 
-def advance_light(problem: Problem, state: State) -> State:
-    """`advance` for steps without events; where there is one, or a mark, nothing changes.
+def flow(problem: Problem, state: State) -> State:
+    """Return the state after one trial step, up to the event it leads to.
 
-    The cheap turn of a batch: no location, no reset maps. Rejections are handled.
+    Where an event is due, or the trajectory has ended, nothing changes.
     """
     trial = attempt(problem, state)
-    calm = keep(light(trial, state), state.unit)
-    refused = ~trial.ok & ~trial.jams & (state.target < 0) & (state.result == RUNNING)
-    moved = _move(problem, state, trial, calm, jnp.zeros_like(trial.h))
-    step = jnp.where(calm | refused, trial.next_step, state.step)
-    moved = moved._replace(
-        step=step,
-        last_error=jnp.where(calm, trial.error, state.last_error),
-        attempts=state.attempts + (calm | refused),
-        rejected=state.rejected + refused,
-    )
-    return _fail(problem, moved, trial, refused)
-
-
-def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
-    """Return the state after carrying out ``plan``."""
+    plan = locate(problem, state, trial)
     moves = jnp.logical_or(plan.accept, plan.arrive)
     fires = jnp.logical_or(plan.fire, plan.arrive)
-    breaks = (
-        plan.accept
-        & trial.lands
-        & (trial.mark == problem.system.break_time(state.piece))
-        & (trial.mark < problem.end)
-    )
-    piece = state.piece + breaks.astype(jnp.int32)
-    before = state
-    plan = keep(plan, state.unit)
-    state = _move(problem, state, trial, moves, plan.correction)
     landed = plan.accept & trial.lands
-    state = state._replace(time=jnp.where(landed, trial.mark, state.time))
+    breaks = landed & (trial.mark == problem.system.break_time(state.piece))
+    breaks = breaks & (trial.mark < problem.end)
+    active = (state.result == RUNNING) & (state.due < 0)
 
-    system = problem.system.on_piece(before.piece)
-    end = jnp.minimum(problem.end, system.break_time(before.piece))
-    after = transition(
-        problem,
-        state,
-        state.time,
-        state.position,
-        state.velocity,
-        plan.slot,
-        fires,
-        breaks,
-        piece,
-        end,
+    moved = _move(problem, state, trial, moves, plan.correction)
+    due = jnp.where(fires, plan.slot, jnp.where(breaks, BREAK, state.due)).astype(jnp.int32)
+    over = landed & (trial.mark >= problem.end)
+    good = jnp.where(state.flagged, int(Result.PAINLEVE_INDETERMINATE), int(Result.FINISHED))
+    result = jnp.where(over, good, state.result).astype(jnp.int32)
+    moved = moved._replace(
+        time=jnp.where(landed, trial.mark, moved.time),
+        due=due,
+        step=stop_gradient(plan.step),
+        last_error=jnp.where(plan.accept, trial.error, state.last_error),
+        target=plan.target,
+        trial=stop_gradient(plan.trial),
+        tries=plan.tries,
+        result=result,
+        attempts=state.attempts + active,
+        rejected=state.rejected + plan.rejected,
+        unproved=state.unproved + plan.unproved,
+        streak=jnp.where(moves, 0, state.streak + fires),
     )
-    after = keep(after, state.unit)
-    happens = keep(fires | breaks, state.unit)
+    return _fail(problem, moved, trial, plan)
+
+
+def jump(problem: Problem, state: State) -> State:
+    """Return the state after the event that is due, if one is; no time passes.
+
+    (A completed sequence of impacts does take its time.)
+    """
+    happens = state.due >= 0
+    breaks = state.due == BREAK
+    fires = happens & ~breaks
+    piece = state.piece + breaks.astype(jnp.int32)
+    before = problem.system.on_piece(state.piece)
+    end = jnp.minimum(problem.end, before.break_time(state.piece))
+    after = keep(transition(problem, state, fires, breaks, piece, end))
+
     # the first slots mean something else in another regime, and so do their sizes
-    rows = jnp.arange(state.reach.shape[0]).reshape((-1,) + (1,) * state.time.ndim)
-    contact_slot = plan.slot < first_switch(problem.system)
-    anew = fires & contact_slot & (rows < first_switch(problem.system))
+    contact_slots = first_switch(problem.system)
+    anew = fires & (state.due < contact_slots)
+    reach = tuple(
+        jnp.where(anew, new, old) if i < contact_slots else old
+        for i, (old, new) in enumerate(zip(state.reach, after.sizes, strict=True))
+    )
     old, new = _kind(state.regime), _kind(after.regime)
     remembered = tuple(
-        jnp.where(happens & (old == i), plan.step, s) for i, s in enumerate(state.step_of)
+        jnp.where(happens & (old == i), state.step, s) for i, s in enumerate(state.step_of)
     )
     resumed = remembered[0]
     for i in (1, 2):
         resumed = jnp.where(new == i, remembered[i], resumed)
-    step = jnp.where(happens & (old != new), resumed, plan.step)
+    step = jnp.where(happens & (old != new), resumed, state.step)
 
-    streak = jnp.where(moves, 0, state.streak + fires.astype(jnp.int32))
-    result = state.result
-    flagged = state.flagged | (happens & after.indeterminate)
-    over = landed & (trial.mark >= problem.end)
-    good = jnp.where(flagged, int(Result.PAINLEVE_INDETERMINATE), int(Result.FINISHED))
-    result = jnp.where(over, good, result)
-    result = jnp.where(fires & after.stopped, int(Result.COLLAPSED), result)
-    stuck = (streak > ZERO_TIME_EVENTS) | (happens & after.inconsistent)
+    result = jnp.where(fires & after.stopped, int(Result.COLLAPSED), state.result)
+    stuck = (state.streak > ZERO_TIME_EVENTS) | (happens & after.inconsistent)
+    stuck = stuck & (state.result == RUNNING)
     result = jnp.where(stuck, int(Result.NO_CONSISTENT_REGIME), result)
     # a flight too short for the clock: impacts pile up faster than time can tell them apart
-    piled = happens & (after.regime == Regime.FLIGHT) & (before.regime == Regime.FLIGHT)
-    piled = piled & moves & (state.time == before.time)
+    piled = fires & (after.regime == Regime.FLIGHT) & (state.regime == Regime.FLIGHT)
+    piled = piled & (state.streak == 0) & (state.time == state.last_event)
     result = jnp.where(piled, int(Result.ZENO_UNRESOLVED), result).astype(jnp.int32)
 
-    happening = Happening(system, state.time, after.kind, state.regime, after.regime, after.impulse)
+    # the observer and the log see the event on the piece of the motion that it ends
+    happening = Happening(before, state.time, after.kind, state.regime, after.regime, after.impulse)
     observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
     log = state.log
     if problem.log_capacity:
@@ -117,33 +117,29 @@ def conclude(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
             impulse=log.impulse.at[at].set(after.impulse, mode="drop"),
             count=log.count + happens.astype(jnp.int32),
         )
-    state = state._replace(
+    return state._replace(
         time=jnp.where(happens, after.time, state.time),
         position=where(happens, after.position, state.position),
         velocity=where(happens, after.velocity, state.velocity),
         regime=jnp.where(happens, after.regime, state.regime),
         piece=piece,
         sides=where(happens, after.sides, state.sides),
-        orders=jnp.where(happens, after.orders, state.orders),
-        reach=jnp.where(anew, after.sizes, state.reach),
+        orders=where(happens, after.orders, state.orders),
+        reach=reach,
+        due=jnp.full_like(state.due, -1),
         rate=where(happens, after.rate, state.rate),
+        guards=where(happens, after.guards, state.guards),
+        reactions=where(happens, after.reactions, state.reactions),
         step=stop_gradient(step),
-        last_error=jnp.where(happens, 1.0, jnp.where(plan.accept, trial.error, state.last_error)),
         step_of=jax.tree.map(stop_gradient, remembered),
-        target=plan.target,
-        trial=stop_gradient(plan.trial),
-        tries=plan.tries,
+        last_error=jnp.where(happens, 1.0, state.last_error),
+        last_event=jnp.where(happens, after.time, state.last_event),
         result=result,
-        flagged=flagged,
-        attempts=state.attempts + (before.result == RUNNING),
-        rejected=state.rejected + plan.rejected,
-        unproved=state.unproved + plan.unproved,
-        streak=streak,
+        flagged=state.flagged | (happens & after.indeterminate),
         events=state.events + happens,
         log=log,
         observed=observed,
     )
-    return _fail(problem, state, trial, plan.rejected)
 
 
 def _kind(regime):
@@ -155,28 +151,17 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
     """Commit the trial step where ``moves``, plus a Taylor step of length ``correction``."""
     system = problem.system.on_piece(state.piece)
     q, v = trial.step.y1
-    c = trial.last
-    a = acceleration(c, jax.tree.map(lambda f: f[-1], trial.contact_forces))
     touching = state.regime != Regime.FLIGHT
-    q, v = settle(system, c, q, v, touching, touching, state.regime == Regime.STICK)
-    q, v, a = keep((q, v, a), state.unit)
+    sticking = state.regime == Regime.STICK
+    q, v = keep(settle(system, trial.last, q, v, touching, touching, sticking))
+    _, a = trial.rate
     speeds = rates(system, state.time + trial.h, q, v)
     rate = (speeds, a)
     d = correction.astype(q[0].dtype)
     q = tuple(x + d * (y + 0.5 * d * z) for x, y, z in zip(q, speeds, a, strict=True))
     v = tuple(x + d * y for x, y in zip(v, a, strict=True))
     length = trial.h + correction
-    stretch = Stretch(
-        system,
-        state.time,
-        trial.h,
-        correction,
-        state.regime,
-        trial.times,
-        trial.positions,
-        trial.velocities,
-        trial.contact_forces,
-    )
+    stretch = Stretch(system, state.time, trial.h, correction, state.regime, trial.nodes)
     observed = problem.observer.stretch(state.observed, stretch)
     if problem.signal is None:
         index, samples = take_samples(problem, state, trial, moves, length)
@@ -189,17 +174,19 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
         position=where(moves, q, state.position),
         velocity=where(moves, v, state.velocity),
         rate=where(moves, rate, state.rate),
-        orders=jnp.where(moves, 0, state.orders),
-        reach=jnp.where(moves, trial.sizes, state.reach),
+        guards=where(moves, tuple(g.value for g in trial.guards), state.guards),
+        reactions=where(moves, trial.nodes[-1].forces, state.reactions),
+        orders=where(moves, tuple(jnp.zeros_like(o) for o in state.orders), state.orders),
+        reach=where(moves, tuple(g.size for g in trial.guards), state.reach),
         observed=where(moves, observed, state.observed),
     )
 
 
-def _fail(problem: Problem, state: State, trial: Trial, rejected) -> State:
+def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     """Give the trajectory its failure code where it cannot keep its promise."""
     eps = jnp.finfo(state.time.dtype).eps
     floor = 4 * eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
-    too_small = rejected & (state.step < floor)
+    too_small = plan.rejected & (state.step < floor)
     why = jnp.where(trial.finite, int(Result.STEP_TOO_SMALL), int(Result.NON_FINITE))
     running = state.result == RUNNING
     result = jnp.where(running & too_small, why, state.result)

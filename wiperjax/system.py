@@ -17,6 +17,7 @@ import jax.numpy as jnp
 
 from .barrier import keep
 from .friction import AbstractFriction
+from .sparse import absent
 
 Scalar = Any  # a float, or an array with one entry a lane
 Coordinates = tuple[Scalar, ...]
@@ -132,7 +133,10 @@ class AbstractSystem(eqx.Module):
 
 
 class Contact(NamedTuple):
-    """The contact at one instant, in contact space: ``(a_t, a_n) = (b_t, b_n) + W (l_t, l_n)``."""
+    """The contact at one instant, in contact space: ``(a_t, a_n) = (b_t, b_n) + W (l_t, l_n)``.
+
+    What is zero for every state of the system is the Python number 0 (see `sparse`).
+    """
 
     gap: Scalar
     normal_speed: Scalar
@@ -148,17 +152,15 @@ class Contact(NamedTuple):
     load: Scalar  # prescribed normal force of a bilateral contact, else 0
 
 
-def contact(system: AbstractSystem, t, q, v, unit=None) -> Contact:
+def contact(system: AbstractSystem, t, q, v) -> Contact:
     """Return the contact-space quantities of ``system`` at (t, q, v).
 
     Speeds are linear in v, so W's columns are derivatives of the speeds along the directions;
-    the bias terms are total time derivatives along (1, q', a_free). ``unit`` (see `barrier`) keeps
-    the free acceleration, which everything else uses, from being computed again for each use.
+    the bias terms are total time derivatives along (1, q', a_free).
     """
-    free = _cast(system.free_acceleration(t, q, v), v)
-    if unit is not None:
-        free = keep(free, unit)
-    along_t, along_n = (_cast(d, v) for d in system.directions(t, q))
+    free = keep(_cast(system.free_acceleration(t, q, v), v))
+    directions = system.directions(t, q)
+    along_t, along_n = (_cast(d, v) for d in directions)
     one, zero = jnp.ones_like(t), jnp.zeros_like(t)
     still = tuple(jnp.zeros_like(x) for x in q)
 
@@ -171,11 +173,15 @@ def contact(system: AbstractSystem, t, q, v, unit=None) -> Contact:
     rates = _cast(system.rates(t, q, v), v)
     slip_speed, b_t = along(slip, one, rates, free)
     w_tt = along(slip, zero, still, along_t)[1]
+    sparse_t, sparse_n = (
+        tuple(x if absent(x) else y for x, y in zip(d, full, strict=True))
+        for d, full in zip(directions, (along_t, along_n), strict=True)
+    )
 
     if not system.unilateral:
         load = _like(system.normal_force(t, q, v), v[0])
         z = jnp.zeros_like(b_t)
-        return Contact(z, z, slip_speed, free, along_t, along_n, b_t, z, w_tt, z, z + 1, load)
+        return Contact(z, z, slip_speed, free, sparse_t, sparse_n, b_t, z, w_tt, 0.0, z + 1, load)
 
     def approach(t, q, v):
         def gap(t, q):
@@ -185,10 +191,9 @@ def contact(system: AbstractSystem, t, q, v, unit=None) -> Contact:
 
     (gap, normal_speed), (_, b_n) = along(approach, one, rates, free)
     w_nn = along(approach, zero, still, along_n)[1][1]
-    w_tn = along(slip, zero, still, along_n)[1]
-    load = jnp.zeros_like(b_n)
+    w_tn = along(slip, zero, still, along_n)[1] if system.coupled else 0.0
     return Contact(
-        gap, normal_speed, slip_speed, free, along_t, along_n, b_t, b_n, w_tt, w_tn, w_nn, load
+        gap, normal_speed, slip_speed, free, sparse_t, sparse_n, b_t, b_n, w_tt, w_tn, w_nn, 0.0
     )
 
 

@@ -6,10 +6,12 @@ import jax
 import jax.numpy as jnp
 
 from .barrier import keep
-from .guards import FIRST, JAM, SECOND, contact_sizes, first_switch
+from .guards import FIRST, JAM, SECOND, contact_sizes, first_switch, guard_values
 from .impact import poisson_impact
-from .regimes import acceleration, decide, forces, slip_forces, slip_sign
+from .polynomials import largest
+from .regimes import Forces, acceleration, decide, forces, slip_forces, slip_sign
 from .results import Event, Regime
+from .sparse import absent, plus, times
 from .state import Problem, State, start_of_slip_order
 from .system import Contact, Scalar, contact, rates
 
@@ -21,7 +23,8 @@ def where(condition, a, b):
 
 def push(vector, along_t, along_n, p_t, p_n):
     """Add contact impulses (or their position-level equal) to a tuple of coordinates."""
-    return tuple(x + t * p_t + n * p_n for x, t, n in zip(vector, along_t, along_n, strict=True))
+    parts = zip(vector, along_t, along_n, strict=True)
+    return tuple(plus(x, times(t, p_t), times(n, p_n)) for x, t, n in parts)
 
 
 def settle(system, c: Contact, q, v, closed, touching, sticking):
@@ -38,6 +41,8 @@ def settle(system, c: Contact, q, v, closed, touching, sticking):
     if system.law is None:
         return q, push(v, c.along_t, c.along_n, 0.0, -v_n / c.w_nn)
     v_t = jnp.where(sticking, c.slip_speed, 0.0)
+    if absent(c.w_tn):
+        return q, push(v, c.along_t, c.along_n, -v_t / c.w_tt, -v_n / c.w_nn)
     det = c.w_tt * c.w_nn - c.w_tn * c.w_tn
     # outside stick only the normal impulse is free
     p_t = jnp.where(sticking, (c.w_tn * v_n - c.w_nn * v_t) / det, 0.0)
@@ -114,9 +119,11 @@ class Outcome(NamedTuple):
     velocity: tuple
     regime: Scalar
     sides: tuple
-    orders: jax.Array
-    sizes: jax.Array  # of the guards, see `contact_sizes`
+    orders: tuple
+    sizes: tuple  # of the guards, see `contact_sizes`
     rate: tuple
+    guards: tuple
+    reactions: Forces
     kind: Scalar
     impulse: Scalar
     stopped: Scalar  # the system's limit was reached
@@ -124,13 +131,13 @@ class Outcome(NamedTuple):
     inconsistent: Scalar
 
 
-def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, piece, end):
-    """Return the `Outcome` of the event of ``slot`` (where ``fires``) or of a break of the belt.
+def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Outcome:
+    """Return the `Outcome` of the event of slot ``state.due`` (where ``fires``) or of a break.
 
-    ``time, q, v`` are at the event, in the regime of ``state``; where ``breaks``, a smooth piece
-    of the prescribed motion ends here and ``piece`` begins; ``end`` is the next known time, which
-    a completed Zeno sequence must not pass.
+    Where ``breaks``, a smooth piece of the prescribed motion ends here and ``piece`` begins; ``end``
+    is the next known time, which a completed Zeno sequence must not pass.
     """
+    time, q, v, slot = state.time, state.position, state.velocity, state.due
     base = first_switch(problem.system)
     flips = [fires & (slot == base + i) for i in range(len(state.sides))]
     sides = tuple(jnp.where(f, -s, s) for f, s in zip(flips, state.sides, strict=True))
@@ -146,14 +153,13 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     lifts = fires & sliding & (slot == SECOND)
     jams = fires & sliding & (slot == JAM) & system.coupled
     retest = breaks & sticking
-    unit = state.unit
     hits, turns, leaves_cone, lifts, jams, retest = keep(
-        (hits, turns, leaves_cone, lifts, jams, retest), unit
+        (hits, turns, leaves_cone, lifts, jams, retest),
     )
 
-    c = keep(contact(system, time, q, v, unit), unit)
-    q, v = keep(settle(system, c, q, v, hits | ~flying, ~flying, sticking | turns), unit)
-    c = keep(contact(system, time, q, v, unit), unit)
+    c = keep(contact(system, time, q, v))
+    q, v = keep(settle(system, c, q, v, hits | ~flying, ~flying, sticking | turns))
+    c = keep(contact(system, time, q, v))
 
     # impact: the closing gap, or a jam (Painleve's impact without collision)
     moving = c.slip_speed != 0
@@ -165,7 +171,9 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
         v = where(jams, push(v, c.along_t, c.along_n, *braked), v)
         c = c._replace(
             slip_speed=jnp.where(
-                jams, c.slip_speed + c.w_tt * braked[0] + c.w_tn * braked[1], c.slip_speed
+                jams,
+                plus(c.slip_speed, c.w_tt * braked[0], times(c.w_tn, braked[1])),
+                c.slip_speed,
             )
         )
     approach = jnp.where(jams, 0.0, c.normal_speed)
@@ -180,46 +188,46 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
         jnp.minimum(approach, 0.0),
         jams,
     )
-    blow = keep(blow, unit)
+    blow = keep(blow)
     v = where(collides, push(v, c.along_t, c.along_n, blow.tangential, blow.normal), v)
     impulse = jnp.where(collides, blow.normal, 0.0)
     slip_speed = jnp.where(
         collides, blow.slip_speed, jnp.where(sticking | turns, 0.0, c.slip_speed)
     )
     leaving = jnp.where(collides, blow.normal_speed, jnp.where(hits, c.normal_speed, 0.0))
-    v, slip_speed, leaving, collides = keep((v, slip_speed, leaving, collides), unit)
+    v, slip_speed, leaving, collides = keep((v, slip_speed, leaving, collides))
 
     # forces after the impact are those of the post-impact velocities
-    c = keep(contact(system, time, q, v, unit), unit)._replace(slip_speed=slip_speed)
+    c = keep(contact(system, time, q, v))._replace(slip_speed=slip_speed)
     zeno = complete_zeno(
         c, mu, leaving, approach, slip_speed, problem.zeno_time, (end - time).astype(leaving.dtype)
     )
-    zeno = keep(zeno, unit)
-    completes = keep(hits & collides & zeno.holds, unit)
+    zeno = keep(zeno)
+    completes = keep(hits & collides & zeno.holds)
     rest_of_flight = tuple(x + a * zeno.duration for x, a in zip(v, c.free, strict=True))
     landed = push(rest_of_flight, c.along_t, c.along_n, zeno.tangential, zeno.normal)
     carried = tuple(
-        x + zeno.duration * (y - n * leaving / c.w_nn)
+        x + zeno.duration * plus(y, times(n, -leaving / c.w_nn))
         for x, y, n in zip(q, rates(system, time, q, v), c.along_n, strict=True)
     )
     q, v = where(completes, carried, q), where(completes, landed, v)
     time = jnp.where(completes, time + zeno.duration, time)
     impulse = impulse + jnp.where(completes, zeno.normal, 0.0)
     slip_speed = jnp.where(completes, zeno.slip_speed, slip_speed)
-    q, v, time, slip_speed = keep((q, v, time, slip_speed), unit)
-    c = keep(contact(system, time, q, v, unit), unit)._replace(slip_speed=slip_speed)
+    q, v, time, slip_speed = keep((q, v, time, slip_speed))
+    c = keep(contact(system, time, q, v))._replace(slip_speed=slip_speed)
 
     # the regime, at acceleration level
     leaving = jnp.where(completes, 0.0, leaving)
     bounces = (hits | jams) & (leaving > 0)
     closes = (hits | jams) & ~bounces
-    decision = keep(decide(system, c), unit)
+    decision = keep(decide(system, c))
     undecided = closes | turns | retest
     escape = jnp.where(slot == FIRST, -1, 1)  # friction at its upper limit pushes the tip to +x
     mu_static = jnp.zeros_like(c.b_t) if law is None else law.coefficient(jnp.zeros_like(c.b_t))
     released, d = slip_forces(c, escape, mu_static, unilateral)
     slips = (released.normal > 0) & (d > 0)
-    slips, undecided, bounces, leaving = keep((slips, undecided, bounces, leaving), unit)
+    slips, undecided, bounces, leaving = keep((slips, undecided, bounces, leaving))
     after = jnp.where(undecided, decision.regime, regime)
     after = jnp.where(bounces | lifts, int(Regime.FLIGHT), after)
     slip_regime = jnp.where(escape > 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
@@ -228,14 +236,14 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     jammed = undecided & decision.jam
     sliding_on = jnp.where(slip_speed > 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
     after = jnp.where(jammed & (slip_speed != 0), sliding_on, after).astype(jnp.int32)
-    after = keep(after, unit)
+    after = keep(after)
 
     # guards that start at zero by construction
     into_flight = (after == Regime.FLIGHT) & (hits | jams | turns | leaves_cone | lifts | retest)
     flight_order = jnp.where(lifts | leaves_cone, 3, jnp.where(bounces, 1, 2))
     in_slip = (after == Regime.SLIP_POS) | (after == Regime.SLIP_NEG)
     into_slip = in_slip & (slip_speed == 0) & (undecided | leaves_cone)
-    orders = [state.orders[i] for i in range(state.orders.shape[0])]
+    orders = list(state.orders)
     orders[FIRST] = jnp.where(
         into_flight,
         flight_order,
@@ -250,11 +258,13 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
     switched = fires & (slot >= base) & (slot < base + len(sides))
     stopped = fires & (slot == base + len(sides))
 
-    speed = jnp.max(jnp.stack([a / problem.rtol for a in problem.atol[1]]), axis=0)
+    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
     speed = jnp.broadcast_to(speed, c.b_t.shape)
     sizes = contact_sizes(system, c, after, speed)
     sizes += [jnp.zeros_like(c.b_t)] * (len(orders) - len(sizes))
-    rate = (rates(system, time, q, v), acceleration(c, forces(system, c, after)))
+    reactions = forces(system, c, after)
+    rate = (rates(system, time, q, v), acceleration(c, reactions))
+    guards = guard_values(system, c, time, q, v, after, sides)
     touch = jnp.where(leaving > 0, int(Event.IMPACT), int(Event.TOUCH))
     turn_kind = jnp.where(
         after == Regime.STICK,
@@ -292,9 +302,11 @@ def transition(problem: Problem, state: State, time, q, v, slot, fires, breaks, 
         velocity=v,
         regime=after,
         sides=sides,
-        orders=jnp.stack(orders),
-        sizes=jnp.stack(sizes),
+        orders=tuple(orders),
+        sizes=tuple(sizes),
         rate=rate,
+        guards=guards,
+        reactions=reactions,
         kind=kind.astype(jnp.int32),
         impulse=impulse,
         stopped=stopped,

@@ -8,14 +8,10 @@ import numpy as np
 from .belts import AbstractBelt, SteadyBelt
 from .fastmath import arcsin
 from .friction import AbstractFriction, Stribeck
+from .sparse import absent
 from .system import AbstractSystem, Scalar
 
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
-
-
-def _absent(value) -> bool:
-    """Whether a parameter is the Python number 0: its terms are then not computed at all."""
-    return isinstance(value, int | float) and value == 0
 
 
 class Wiper(AbstractSystem):
@@ -132,11 +128,11 @@ class Wiper(AbstractSystem):
         speeds = self.rates(t, q, v)
         down = self.support_force(q, speeds, sin, cos)
         moment = self.moment(phi - self.attack_angle)
-        if not _absent(self.hinge_damping):
+        if not absent(self.hinge_damping):
             moment = moment + self.hinge_damping * speeds[0] / arm
         pull = self._belt(t)[1]
         m = self.tip_mass
-        if _absent(self.hinge_mass):
+        if absent(self.hinge_mass):
             f_t = -moment / arm + down * tau
             return f_t / m - pull, -down / m - self.gravity
         h = self.hinge_mass
@@ -149,7 +145,7 @@ class Wiper(AbstractSystem):
 
     def directions(self, t, q):
         m, h = self.tip_mass, self.hinge_mass
-        if _absent(h):
+        if absent(h):
             return (1 / m, 0.0), (0.0, 1 / m)
         sin, cos, _ = self.lean(q)
         tau = sin / cos
@@ -192,7 +188,7 @@ class Wiper(AbstractSystem):
 
     @property
     def coupled(self) -> bool:
-        return not _absent(self.hinge_mass)
+        return not absent(self.hinge_mass)
 
     @property
     def law(self) -> AbstractFriction:
