@@ -26,6 +26,8 @@ class Stretch(NamedTuple):
     correction: Scalar  # from its end to an event: tiny, but it carries the event time's derivative
     regime: Scalar
     nodes: tuple  # of five `Node`, at equal distances from its start to its end
+    guards: tuple  # of five node values, one a slot (see `guards`)
+    sizes: tuple  # of the guards, so far
 
     @property
     def length(self) -> Scalar:

@@ -178,7 +178,8 @@ def solve(
     """Return the `Solution` of one trajectory from t = 0 to ``duration`` [s].
 
     A pure function: it works under `jax.jit`, `jax.vmap` over any parameter of ``system`` (an
-    equinox module), and `jax.jvp`; with ``reverse`` under `jax.grad` instead. It never raises for a numerical failure; look
+    equinox module), and `jax.jvp`; with ``reverse`` under `jax.grad` instead. It never raises for
+    a numerical failure; look
     at ``result``.
 
     **Main arguments:** ``system``; ``duration`` [s]; ``initial_state`` = (position, velocity), n

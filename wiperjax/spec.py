@@ -18,7 +18,17 @@ from pydantic import PrivateAttr, ValidationError, model_validator
 
 from wiperjax.parameters import BELTS, PARAMETERS
 from wiperjax.spec_errors import Fault, SpecError, sentence, unknown
-from wiperjax.spec_tables import Axis, Belt, Blade, Classes, SceneRun, Start, SweepRun, Table
+from wiperjax.spec_tables import (
+    Axis,
+    Belt,
+    Blade,
+    Classes,
+    SceneRun,
+    Sensitivities,
+    Start,
+    SweepRun,
+    Table,
+)
 
 __all__ = ["SceneSpec", "SpecError", "SweepSpec", "load_scene", "load_sweep"]
 __all__ += ["parse_scene", "parse_sweep"]
@@ -135,6 +145,31 @@ class SweepSpec(_System):
     axes: dict[str, Axis]
     run: SweepRun
     classes: Classes = Classes()
+    sensitivities: Sensitivities | None = None
+
+    def with_sensitivities(self) -> "SweepSpec":
+        """The same sweep with derivatives; as the file asks for them, else the default ones.
+
+        Raises: SpecError, one line, where they cannot be had.
+        """
+        asked = self.sensitivities or Sensitivities()
+        spec = self.model_copy(update={"sensitivities": asked})
+        try:
+            spec._check_sensitivities(asked)
+        except Fault as fault:
+            raise SpecError(str(fault)) from None
+        return spec
+
+    def _check_sensitivities(self, asked: Sensitivities) -> None:
+        for name in asked.parameters:
+            if name not in self.parameter_names:
+                problem = unknown(name, list(self.parameter_names))
+                raise Fault("sensitivities.parameters", f"{name!r}: {problem}")
+        if len(set(asked.parameters)) < len(asked.parameters):
+            raise Fault("sensitivities.parameters", "must not name a parameter twice")
+        if self.run.precision != "float64":
+            must = "must be 'float64' with sensitivities"
+            raise Fault("run.precision", f"{must}, was {self.run.precision!r}")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "SweepSpec":
@@ -148,6 +183,8 @@ class SweepSpec(_System):
         if self.size > MAX_CELLS:
             raise Fault("axes", f"must make at most {MAX_CELLS} cells, made {self.size}")
         self._check_system(self.axes)
+        if self.sensitivities is not None:
+            self._check_sensitivities(self.sensitivities)
         return self
 
     @property
@@ -212,6 +249,8 @@ class SweepSpec(_System):
             "run": self.run.model_dump(mode="json"),
             "classes": self.classes.model_dump(mode="json"),
         }
+        if self.sensitivities is not None:
+            meaning["sensitivities"] = self.sensitivities.model_dump(mode="json")
         return json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self) -> str:

@@ -51,6 +51,7 @@ class Guard(NamedTuple):
     proved: Scalar  # it has no zero in the step
     falls: Scalar  # it is violated from the start of the step on
     size: Scalar  # so far, this step included
+    nodes: tuple  # values at the nodes
 
 
 class Trial(NamedTuple):
@@ -213,6 +214,7 @@ def examine(values, order, size, sliver) -> Guard:
         proved=proved,
         falls=falls,
         size=jnp.maximum(size, largest(nodes)),
+        nodes=nodes,
     )
 
 
