@@ -30,7 +30,7 @@ def solved(system, duration, n, **options):
     def run(state):
         start = (tuple(state[:n]), tuple(state[n:]))
         s = wiperjax.solve(
-            system, duration, initial_state=start, rtol=1e-12, max_events=8, **options
+            system, duration, initial_state=start, rtol=1e-12, max_events=40, **options
         )
         return jnp.concatenate([s.final_position, s.final_velocity]), s
 
@@ -124,7 +124,7 @@ def test_end_of_a_zeno_sequence():
     mu, e, g, end = 0.1, 0.5, 10.0, 2.0
     system = Puck(mu, e, g)
     start = np.array([0.0, 0.7, 4.0, 0.0])
-    derivative, s = solved(system, end, 2, zeno_time=0.2)(start)
+    derivative, s = solved(system, end, 2)(start)
     found = events(s)
     assert [k for _, k in found] == [Event.IMPACT] * (len(found) - 1) + [Event.ZENO]
 
@@ -141,5 +141,6 @@ def test_end_of_a_zeno_sequence():
         return jnp.stack([x + vx * rest - 0.5 * mu * g * rest**2, 0.0, vx - mu * g * rest, 0.0])
 
     final, closed = series(start), jax.jacfwd(series)(start)
+    # the completed rest, of 2e-8 s, moves at the speed at its start
     np.testing.assert_allclose(s.final_position[0], final[0], rtol=1e-12)
-    np.testing.assert_allclose(derivative, closed, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(derivative, closed, rtol=0, atol=1e-7)

@@ -314,7 +314,7 @@ def _print_sensitivities(dataset: Any) -> None:
     found = found[np.isfinite(found)]
     if found.size:
         print(
-            f"checked by differences: {found.size} cells, the worst derivative of a cell differs by "
+            f"checked by differences: {found.size} cells; the worst derivative of each differs by "
             f"{np.median(found):.1e} (median), {found.max():.1e} (largest)"
         )
 

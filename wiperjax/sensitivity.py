@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from . import cells
-from .dataset import DIFFERENTIABLE, VALIDITY, sensitivity_name
+from .dataset import DIFFERENTIABLE, SCHEMA, VALIDITY, sensitivity_name
 from .parameters import BELTS, PARAMETERS
 from .results import Result
 from .scene import start_state
@@ -23,7 +23,7 @@ from .spectrum import dominant_frequency
 from .stability import steady_slip
 from .wiper import Wiper
 
-FLOOR = 0.01  # a derivative that changes its outcome by less is compared with that change instead
+FLOOR = 0.01  # a derivative that changes its outcome by less of its scale is compared with that
 REST = 1e-6  # of the belt speed: below it the standard deviation of the velocity is rounding
 
 
@@ -71,9 +71,8 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     checked = np.flatnonzero(_drawn(index, asked.check))
     agreement = np.full(count, np.nan)
     if checked.size:
-        other, agreement[checked] = _check(
-            spec, theta, base, columns, slopes, checked, watched.word
-        )
+        other, gaps = _check(spec, theta, base, columns, slopes, checked, watched.word)
+        agreement[checked] = np.max(list(gaps.values()), axis=0)
         code[checked[other]] = VALIDITY["sequence_changes"]
     code[~_is_settled(columns, spec)] = VALIDITY["unsettled"]
     code[outcome.result != Result.FINISHED] = VALIDITY["not_differentiable"]
@@ -117,10 +116,10 @@ def _plain(wiper, theta, state, count, s, kind):
 
 
 def _check(spec, theta, base, columns, slopes, checked, word):
-    """Return (whether the events are others, worst relative difference) of the cells ``checked``.
+    """Return (whether the events are others, relative differences) of the cells ``checked``.
 
-    The difference of a derivative is relative to the larger of the two, or to `FLOOR` of the
-    outcome over the parameter's own size, if that is more.
+    The second is a dict (outcome, parameter) -> (len(checked),). A difference is relative to the larger of the two, or to `FLOOR` of the
+    outcome's scale over the parameter's own size, if that is more.
     """
     asked, kind, n = spec.sensitivities, spec.belt.kind, len(checked)
     names = list(theta)
@@ -148,7 +147,8 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     (found, words), _ = cells.deal(compute, (at, moved, state), copies)
     found |= {name: np.asarray(x)[:copies] for name, x in known.items()}
     other = np.any(words.reshape(-1, n) != word[checked], axis=0)
-    worst = np.zeros(n)
+    rests = (columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"]))[checked]
+    gaps = {}
     for k, name in enumerate(names):
         unit = float(PARAMETERS[name].to_si(1.0))
         inside = _is_inside(name, np.asarray(theta[name])[checked], asked.step * scale[name])
@@ -156,15 +156,13 @@ def _check(spec, theta, base, columns, slopes, checked, word):
             value = found[outcome].reshape(-1, n)
             change = (value[2 * k] - value[2 * k + 1]) / (2 * asked.step)
             slope = slopes[outcome][checked, k] / unit * scale[name]
-            size_of = np.maximum(np.maximum(np.abs(change), np.abs(slope)), 1e-300)
-            size_of = np.maximum(size_of, FLOOR * np.abs(columns[outcome][checked]))
-            rests = columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"])
+            least = FLOOR * _outcome_scale(outcome, columns, base)[checked]
+            larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)
             skip = ~inside | ~np.isfinite(slope) | ~np.isfinite(change)
-            if outcome in ("velocity_rms", "final_vx", "final_vy", "gap_max"):
-                skip |= rests[checked]
-            gap = np.where(skip, 0.0, np.abs(change - slope) / size_of)
-            worst = np.maximum(worst, gap)
-    return other, worst
+            if outcome == "velocity_rms":
+                skip |= rests
+            gaps[outcome, name] = np.where(skip, 0.0, np.abs(change - slope) / larger)
+    return other, gaps
 
 
 def _start(wiper, theta, spec):
@@ -195,6 +193,20 @@ def _scale(name: str, value: np.ndarray) -> np.ndarray:
     if PARAMETERS[name].unit == "rad":
         return np.ones_like(value)
     return np.where(value == 0, PARAMETERS[name].reference or 1.0, np.abs(value))
+
+
+def _outcome_scale(name: str, columns, wiper: Wiper) -> np.ndarray:
+    """Size of an outcome by what it is: the load for forces, the lip for lengths, and so on."""
+    speed = np.asarray(columns["belt_speed_rms"])
+    size = {
+        "1": 1.0,
+        "m/s": speed,
+        "N/m": wiper.normal_load,
+        "m": wiper.lip_length,
+        "N s/m": wiper.tip_mass * speed,
+    }.get(SCHEMA[name].units, np.abs(columns[name]))
+    size = np.asarray(size)
+    return np.broadcast_to(size[: len(speed)] if size.ndim else size, speed.shape)
 
 
 def _is_inside(name: str, value: np.ndarray, step: np.ndarray) -> np.ndarray:
