@@ -21,7 +21,8 @@ from .solve import make_problem
 from .stability import steady_slip
 from .wiper import Wiper
 
-LANES = {"float64": 256, "float32": 512}  # a device; as much as its cache holds
+LANES = {"float64": 512, "float32": 1024}  # a device, at most: as much as its cache holds
+CASES_PER_LANE = 16  # at least: the last cases of a block leave lanes empty
 FLOWS = 3  # a jump
 
 
@@ -44,7 +45,8 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     settings = _settings(spec)
 
     def compute(cells, count):
-        return _compute(*cells, count, settings)
+        wiper, position, velocity = cells
+        return _compute(wiper, position, velocity, count, settings)
 
     precision, size = spec.run.precision, position[0].shape[-1]
     cells = (
@@ -148,11 +150,11 @@ def _capacity(cells: int, shares: int) -> int:
 def _arrays(wiper: Wiper, precision: str) -> Wiper:
     """Turn parameters into arrays, (cells,) where they vary and () where they do not.
 
-    A Python 0 stays one: its terms are left out of the compiled program.
+    A Python 0 or 1 stays one: its terms, or a power of 1, are left out of the compiled program.
     """
 
     def leaf(value):
-        if isinstance(value, int | float) and value == 0:
+        if isinstance(value, int | float) and value in (0, 1):
             return value
         return jnp.asarray(value, precision)
 
@@ -202,7 +204,7 @@ def outcomes(wiper, position, velocity, count, s: _Settings, watched=False):
         dtype=jnp.dtype(s.precision),
     )
     pool = Pool(problem, q, v, start, count)
-    lanes = min(LANES[s.precision], q[0].shape[-1])
+    lanes = max(1, min(LANES[s.precision], q[0].shape[-1] // CASES_PER_LANE))
     outcome, signal, effort = run_pool(pool, lanes, FLOWS)
     if s.raster is not None:
         kept = np.array(raster_index(s.samples, s.raster))

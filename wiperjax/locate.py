@@ -21,7 +21,7 @@ from .state import Problem, State
 from .system import Scalar
 from .trial import Trial, pick
 
-MAX_TRIES = 12
+MAX_TRIES = 12  # steps of one location
 CLEAR, VIOLATED, MURKY = 2.0, -1.0, -0.5  # bounds of a first zero in [0, 1] that are none
 
 
@@ -117,9 +117,12 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     located = free & falling & (close | small)
     chase = free & ~located
     miss = chase & (value > 0) & proved & (~falling | (jnp.abs(shift) > 0.05))
-    lost = chase & ~miss & (~falling | (state.tries >= MAX_TRIES))
+    # two guards that vanish close together may send the step to and fro between them
+    wearied = state.tries >= MAX_TRIES
+    retarget = trial.ok & first.found & ~wearied
+    lost = (chase & ~miss & (~falling | wearied)) | (trial.ok & first.found & wearied)
     newton = chase & ~miss & ~lost
-    located, miss, lost, newton = keep((located, miss, lost, newton))
+    located, miss, lost, newton, retarget = keep((located, miss, lost, newton, retarget))
 
     active = (state.result == RUNNING) & (state.due < 0)
     accept = trial.ok & ~obstructed & (~pending | miss)
@@ -128,7 +131,6 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
 
     h = stop_gradient(trial.h)
     dtype = h.dtype
-    retarget = trial.ok & first.found
     target = jnp.where(retarget, first.slot, jnp.where(newton, state.target, -1)).astype(jnp.int32)
     theta = first.theta.astype(dtype)
     stretch = jnp.clip(1 + stop_gradient(shift), 0.5, 1.5).astype(dtype)
@@ -166,6 +168,6 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
             step=step,
             target=target,
             trial=new_trial,
-            tries=jnp.where(newton, state.tries + 1, 0).astype(jnp.int32),
+            tries=jnp.where(newton | retarget, state.tries + 1, 0).astype(jnp.int32),
         )
     )

@@ -24,19 +24,27 @@ _BERNSTEIN = (
 _TO_CONTROL = np.linalg.inv(_BERNSTEIN)
 
 
-def deflated(g, m) -> tuple[Scalar, ...]:
+def deflated(g, m, highest: int) -> tuple[Scalar, ...]:
     """Return node values of g(theta) / theta^m; at theta = 0 the cubic extrapolation of the others.
 
-    ``g`` holds a guard's five node values; ``m`` (0 to 3) is its known multiplicity at the start.
+    ``g`` holds a guard's five node values; ``m`` (0 to ``highest``) is its known multiplicity at
+    the start.
     """
     quotients = []
     for value, theta in zip(g[1:], _THETA[1:], strict=True):
-        inverse = 1.0 / float(theta)
-        factor = jnp.where(m == 1, inverse, jnp.where(m == 2, inverse**2, inverse**3))
-        quotients.append(jnp.where(m == 0, value, value * factor.astype(value.dtype)))
+        factor = power_of(1 / float(theta), m, highest).astype(value.dtype)
+        quotients.append(value if theta == 1 else value * factor)
     a, b, c, d = quotients
     start = jnp.where(m == 0, g[0], 4 * a - 6 * b + 4 * c - d)
     return (start, a, b, c, d)
+
+
+def power_of(base: float, m, highest: int) -> Scalar:
+    """base^m for a traced integer ``m`` in 0 .. ``highest``, by selection: `pow` is dear."""
+    power = jnp.where(m == 0, 1.0, base)
+    for k in range(2, highest + 1):
+        power = jnp.where(m == k, base**k, power)
+    return power
 
 
 def control_values(nodes) -> tuple[Scalar, ...]:
@@ -95,7 +103,7 @@ def hull_cut(control):
     return jnp.where(crosses, jnp.clip(control[0] / jnp.where(crosses, fall, 1.0), 0.0, 1.0), 1.0)
 
 
-def first_root(control, passes: int = 5, polish: int = 3) -> Root:
+def first_root(control, passes: int = 4, polish: int = 3) -> Root:
     """First zero on [0, 1] of the polynomial with Bernstein ``control`` values, the first positive.
 
     Clipping from the left: the polynomial cannot vanish before the lower boundary of its control

@@ -59,7 +59,8 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     seeds = jax.tree.map(lambda *x: jnp.stack(x), *seeds)
 
     def compute(given, number):
-        return _tangents(*given, number, settings, kind)
+        wiper, theta, state, seeds = given
+        return _tangents(wiper, theta, state, seeds, number, settings, kind)
 
     (outcome, signal, slopes), effort = cells.deal(compute, (base, theta, state, seeds[:2]), count)
     columns = cells.columns_of(spec, outcome, signal, effort, wiper, count)
@@ -98,7 +99,8 @@ def _tangents(wiper, theta, state, seeds, count, s, kind):
 
     def run(theta, state):
         w = with_parameters(wiper, theta, kind)
-        outcome, signal, effort = cells.outcomes(w, *state, count, s, watched=True)
+        position, velocity = state
+        outcome, signal, effort = cells.outcomes(w, position, velocity, count, s, watched=True)
         return cells.statistics(outcome, s.window), (outcome, signal, effort)
 
     def push(dtheta, dstate):
@@ -111,15 +113,17 @@ def _tangents(wiper, theta, state, seeds, count, s, kind):
 @eqx.filter_jit
 def _plain(wiper, theta, state, count, s, kind):
     w = with_parameters(wiper, theta, kind)
-    outcome, _, effort = cells.outcomes(w, *state, count, s, watched=True)
+    position, velocity = state
+    outcome, _, effort = cells.outcomes(w, position, velocity, count, s, watched=True)
     return cells.statistics(outcome, s.window), outcome.observed.word, effort
 
 
 def _check(spec, theta, base, columns, slopes, checked, word):
     """Return (whether the events are others, relative differences) of the cells ``checked``.
 
-    The second is a dict (outcome, parameter) -> (len(checked),). A difference is relative to the larger of the two, or to `FLOOR` of the
-    outcome's scale over the parameter's own size, if that is more.
+    The second is a dict (outcome, parameter) -> (len(checked),). A difference is relative to the
+    larger of the two, or to `FLOOR` of the outcome's scale over the parameter's own size, if that
+    is more.
     """
     asked, kind, n = spec.sensitivities, spec.belt.kind, len(checked)
     names = list(theta)
@@ -142,7 +146,8 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     settings = settings._replace(rtol=max(1e-3 * settings.rtol, 1e-12))
 
     def compute(given, number):
-        return _plain(*given, number, settings, kind)
+        wiper, theta, state = given
+        return _plain(wiper, theta, state, number, settings, kind)
 
     (found, words), _ = cells.deal(compute, (at, moved, state), copies)
     found |= {name: np.asarray(x)[:copies] for name, x in known.items()}

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from .barrier import keep
-from .guards import JAM, SECOND, guard_values
+from .guards import FIRST, JAM, SECOND, guard_values
 from .polynomials import (
     control_values,
     deflated,
@@ -19,6 +19,7 @@ from .polynomials import (
     interpolation_error,
     largest,
     minimum,
+    power_of,
 )
 from .regimes import Forces, acceleration, forces
 from .results import RUNNING, Regime
@@ -162,36 +163,41 @@ def attempt(problem: Problem, state: State) -> Trial:
         last=last,
         rate=step.rate1,
         guards=tuple(
-            keep(examine(values, order, size, sliver))
-            for values, order, size in zip(slots, state.orders, state.reach, strict=True)
+            keep(examine(values, order, size, sliver, 3 if slot == FIRST else 1))
+            for slot, (values, order, size) in enumerate(
+                zip(slots, state.orders, state.reach, strict=True)
+            )
         ),
     )
 
 
-def examine(values, order, size, sliver) -> Guard:
-    """Return what a guard with ``values`` at the nodes does; ``order`` is its zero at the start.
+def examine(values, order, size, sliver, highest: int) -> Guard:
+    """Return what a guard with ``values`` at the nodes does.
 
-    ``size`` is the largest that was committed so far: what its rounding errors scale with.
-    ``sliver``: hardly any time is left before a known time, and no event fires in it.
+    ``order``, at most ``highest``, is its zero at the start; ``size`` is the largest that was
+    committed so far: what its rounding errors scale with. ``sliver``: hardly any time is left
+    before a known time, and no event fires in it.
     """
     nodes = tuple(stop_gradient(x) for x in values)
     noise = NOISE * jnp.finfo(size.dtype).eps * size
     # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
     # one that starts at zero, by the way it goes.
     order = jnp.where((order == 0) & (jnp.abs(nodes[0]) <= noise), 1, order)
-    order, noise = keep((order, noise * pick((1.0, 10.0, 100.0, 1000.0), order)))
-    start, *rest = keep(deflated(nodes, order))
-    # A double or triple zero is left upwards by construction (release, lift-off). Its event was
-    # located to within the tolerance, so a hair's breadth downwards is not a new event.
+    noise = noise * power_of(10.0, order, highest).astype(noise.dtype)
+    start, *rest = deflated(nodes, order, highest)
+    order, noise, start, rest = keep((order, noise, start, rest))
     height = largest(rest)
-    upwards = (order >= 2) & (start > -0.05 * height)
-    start = jnp.where(upwards, jnp.maximum(start, 1e-6 * height), start)
+    if highest > 1:
+        # A double or triple zero is left upwards by construction (release, lift-off). Its event was
+        # located to within the tolerance, so a hair's breadth downwards is not a new event.
+        upwards = (order >= 2) & (start > -0.05 * height)
+        start = jnp.where(upwards, jnp.maximum(start, 1e-6 * height), start)
     # Only a guard that goes down from its zero all along counts as violated there; an extrapolation
     # that merely turns negative asks for a shorter step.
-    highest = rest[0]
+    top = rest[0]
     for x in rest[1:]:
-        highest = jnp.maximum(highest, x)
-    falls = (highest <= 0) & (start <= -0.5 * height)
+        top = jnp.maximum(top, x)
+    falls = (top <= 0) & (start <= -0.5 * height)
     falls = jnp.where(order == 0, start <= 0, falls & (start < -noise))
     quotient = (start, *rest)
     control = control_values(quotient)
@@ -200,12 +206,12 @@ def examine(values, order, size, sliver) -> Guard:
     proved = (low > error) | ((order > 0) & (low > -noise) & (error <= noise)) | sliver
     # below this the estimate is rounding: the polynomial itself decides
     floor = jnp.maximum(1e-9 * jnp.maximum(height, jnp.abs(start)), noise)
-    blur = keep(jnp.where(error > floor, error, 0.0))
-    control = keep(tuple(b - blur for b in control))
-    g0, g1, g2, g3, g4 = nodes
+    blur = jnp.where(error > floor, error, 0.0)
+    control, blur, start = keep((tuple(b - blur for b in control), blur, start))
     return Guard(
         value=values[-1],
-        slope=(25 * g4 - 48 * g3 + 36 * g2 - 16 * g1 + 3 * g0) / 3,
+        # of theta^m p(theta), at 1
+        slope=order * nodes[-1] + (len(control) - 1) * (control[-1] - control[-2]),
         control=control,
         start=start,
         blur=blur,
@@ -213,7 +219,7 @@ def examine(values, order, size, sliver) -> Guard:
         cut=hull_cut(control),
         proved=proved,
         falls=falls,
-        size=jnp.maximum(size, largest(nodes)),
+        size=jnp.maximum(size, jnp.abs(nodes[-1])),
         nodes=nodes,
     )
 

@@ -106,8 +106,7 @@ class Wiper(AbstractSystem):
         if self.sides is None:
             past = jnp.maximum(above, 0.0) + jnp.minimum(below, 0.0)
         else:
-            up, down = self.sides
-            past = jnp.where(up < 0, above, 0.0) + jnp.where(down < 0, below, 0.0)
+            past = jnp.where(self.sides[0] < 0, jnp.where(theta > 0, above, below), 0.0)
         return self.neck_stiffness * theta + extra * past
 
     def support_force(self, q, speeds, sin, cos):
@@ -178,7 +177,8 @@ class Wiper(AbstractSystem):
 
     def switches(self, t, q, v):
         theta = self.lean(q)[2] - self.attack_angle
-        return (self.shoulder_angle - theta, theta + self.shoulder_angle)
+        # one function for both shoulders: it vanishes at either
+        return ((self.shoulder_angle - theta) * (self.shoulder_angle + theta),)
 
     def limit(self, t, q, v):
         # in the sine: smooth, and cheap
