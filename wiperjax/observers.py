@@ -47,9 +47,9 @@ class Stretch(NamedTuple):
         The largest node alone would have an error of second order, and no usable derivative.
         """
         rise = sum(w * x for w, x in zip(END_SLOPE, values, strict=True))
-        step = jnp.where(self.step > 0, self.step, 1.0).astype(rise.dtype)
+        step = jnp.where(self.step > 0, self.step, 1.0).astype(values[-1].dtype)
         *inner, end = values
-        nodes = (*inner, end + rise * self.correction.astype(rise.dtype) / step)
+        nodes = (*inner, end + rise * self.correction.astype(end.dtype) / step)
         # in the middle: the largest of the inner nodes
         a, b, c = nodes[:3]
         for i in (2, 3):
