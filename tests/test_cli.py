@@ -4,6 +4,7 @@ The pieces (`launch`, `sweep`, `scene`, `plots`) are stubs that write down how t
 """
 
 import importlib.metadata
+import re
 import subprocess
 import sys
 import types
@@ -59,9 +60,10 @@ class Stubs:
         )
         pieces = {
             "launch": {"configure": self.configure},
-            "driver": {"run": self.run, "verify": self.verify},
+            "driver": {"run": self.run},
+            "verification": {"verify": self.verify},
             "scene": {"run": self.simulate},
-            "plots": {"plot_file": self.plot_file},
+            "plots": {"plot_file": self.plot_file, "plot_all": self.plot_all},
         }
         for name, contents in pieces.items():
             module = types.ModuleType(f"wiperjax.{name}")
@@ -92,8 +94,12 @@ class Stubs:
             raise self.error
         return xr.Dataset({"position": (("time", "axis"), np.zeros((3, 2)))})
 
-    def plot_file(self, path, output, *, force):
-        self.calls.append(("plot_file", path, output, force))
+    def plot_all(self, path, output, **options):
+        self.calls.append(("plot_all", path, output, options))
+        return [output]
+
+    def plot_file(self, path, output, **options):
+        self.calls.append(("plot_file", path, output, options))
         if self.error:
             raise self.error
         output.write_bytes(b"picture")
@@ -142,7 +148,32 @@ def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
     assert printed.err == ""
     assert "attack_angle      -30 ... 5 degrees (2 values)" in printed.out
     assert "squeal              1    50.0%" in printed.out
-    assert "m.h5" in printed.out and "m.png" in printed.out
+    assert re.search(
+        r"^map      m\.h5: [\d.]+ MB, 0:00:\d\d, \d\.\d\d GB of memory", printed.out, re.M
+    )
+    assert "m.png" in printed.out
+
+
+def test_model_of_the_command_line_wins(folder, stubs, capsys):
+    assert main("sweep s.toml -o m.h5 --no-picture --model block".split()) == 0
+    _, spec, _, options = stubs.calls[1]
+    assert spec.model == "block"
+    assert options["command"] == "wiperjax sweep s.toml -o m.h5 --no-picture --model block"
+    assert main("simulate scene.toml -o run.h5 --model bar".split()) == 0
+    assert stubs.calls[-1][1].model == "bar"
+    capsys.readouterr()
+    said = failed(capsys, main("simulate scene.toml -o other.h5 --model beam".split()))
+    assert said == ("wiperjax: scene.toml: model: must be 'block', 'bar' or 'lip', was 'beam'")
+
+
+def test_ladder_is_refused_before_any_work(folder, stubs, capsys):
+    Path("bad.toml").write_text("[run]\nduration = 0\n")
+    said = failed(capsys, main("ladder scene.toml bad.toml".split()))
+    assert said == "wiperjax: bad.toml: run.duration: must be larger than 0, was 0"
+    assert "must end in .md" in failed(capsys, main("ladder scene.toml -o table.txt".split()))
+    Path("table.md").write_text("kept")
+    assert "table.md" in failed(capsys, main("ladder scene.toml -o table.md".split()))
+    assert stubs.names == [] and Path("table.md").read_text() == "kept"
 
 
 def test_sweep_hands_on_its_options(folder, stubs):
@@ -199,8 +230,40 @@ def test_ctrl_c_in_simulate(folder, stubs, capsys):
 def test_plot_needs_neither_jax_nor_its_settings(folder, stubs):
     storage.write_dataset(small_map(), "m.h5")
     assert main(["plot", "m.h5", "-o", "p.png"]) == 0
-    assert stubs.calls == [("plot_file", Path("m.h5"), Path("p.png"), False)]
+    options = {"picture": None, "force": False, "dpi": 150}
+    assert stubs.calls == [("plot_file", Path("m.h5"), Path("p.png"), options)]
     assert Path("p.png").read_bytes() == b"picture"
+
+
+def test_plot_hands_on_its_options(folder, stubs):
+    storage.write_dataset(small_map(), "m.h5")
+    words = (
+        "plot m.h5 -o p.svg --picture line --x belt_speed --at normal_load=15 --at restitution=0"
+    )
+    assert main([*words.split(), "--dpi", "90", "--from", "0.1", "--to", "0.2"]) == 0
+    assert stubs.calls[0][3] == {
+        "picture": "line",
+        "force": False,
+        "dpi": 90,
+        "x": "belt_speed",
+        "at": {"normal_load": 15.0, "restitution": 0.0},
+        "start": 0.1,
+        "stop": 0.2,
+    }
+    assert main("plot m.h5 -o p.png --all --seconds 2".split()) == 0
+    assert stubs.calls[1] == (
+        "plot_all", Path("m.h5"), Path("p.png"), {"force": False, "dpi": 150, "seconds": 2.0},
+    )  # fmt: skip
+
+
+def test_help_of_plot_names_every_picture(capsys):
+    from wiperjax.plots.files import PICTURES
+
+    assert main(["plot", "--help"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    for kind, pictures in PICTURES.items():
+        told = printed.split(f"Pictures of a {kind}: ")[1].split(".")[0]
+        assert all(name in told for name in pictures)
 
 
 def test_plot_that_fails(folder, stubs, capsys):
@@ -237,7 +300,7 @@ def test_version_and_help(capsys):
     assert capsys.readouterr().out.startswith("wiperjax ")
     assert main(["--help"]) == 0
     printed = capsys.readouterr().out
-    for command in ("sweep", "simulate", "plot", "info", "verify"):
+    for command in ("sweep", "simulate", "plot", "listen", "info", "verify"):
         assert command in printed
     assert main([]) == 0
     assert capsys.readouterr().out == printed
@@ -286,6 +349,11 @@ def test_the_command_line_alone_imports_nothing_heavy():
         ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
         ("plot there.h5 -o drawn.png", "drawn.png: exists already; use --force"),
         ("plot there.h5 -o p.h5", "p.h5: must end in .png or .pdf or .svg"),
+        ("plot there.h5 -o p.gif --all", "p.gif: must end in .png or .pdf or .svg"),
+        ("plot there.h5 -o p.png --all -p phase", "--all draws every picture and --picture one"),
+        ("plot there.h5 -o p.png --at load", "--at must be AXIS=NUMBER, such as normal_load=15"),
+        ("plot half.h5 -o p.png", "half.h5: is not finished; name half.h5.parts to look at what"),
+        ("listen there.h5 -o drawn.png", "drawn.png: must end in .wav"),
         ("plot none.h5 -o p.png", "none.h5: No such file or directory"),
         ("info none.h5", "none.h5: does not exist"),
         ("info s.toml", "s.toml: is not a readable map"),
@@ -297,6 +365,7 @@ def test_refused_before_any_work(words, line, folder, stubs, capsys):
     Path("there.h5").write_bytes(b"precious")
     Path("drawn.png").write_bytes(b"precious")
     Path("folder.h5").mkdir()
+    Path("half.h5.parts").mkdir()
     before = files(folder)
     assert failed(capsys, main(words.split())).startswith(f"wiperjax: {line}")
     assert stubs.calls == [] and files(folder) == before
@@ -323,7 +392,7 @@ def test_force_replaces(folder, stubs):
     Path("m.h5").write_bytes(b"old")
     Path("m.png").write_bytes(b"old")
     assert main(["sweep", "s.toml", "-o", "m.h5", "--force"]) == 0
-    assert stubs.calls[1][3]["force"] and stubs.calls[2][3]
+    assert stubs.calls[1][3]["force"] and stubs.calls[2][3]["force"]
     assert Path("m.png").read_bytes() == b"picture"
 
 

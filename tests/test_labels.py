@@ -9,8 +9,17 @@ from wiperjax import dataset, labels
 from wiperjax.results import RESULTS
 from wiperjax.spec import parse_sweep
 
-NAMES = {code: name for name, code in dataset.LABELS.items()}
+FLAGS = {
+    name: {code: word for word, code in (dataset.SCHEMA[name].flags or {}).items()}
+    for name in ("label", "mechanism", "band")
+}
 NAN = float("nan")
+HIT = {"impact_impulse_reversal": 1e-3, "impact_impulse_max": 1e-3}
+SQUEAL_IN_STROKE = {
+    "velocity_rms_stroke": 0.1,
+    "dominant_frequency": 700.0,
+    "stick_fraction_stroke": 0.4,
+}
 NUMBERS = (
     *("velocity_rms", "belt_speed_rms", "dominant_frequency", "stick_fraction", "flight_fraction"),
     *("normal_force_max_reversal", "normal_force_mean_stroke"),
@@ -18,8 +27,13 @@ NUMBERS = (
 
 
 def classify(thresholds=None, **values):
-    """Name of the class of one cell; what is not given is a loud finished slip oscillation at 300
-    Hz.
+    """Name of the class of one cell; see `codes`."""
+    return codes(thresholds, **values)["label"]
+
+
+def codes(thresholds=None, **values):
+    """Names of class, mechanism and band of one cell; what is not given is a loud finished slip
+    oscillation at 300 Hz.
     """
     cell = {
         "result": RESULTS["finished"],
@@ -29,9 +43,11 @@ def classify(thresholds=None, **values):
         "stick_fraction": 0.0,
         "flight_fraction": 0.0,
     } | values
-    codes = labels.label({name: np.array([value]) for name, value in cell.items()}, thresholds)
-    assert codes.dtype == np.int8 and codes.shape == (1,)
-    return NAMES[int(codes[0])]
+    columns = {name: np.array([value]) for name, value in cell.items()}
+    found = labels.classify(columns, thresholds)
+    assert all(code.dtype == np.int8 and code.shape == (1,) for code in found.values())
+    assert labels.label(columns, thresholds) == found["label"]
+    return {name: FLAGS[name][int(code[0])] for name, code in found.items()}
 
 
 @pytest.mark.parametrize(
@@ -60,33 +76,101 @@ def test_rules(expected, values):
     assert classify(**values) == expected
 
 
+FLIP = {  # a belt that reverses: silent strokes, a pulse of twice the mean, a vibration after it
+    "normal_force_max_reversal": 30.0,
+    "normal_force_mean_stroke": 15.0,
+    "vibration_reversal": 0.1,
+    "vibration_stroke": 0.001,
+    "velocity_rms_stroke": 0.002,
+    "stick_fraction_stroke": 0.0,
+    "flight_fraction_stroke": 0.0,
+    "stick_fraction": 0.05,
+    "impact_impulse_reversal": 0.0,
+    "impact_impulse_max": 0.0,
+}
+
+
 @pytest.mark.parametrize(
     ("expected", "values"),
     [
-        ("reversal", {"normal_force_max_reversal": 30.0, "normal_force_mean_stroke": 15.0}),
-        ("other", {"normal_force_max_reversal": 29.9, "normal_force_mean_stroke": 15.0}),
-        ("other", {"normal_force_max_reversal": NAN, "normal_force_mean_stroke": 15.0}),
-        ("failed", {"normal_force_max_reversal": 30.0, "normal_force_mean_stroke": NAN}),
+        ("reversal", {}),
+        ("quiet", {"normal_force_max_reversal": 29.9}),
+        ("other", {"normal_force_max_reversal": 29.9, "velocity_rms_stroke": 0.1}),
+        # a pulse that starts nothing is none; nor is a vibration that is there anyway
+        ("quiet", {"vibration_reversal": 0.0029}),
+        ("quiet", {"vibration_stroke": 0.051}),
+        ("other", {"vibration_stroke": 0.051, "velocity_rms_stroke": 0.1}),
+        ("failed", {"normal_force_mean_stroke": NAN}),
+        ("failed", {"vibration_reversal": NAN}),
+        ("failed", {"velocity_rms_stroke": NAN}),
+        # the strokes decide about squeal and chattering, not the flip and its stick
+        ("squeal", {"velocity_rms_stroke": 0.1, "dominant_frequency": 700.0}),
+        ("reversal", {"dominant_frequency": 700.0}),
+        ("reversal", {"dominant_frequency": 20.0, "velocity_rms_stroke": 0.1}),
         (
-            "squeal",
+            "chattering",
             {
-                "normal_force_max_reversal": 40.0,
-                "normal_force_mean_stroke": 15.0,
-                "dominant_frequency": 700.0,
+                "dominant_frequency": 20.0,
+                "velocity_rms_stroke": 0.1,
+                "stick_fraction_stroke": 0.5,
             },
         ),
-        (
-            "reversal",
-            {
-                "normal_force_max_reversal": 40.0,
-                "normal_force_mean_stroke": 15.0,
-                "velocity_rms": 0.001,
-            },
-        ),
+        # columns of a belt that reverses say nothing about a steady one
+        ("other", {"normal_force_max_reversal": NAN, "stick_fraction": 0.0}),
     ],
 )
-def test_reversal_needs_a_belt_that_reverses(expected, values):
-    assert classify(**values) == expected
+def test_reversal_needs_a_pulse_and_the_vibration_it_starts(expected, values):
+    assert classify(**FLIP | values) == expected
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "band", "values"),
+    [
+        ("none", "none", {"velocity_rms": 0.001, "stick_fraction": 0.5}),
+        ("none", "none", {"result": RESULTS["collapsed"]}),
+        ("none", "none", {"velocity_rms": NAN}),
+        ("self_excited_slip", "squeal", {"dominant_frequency": 700.0}),
+        ("self_excited_slip", "low", {"dominant_frequency": 100.0, "stick_fraction": 0.0099}),
+        ("stick_slip", "low", {"dominant_frequency": 499.9, "stick_fraction": 0.01}),
+        ("stick_slip", "high", {"dominant_frequency": 1000.1, "stick_fraction": 0.3}),
+        ("stick_slip", "chatter", {"dominant_frequency": 99.9, "stick_fraction": 0.3}),
+        ("self_excited_slip", "chatter", {"dominant_frequency": 99.9}),
+        ("flight", "low", {"flight_fraction": 1e-3, "stick_fraction": 0.4}),
+        ("carried", "none", {"stick_fraction": 1.0, "dominant_frequency": NAN}),
+        ("reversal_pulse", "none", FLIP),
+        ("reversal_impulse", "none", FLIP | HIT),
+        # the hardest hit is elsewhere
+        ("reversal_pulse", "none", FLIP | HIT | {"impact_impulse_max": 2e-3}),
+        ("stick_slip", "squeal", FLIP | HIT | SQUEAL_IN_STROKE),
+    ],
+)
+def test_mechanism_and_band(mechanism, band, values):
+    found = codes(**values)
+    assert (found["mechanism"], found["band"]) == (mechanism, band)
+
+
+def test_anatomy_of_a_class():
+    cells = {
+        "result": np.zeros(5, int),
+        "velocity_rms": np.full(5, 0.1),
+        "belt_speed_rms": np.full(5, 0.3),
+        "dominant_frequency": np.array([300.0, 1500.0, 1600.0, 700.0, 400.0]),
+        "stick_fraction": np.array([0.2, 0.3, 0.3, 0.3, 0.0]),
+        "flight_fraction": np.zeros(5),
+    }
+    names = ("label", "mechanism", "band")
+    found = labels.classify(cells)
+    ds = dataset.xr.Dataset(
+        {name: ("case", found[name], dataset.SCHEMA[name].attributes()) for name in names}
+    )
+    assert labels.anatomy(ds) == [
+        ("stick_slip", "high", 2),
+        ("self_excited_slip", "low", 1),
+        ("stick_slip", "low", 1),
+    ]
+    assert labels.anatomy(ds, "squeal") == [("stick_slip", "squeal", 1)]
+    settled = ("case", np.array([0, 1, 0, 2, 1]))
+    assert labels.unsettled(ds.assign(settled=settled)) == 2
 
 
 @pytest.mark.parametrize("result", sorted(set(RESULTS) - {"finished", "collapsed"}))

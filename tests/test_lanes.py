@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax import Result, SteadyBelt, Wiper, cells
+from wiperjax import Event, Regime, Result, SteadyBelt, Wiper, cells, dataset
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.sampling import Signal
 from wiperjax.solve import make_problem
@@ -16,6 +16,7 @@ from wiperjax.spec import parse_sweep
 DURATION = 0.02
 CASES = 24
 SAMPLES = 64
+ROOM = 16  # of the event log: less than some cases need
 
 
 def blades(rng, cases=CASES):
@@ -41,6 +42,7 @@ def run(wiper, position, count, lanes=8, flows=3, max_steps=20_000):
         atol=None,
         max_steps=max_steps,
         max_step=2 * interval,
+        max_events=ROOM,
         signal=Signal(0.0, interval, SAMPLES, 2 * flows),
     )
     return run_pool(Pool(problem, q, v, start, count), lanes, flows)
@@ -75,6 +77,26 @@ def test_each_case_equals_the_same_alone(pool):
         for k in range(2):
             found = float(outcome.position[k][case]) - float(alone.final_position[k])
             assert abs(found) < 1e-7 * wiper.lip_length  # steps differ in their caps: rtol is 1e-8
+
+
+def test_the_event_log_of_each_case_is_that_of_the_same_alone(pool):
+    wiper, position, (outcome, _, _) = pool
+    log = jax.tree.map(np.asarray, outcome.log)
+    np.testing.assert_array_equal(log.count, outcome.events)
+    assert log.count.min() < ROOM < log.count.max()
+    for case in (0, 7, 23, int(log.count.argmin()), int(log.count.argmax())):
+        one = jax.tree.map(lambda x, k=case: x[k] if jnp.ndim(x) else x, wiper)
+        alone = jax.tree.map(np.asarray, alone_solver(one).events)
+        assert alone.count == log.count[case]
+        held = min(alone.count, ROOM)
+        for name in ("kind", "before", "after"):
+            found = getattr(log, name)[case]
+            np.testing.assert_array_equal(found[:held], getattr(alone, name)[:held], err_msg=name)
+        np.testing.assert_allclose(log.time[case][:held], alone.time[:held], atol=1e-6 * DURATION)
+        np.testing.assert_allclose(
+            log.impulse[case][:held], alone.impulse[:held], rtol=1e-4, atol=1e-12
+        )
+        assert np.all(np.isnan(log.time[case][held:]))  # not the events of a lane's last case
 
 
 @eqx.filter_jit
@@ -165,6 +187,30 @@ def test_a_cell_that_spends_its_budget_fails_alone():
     assert 0 < spent.sum() < 7
     assert np.all(np.isnan(columns["stick_fraction"][spent]))
     assert np.all(np.isfinite(columns["stick_fraction"][~spent]))
+
+
+def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
+    spec = sweep_spec(event_log=12)
+    columns = cells.evaluate(spec, np.arange(7))
+    kind, time = columns["event_kind"], columns["event_time"]
+    held = np.minimum(columns["event_count"], 12)
+    np.testing.assert_array_equal(np.sum(kind != dataset.NONE, axis=1), held)
+    np.testing.assert_array_equal(columns["event_overflow"], columns["event_count"] > 12)
+    assert 0 < columns["event_overflow"].sum() < 7
+    used = np.arange(12) < held[:, None]
+    assert np.all((time[used] >= 0) & (time[used] <= 0.01)) and np.all(np.isnan(time[~used]))
+    assert np.all(np.diff(time, axis=1)[used[:, 1:]] >= 0)
+    whole = ~columns["event_overflow"]
+    sticks = (columns["regime_after"] == Regime.STICK) & (columns["regime_before"] != Regime.STICK)
+    counts = {"lift_off_count": kind == Event.LIFT_OFF, "stick_count": sticks & used}
+    for name, happened in counts.items():
+        np.testing.assert_array_equal(columns[name][whole], happened.sum(axis=1)[whole])
+    # regimes are a chain: each event starts from where the one before it led
+    chained = columns["regime_before"][:, 1:] == columns["regime_after"][:, :-1]
+    assert np.all(chained[used[:, 1:]])
+    without = cells.evaluate(sweep_spec(), np.arange(7))
+    for name, values in without.items():
+        np.testing.assert_array_equal(values, columns[name], err_msg=name)
 
 
 def test_float32_sees_the_same_events():

@@ -20,9 +20,16 @@ def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     names: dict = {"__name__": "__main__"}
     for cell in json.loads(path.read_text())["cells"]:
         if cell["cell_type"] == "code":
-            assert cell["outputs"] == [] and cell["execution_count"] is None
             source = cell["source"]
             exec(compile("".join(source), str(path), "exec"), names)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_is_stored_without_outputs(path):
+    for cell in json.loads(path.read_text())["cells"]:
+        assert cell["id"] and set(cell["metadata"]) <= {"tags"}
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == [] and cell["execution_count"] is None
 
 
 def test_there_are_notebooks():

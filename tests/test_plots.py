@@ -1,5 +1,5 @@
-"""Pictures: they are made from every kind of dataset, show what they must, and refuse what they
-cannot draw.
+"""Pictures of maps: they show what they must, in colours that can be told apart, and refuse what
+they cannot draw.
 """
 
 import matplotlib
@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 
 matplotlib.use("Agg")
 
-from wiperjax import dataset, labels, plots, plots_axes, plots_run  # noqa: E402
-from wiperjax.results import RESULTS, Event, Regime  # noqa: E402
+from wiperjax import dataset, labels, mapfile, plots  # noqa: E402
+from wiperjax.plots import axes as plot_axes  # noqa: E402
+from wiperjax.plots import classes, palette, planes  # noqa: E402
+from wiperjax.results import RESULTS  # noqa: E402
 from wiperjax.spec import parse_sweep  # noqa: E402
-from wiperjax.storage import StoreError, write_dataset  # noqa: E402
 
 
 def reference_spec(angles: int = 41, loads: int = 11, speeds: int = 21):
@@ -93,70 +94,13 @@ def realistic_map(**size) -> xr.Dataset:
     return dataset.assemble(spec, columns)
 
 
-def bouncing_run() -> xr.Dataset:
-    """Run of the form that `wiperjax.simulate` returns: stick, slip and one short flight,
-    repeated.
-    """
-    time = np.linspace(0, 0.1, 2001)
-    phase = (time * 40) % 1
-    regime = np.select(
-        [phase < 0.7, phase < 0.8, phase < 0.9],
-        [Regime.STICK, Regime.SLIP_NEG, Regime.FLIGHT],
-        Regime.SLIP_POS,
-    )
-    x = 1e-3 * np.where(phase < 0.7, phase / 0.7, (1 - phase) / 0.3)
-    gap = np.where(regime == Regime.FLIGHT, 4e-3 * (phase - 0.8) * (0.9 - phase), 0.0)
-    position = np.column_stack([x, gap])
-    start = np.arange(4) / 40
-    order = [
-        (0.7, Event.RELEASE, 0, 2),
-        (0.8, Event.LIFT_OFF, 2, 3),
-        (0.9, Event.IMPACT, 3, 1),
-        (1.0, Event.CAPTURE, 1, 0),
-    ]
-    events = [
-        (t + p / 40, kind, before, after)
-        for t in start
-        for p, kind, before, after in order
-        if t + p / 40 < 0.1
-    ]
-    times, kinds, before, after = (np.array(column) for column in zip(*events, strict=True))
-
-    def flags(names):
-        codes = np.array([int(name) for name in names], dtype=np.int8)
-        return {
-            "flag_values": codes,
-            "flag_meanings": " ".join(name.name.lower() for name in names),
-        }
-
-    return xr.Dataset(
-        {
-            "position": (("time", "axis"), position, {"units": "m"}),
-            "velocity": (("time", "axis"), np.gradient(position, time, axis=0), {"units": "m/s"}),
-            "regime": ("time", regime.astype(np.int8), flags(Regime)),
-            "normal_force": (
-                "time",
-                np.where(regime == 3, 0.0, 15 + 5 * np.sin(250 * time)),
-                {"units": "N/m"},
-            ),
-            "friction_force": ("time", np.where(regime == 3, 0.0, -8.0), {"units": "N/m"}),
-            "event_time": ("event", times, {"units": "s"}),
-            "event_kind": ("event", kinds.astype(np.int8), flags(Event)),
-            "regime_before": ("event", before.astype(np.int8), flags(Regime)),
-            "regime_after": ("event", after.astype(np.int8), flags(Regime)),
-        },
-        coords={"time": ("time", time, {"units": "s"})},
-        attrs={"title": "a bouncing lip"},
-    )
-
-
 @pytest.fixture(scope="module")
 def small_map():
     return realistic_map(angles=17, loads=3, speeds=9)
 
 
 def test_overview_shows_every_class_the_boundary_and_physical_axes(small_map):
-    figure = plots.overview(small_map)
+    figure = plots.map_overview(small_map)
     texts = [text.get_text() for legend in _legends(figure) for text in legend.get_texts()]
     present = [name for name, count, _ in labels.class_table(small_map) if count]
     assert {"quiet", "squeal", "chattering", "other"} <= set(present)
@@ -192,8 +136,8 @@ def test_failed_and_collapsed_cells_are_hatched(small_map):
     broken["label"][-3:, :, :3] = dataset.LABELS["collapsed"]
     plots.class_map(broken, ax)
     hatches = {c.get_hatch() for c in ax.collections if c.get_hatch()}
-    assert hatches == {plots.CLASS_HATCHES["failed"][0], plots.CLASS_HATCHES["collapsed"][0]}
-    assert sum(len(c.get_paths()) for c in ax.collections if c.get_hatch()) == 18
+    assert hatches == {palette.HATCHES["failed"][0], palette.HATCHES["collapsed"][0]}
+    assert sum(len(c.get_paths()) for c in ax.collections if c.get_hatch()) == 6  # rows, not cells
 
 
 def test_class_map_draws_small_multiples_over_the_third_axis(small_map):
@@ -210,7 +154,7 @@ def test_maps_without_a_number_anywhere_are_still_drawn(small_map):
     for name in ("dominant_frequency", "velocity_rms", "growth_rate"):
         empty[name][:] = np.nan
     empty["label"][:] = dataset.LABELS["failed"]
-    plots.overview(empty).savefig("/dev/null", format="png")
+    plots.map_overview(empty).savefig("/dev/null", format="png")
 
 
 def test_edges_enclose_values_on_both_kinds_of_axis():
@@ -220,39 +164,177 @@ def test_edges_enclose_values_on_both_kinds_of_axis():
         np.array([3.0]),
         np.array([1.0, 2.0]),
     ):
-        border = plots_axes.edges(values)
+        border = plot_axes.edges(values)
         assert border.size == values.size + 1
         assert (border[:-1] < values).all() and (values < border[1:]).all()
-    assert plots_axes.is_geometric(np.geomspace(0.02, 1, 21))
-    assert not plots_axes.is_geometric(np.linspace(0.02, 1, 21))
-    assert not plots_axes.is_geometric(np.linspace(-40, 40, 41))
+    assert plot_axes.is_geometric(np.geomspace(0.02, 1, 21))
+    assert not plot_axes.is_geometric(np.linspace(0.02, 1, 21))
+    assert not plot_axes.is_geometric(np.linspace(-40, 40, 41))
 
 
-def test_run_picture_has_bands_of_regime_and_marks_of_events():
-    run = bouncing_run()
-    spans = list(plots_run.regime_spans(run))
-    assert spans[0][2] == "stick" and spans[0][:2] == pytest.approx((0, 0.0175))
-    assert {name for *_, name in spans} == {"stick", "slip_neg", "flight", "slip_pos"}
-    assert all(a[1] == b[0] for a, b in zip(spans, spans[1:], strict=False))
-    sampled = list(plots_run.regime_spans(run.drop_dims("event")))
-    assert [name for *_, name in sampled] == [name for *_, name in spans]
-    figure = plots_run.run_figure(run)
-    texts = [text.get_text() for text in _legends(figure)[0].get_texts()]
-    assert "impact (4)" in texts and "flight" in texts
-    plots_run.phase_portrait(run.drop_dims("event"))
+def test_regime_map_names_what_occurs_in_the_motion(small_map):
+    shares = {
+        "steady_slip": (0.0, 0.0, 1e-9),
+        "slip_only": (0.0, 0.0, 0.2),
+        "stick_and_slip": (0.5, 0.0, 0.2),
+        "stick_slip_and_flight": (0.5, 0.1, 0.2),
+        "slip_and_flight": (0.0, 0.1, 0.2),
+        "stick_only": (1.0, 0.0, 1e-9),
+    }
+    cells = small_map.isel(attack_angle=slice(0, len(shares)), normal_load=[0], belt_speed=[0, 1])
+    cells = cells.copy(deep=True)
+    cells["label"][:] = dataset.LABELS["other"]
+    for k, (stick, flight, speed) in enumerate(shares.values()):
+        cells["stick_fraction"][k], cells["flight_fraction"][k] = stick, flight
+        cells["velocity_rms"][k] = speed * cells["belt_speed"].values
+    found = classes.motion(cells)
+    names = dataset.flag_names(found)
+    assert [names[int(code)] for code in found[:, 0, 0]] == list(shares)
+    cells["label"][0], cells["label"][1] = dataset.LABELS["failed"], dataset.LABELS["collapsed"]
+    found = classes.motion(cells)
+    assert [names[int(code)] for code in found[:2, 0, 1]] == ["failed", "collapsed"]
+    assert plots.regime_map(cells).shape == (1,)
 
 
-def test_plot_file_picks_by_content(tmp_path, small_map):
-    write_dataset(small_map, tmp_path / "map.h5")
-    write_dataset(bouncing_run(), tmp_path / "run.h5")
-    for name in ("map", "run"):
-        plots.plot_file(tmp_path / f"{name}.h5", tmp_path / f"{name}.png", dpi=40)
-        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(StoreError, match="exists already"):
-        plots.plot_file(tmp_path / "map.h5", tmp_path / "map.png")
-    with pytest.raises(StoreError, match="ending"):
-        plots.plot_file(tmp_path / "map.h5", tmp_path / "map.xyz")
-    write_dataset(xr.Dataset({"a": ("n", [1.0])}), tmp_path / "other.h5")
-    with pytest.raises(StoreError, match="neither a map nor a run"):
-        plots.plot_file(tmp_path / "other.h5", tmp_path / "other.png")
-    assert not (tmp_path / "other.png").exists()
+def test_mechanism_map_shows_also_what_failed(small_map):
+    names = list(palette.MECHANISMS)
+    codes = xr.zeros_like(small_map["label"])
+    codes[:] = np.arange(codes.size).reshape(codes.shape) % len(names)
+    codes.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
+    ds = small_map.assign(mechanism=codes)
+    ds["label"] = ds["label"].copy(deep=True)
+    ds["label"][0] = dataset.LABELS["failed"]
+    axes = plots.mechanism_map(ds)
+    texts = [text.get_text() for text in axes[0].figure.legends[0].get_texts()]
+    share = float((ds["label"] == dataset.LABELS["failed"]).mean())
+    assert f"failed ({share:.1%})" in texts
+    assert any(text.startswith("self excited slip (") for text in texts)
+    assert any(text.startswith("quiet (") for text in texts)
+
+
+def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
+    at = {"attack_angle": 5.0, "normal_load": 17.5}
+    axes = plots.along_axis(small_map, at=at)
+    cells = small_map.sel(at)
+    loud = cells["label"].values != dataset.LABELS["quiet"]
+    offsets = np.concatenate([c.get_offsets() for c in axes[0].collections if _is_marks(c)])
+    drawn = offsets[np.isfinite(offsets[:, 1].filled(np.nan))]
+    assert drawn.shape[0] == loud.sum() > 0
+    expected = cells["dominant_frequency"].values[loud]
+    np.testing.assert_allclose(sorted(drawn[:, 1]), sorted(expected))
+    assert axes[2].get_ylim() == (0, 1) and axes[2].get_xlabel() == "belt speed (m/s)"
+    title = axes[0].figure.get_suptitle()
+    assert "attack angle 5°" in title and "normal load 17.5 N/m" in title
+    assert axes[0].figure.legends[0].get_texts()
+    other = plots.along_axis(small_map, along="attack_angle")
+    assert other[2].get_xlabel() == "attack angle (deg)"
+
+
+def _is_marks(collection):
+    return type(collection).__name__ == "PathCollection"
+
+
+def test_raster_shows_the_regime_over_time(small_map):
+    times = np.arange(4) * 0.01
+    codes = np.arange(small_map["label"].size * 4).reshape(*small_map["label"].shape, 4) % 4
+    raster = dataset.SCHEMA["regime_raster"]
+    dims = (*small_map["label"].dims, "raster_time")
+    ds = small_map.assign_coords(raster_time=("raster_time", times))
+    ds["regime_raster"] = (dims, codes.astype(np.uint8), raster.attributes())
+    ds["regime_raster"][0] = 255  # ended before
+    ax = plots.regime_raster(ds, along="attack_angle")
+    values = ax.collections[0].get_array()
+    assert values.shape == (17, 4) and values.mask[0].all() and not values.mask[1:].any()
+    np.testing.assert_array_equal(values[1:], codes[1:, 1, 4])
+    assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
+    with pytest.raises(ValueError, match="no regime over time"):
+        plots.regime_raster(small_map)
+
+
+def test_cuts_are_at_the_nearest_cell_and_said(small_map):
+    plane, where = planes.cut(small_map, ("attack_angle", "belt_speed"), {"normal_load": 6.0})
+    assert float(plane.normal_load) == 5.0 and where == "normal load 5 N/m"
+    for at, line_ in (
+        ({"normal_load": 90.0}, "normal_load must lie inside 5 ... 30, was 90"),
+        ({"lip_length": 1.0}, "'lip_length' is no axis of this map; it has attack_angle"),
+        ({"belt_speed": 0.1}, "'belt_speed' is an axis of the picture"),
+    ):
+        with pytest.raises(ValueError, match=line_):
+            planes.cut(small_map, ("attack_angle", "belt_speed"), at)
+    with pytest.raises(ValueError, match="'impact' is not in this map; it holds label"):
+        plots.value_map(small_map, "impact")
+
+
+def test_speckled_maps_are_not_hatched_cell_by_cell():
+    ax = Figure().subplots()
+    speckle = (np.indices((300, 300)).sum(axis=0) % 2).astype(bool)
+    classes._hatch(ax, np.arange(301.0), np.arange(301.0), speckle, "xxxx", "#000000")
+    assert not ax.collections
+    classes._hatch(ax, np.arange(301.0), np.arange(301.0), ~speckle | True, "xxxx", "#000000")
+    assert len(ax.collections[0].get_paths()) == 300
+
+
+def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypatch):
+    partial = small_map.copy(deep=True)
+    codes = partial["label"].attrs["flag_values"]
+    partial["label"].attrs["flag_values"] = np.append(codes, np.int8(-1))
+    partial["label"].attrs["flag_meanings"] += " not_computed"
+    partial["label"][8:] = dataset.NOT_COMPUTED
+    partial.attrs |= {"cells": 459, "cells_done": 216}
+    parts = tmp_path / "map.h5.parts"
+    parts.mkdir()
+    monkeypatch.setattr(mapfile, "open_partial", lambda path, variables: partial)
+    for picture in ("overview", "regimes"):
+        plots.plot_file(parts, tmp_path / f"{picture}.png", picture=picture, dpi=30)
+    texts = [entry.get_label() for entry in classes.category_legend(partial)]
+    assert "not computed" in texts
+    assert "unfinished sweep: 216 of 459 cells" in plots.class_map(partial)[0].figure.get_suptitle()
+
+
+# Machado, Oliveira and Fernandes 2009, severity 1, on linear RGB.
+SIGHT = {
+    "usual": np.eye(3),
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "tritanopia": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.303900],
+    ],
+}
+
+
+def _lab(colour, sight):
+    """CIELAB of an sRGB colour as it is seen."""
+    rgb = np.array(matplotlib.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    to_xyz = np.array(
+        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750],
+         [0.0193339, 0.1191920, 0.9503041]]
+    )  # fmt: skip
+    seen = np.clip(np.asarray(sight) @ linear, 0, 1)
+    xyz = to_xyz @ seen / [0.95047, 1.0, 1.08883]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS"])
+def test_colours_are_told_apart_by_everybody(name, sight):
+    """A difference of 2 is just seen side by side; 15 is another colour. Hatched cells have their
+    pattern too.
+    """
+    colours = {k: v for k, v in getattr(palette, name).items() if k not in palette.HATCHES}
+    seen = {key: _lab(colour, SIGHT[sight]) for key, colour in colours.items()}
+    pairs = [(a, b) for a in seen for b in seen if a < b]
+    near = {pair: float(np.linalg.norm(seen[pair[0]] - seen[pair[1]])) for pair in pairs}
+    closest = min(near, key=lambda pair: near[pair])
+    assert near[closest] > 15, (closest, near[closest])

@@ -9,17 +9,15 @@ import pytest
 
 import wiperjax
 from wiperjax import plots, scene, storage
-from wiperjax.results import Event, Regime
+from wiperjax.assess import assess, words
+from wiperjax.labels import Thresholds
+from wiperjax.parameters import PARAMETERS
+from wiperjax.results import RESULTS, Event, Regime
 from wiperjax.spec import load_scene, parse_scene, parse_sweep
 from wiperjax.spec_tables import Start
 from wiperjax.stability import steady_slip
 
 SCENES = Path(__file__).parents[1] / "sweeps" / "scenes"
-
-
-@pytest.fixture(scope="module")
-def squeal():
-    return scene.run(load_scene(SCENES / "squeal.toml"))
 
 
 # --- from parameters to wiper and start -----------------------------------------------------------
@@ -74,6 +72,22 @@ def test_impossible_wipers_are_refused(parameters, kind, text):
     with pytest.raises(ValueError) as refused:
         scene.build_wiper(parameters, kind)
     assert text in str(refused.value)
+
+
+BLADE = [entry for entry in PARAMETERS.values() if entry.table == "blade"]
+
+
+@pytest.mark.parametrize("entry", BLADE, ids=lambda entry: entry.name)
+def test_files_allow_what_the_wiper_allows(entry):
+    """At both ends of each range: else a file passes its check and fails later, without a name."""
+    assert entry.problem(entry.low) is None or entry.low_open
+    for end, refused in ((entry.low, entry.low_open), (entry.high, entry.high_open)):
+        value = {entry.name: float(entry.to_si(end))}
+        if refused:
+            with pytest.raises(ValueError, match=f"^{entry.name} must"):
+                scene.build_wiper(value, "steady")
+        else:
+            scene.build_wiper(value, "steady")
 
 
 def test_starts():
@@ -133,6 +147,30 @@ def test_squeal_file_squeals(squeal):
     assert 1 / np.diff(releases).mean() == pytest.approx(780.8, abs=0.1)
 
 
+def test_class_of_a_run(squeal):
+    found = assess(squeal)
+    said = {"label": "squeal", "mechanism": "stick_slip", "band": "squeal", "settled": "yes"}
+    assert words(found) == said
+    assert float(found.dominant_frequency) == pytest.approx(780.8, abs=0.2)
+    assert float(found.velocity_rms) == pytest.approx(0.357, abs=0.001)  # SCENES.md 1
+    kinds, times = squeal.event_kind.values, squeal.event_time.values
+    release = times[(kinds == Event.RELEASE) & (times > 0.1)]
+    capture = times[(kinds == Event.CAPTURE) & (times > release[0])]
+    slips = capture[:50] - release[:50]  # the events say the same
+    assert float(found.stick_fraction) == pytest.approx(1 - slips.mean() * 780.8, abs=5e-3)
+    assert float(found.normal_force_mean) == pytest.approx(12.2, abs=0.05)
+    assert words(assess(squeal, Thresholds(squeal_band=(800.0, 900.0))))["label"] == "other"
+
+
+def test_class_of_a_run_that_cannot_be_told(squeal):
+    cut = squeal.assign(result=squeal.result * 0 + RESULTS["non_finite"])
+    assert words(assess(cut))["label"] == "failed"
+    with pytest.raises(ValueError, match="64 samples after the transient, but had 51"):
+        assess(squeal, transient=0.199)
+    with pytest.raises(ValueError, match="run of a scene file"):
+        assess(squeal.drop_attrs())
+
+
 def test_run_is_stored_and_drawn(squeal, tmp_path):
     storage.write_dataset(squeal, tmp_path / "run.h5")
     plots.plot_file(tmp_path / "run.h5", tmp_path / "run.png", dpi=40)
@@ -165,3 +203,7 @@ def test_reversal_file_has_its_pulse():
     assert np.min(np.abs(peak - turns - 13.0e-3)) < 0.2e-3
     assert float(force.max() / force[~near].mean()) == pytest.approx(4.08, abs=0.03)
     assert float(late.velocity.sel(axis="x", time=slice(0.25, 0.33)).std()) < 1e-5
+    found = assess(run)
+    assert words(found)["label"] == "reversal"
+    assert words(found)["mechanism"] == "reversal_pulse" and found.stick_fraction_stroke == 0
+    assert float(found.normal_force_max_reversal) == pytest.approx(15.0, abs=0.05)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wiperjax.parameters import PARAMETERS
-from wiperjax.spec import SpecError, load_scene, load_sweep, parse_scene, parse_sweep
+from wiperjax.spec import SpecError, flip_time, load_scene, load_sweep, parse_scene, parse_sweep
 
 SWEEPS = Path(__file__).parent.parent / "sweeps"
 
@@ -119,7 +119,7 @@ def test_defaults_of_run_start_and_classes():
     spec = sweep(ONE_AXIS)
     assert (spec.run.rtol, spec.run.precision, spec.run.solver) == (1e-6, "float64", "tsit5")
     assert (spec.run.max_steps, spec.run.zeno_time, spec.run.samples) == (200_000, 1e-8, 2048)
-    assert spec.run.atol is None and spec.run.max_events is None
+    assert spec.run.atol is None and spec.run.event_log is None
     assert spec.start.kind == "default"
     assert spec.classes.squeal_band == (500.0, 1000.0)
     assert spec.classes.chatter_band == (0.0, 100.0)
@@ -292,7 +292,8 @@ FAULTS = {
     ),
     "[classes]\nzzz = 1\n" + ONE_AXIS: (
         "classes.zzz: unknown key; must be one of quiet_velocity_ratio, squeal_band, "
-        "chatter_band, reversal_window, reversal_ratio"
+        "chatter_band, reversal_window, reversal_ratio, "
+        "vibration_ratio, stick_share, settled_change"
     ),
     # ranges
     "[axes]\nattack_angle = { start = -95, stop = 95, num = 3 }\n" + RUN: (
@@ -484,7 +485,33 @@ def test_faults_of_scenes():
         parse_scene({"run": {"duration": 0}}, "s")
     with pytest.raises(SpecError, match=r"^s: run: is missing; the table must be there$"):
         parse_scene({}, "s")
-    with pytest.raises(SpecError, match=r"^s: axes: unknown key; must be one of title, blade"):
+    with pytest.raises(
+        SpecError, match=r"^s: axes: unknown key; must be one of title, model, blade"
+    ):
         parse_scene({"axes": {}, "run": {"duration": 1}}, "s")
     with pytest.raises(SpecError, match=r"^s: belt.frequency: is missing"):
         parse_scene({"belt": {"kind": "trapezoid"}, "run": {"duration": 1}}, "s")
+
+
+def test_notes_on_windows_and_samples():
+    """What is allowed but makes classes that nobody means."""
+    axes = {"attack_angle": {"values": [-30.0, 0.0]}}
+    steady = {"axes": axes, "run": {"transient": 0.1, "window": 2.0, "samples": 2048}}
+    (note,) = parse_sweep(steady).notes()
+    assert note.startswith("run.samples resolve frequencies up to 512 Hz only; take 4000 or more")
+    belt = {"kind": "wiping", "amplitude": 0.8, "frequency": 0.7}
+    run = {"transient": 0.1, "window": 2.0, "samples": 4096}
+    (note,) = parse_sweep({"axes": axes, "belt": belt, "run": run}).notes()
+    assert "reversal_window is 0.025 s, but the glass needs up to 0.072 s after V = 0" in note
+    wide = {"axes": axes, "belt": belt, "run": run, "classes": {"reversal_window": 0.1}}
+    assert parse_sweep(wide).notes() == []
+
+
+def test_time_of_a_flip():
+    # V = 2 V0 t/ramp: V0 t^2/ramp on the ramp, V0 ramp/4 until its end
+    assert flip_time("trapezoid", 0.8, 0.7, 0.05, 5e-3) == pytest.approx(math.sqrt(7.5e-3 / 16))
+    assert flip_time("trapezoid", 0.8, 0.7, 0.01, 5e-3) == pytest.approx(2.5e-3 + 7.5e-3 / 0.8)
+    time = flip_time("wiping", 1.6, 0.7, 0.0, 6e-3)
+    turn = 2 * math.pi * 0.7
+    assert 1.6 / turn * (1 - math.cos(turn * time)) == pytest.approx(9e-3)
+    assert flip_time("wiping", 0.01, 10.0, 0.0, 6e-3) == math.inf  # the lip never flips

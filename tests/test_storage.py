@@ -10,12 +10,14 @@ import json
 import logging
 import os
 import random
+import re
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 
 import h5py
@@ -23,12 +25,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wiperjax import dataset, mapfile
+from wiperjax import dataset, manifest, mapfile, work
 from wiperjax import driver as sweep
 from wiperjax.blocks import BlockStore
+from wiperjax.cli import main
 from wiperjax.results import RESULTS
 from wiperjax.spec import parse_sweep
 from wiperjax.storage import StoreError, open_map, parts_of, write_dataset
+from wiperjax.verification import verify
+from wiperjax.work import block_size, evaluate_block
 
 BLOCK = 50
 IDENTITY = {"precision": "float64", "jax": "0.1"}
@@ -107,11 +112,11 @@ def open_store(path, spec, **options):
 
 def fill(store, spec, numbers):
     for number in numbers:
-        columns, _ = sweep.evaluate_block(spec, np.arange(*store.span(number)), evaluate)
+        columns, _ = evaluate_block(spec, np.arange(*store.span(number)), evaluate)
         store.write(number, columns)
 
 
-def partial(path, spec, blocks, **options):
+def partial(path, spec, blocks, engine=evaluate, **options):
     """An unfinished sweep that holds `blocks`."""
 
     class Stop(Exception):
@@ -120,7 +125,7 @@ def partial(path, spec, blocks, **options):
     def stopping(spec, index):
         if index[0] // BLOCK >= blocks:
             raise Stop
-        return evaluate(spec, index)
+        return engine(spec, index)
 
     with pytest.raises(Stop):
         run(spec, path, evaluate=stopping, **options)
@@ -231,7 +236,7 @@ def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
 
     expected = with_raster(spec, np.arange(385))["regime_raster"].reshape(7, 5, 11, 7)
     with open_store(path, spec) as store:
-        columns, _ = sweep.evaluate_block(spec, np.arange(50, 100), with_raster)
+        columns, _ = evaluate_block(spec, np.arange(50, 100), with_raster)
         store.write(1, columns)
         part = mapfile.open_partial(parts_of(path)).regime_raster
         store.remove()
@@ -246,10 +251,141 @@ def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
     np.testing.assert_allclose(ds.raster_time, np.arange(7) * 256 // 7 * step)
     whole_ = sweep.run(spec, evaluate=with_raster, block=BLOCK, progress=False)
     xr.testing.assert_identical(data_of(ds), data_of(whole_))
-    assert sweep.verify(path, cells=20, evaluate=with_raster).passed
+    assert verify(path, cells=20, evaluate=with_raster).passed
     with h5py.File(path, "r+") as file:
         file["regime_raster"][...] = 0
-    assert len(sweep.verify(path, cells=20, evaluate=with_raster).differing) == 20
+    assert len(verify(path, cells=20, evaluate=with_raster).differing) == 20
+
+
+def with_events(spec, index):
+    """`evaluate` with an event log: cells of 0 to 8 events, where there is room for 5."""
+    room, count = spec.run.event_log, index % 9
+    held = np.arange(room) < count[:, None]
+    return evaluate(spec, index) | {
+        "event_count": count,
+        "event_overflow": count > room,
+        "event_time": np.where(held, 1e-3 * np.arange(room) + 1e-6 * index[:, None], np.nan),
+        "event_kind": np.where(held, 1 + index[:, None] % 4, dataset.NONE),
+        "regime_before": np.where(held, 0, dataset.NONE),
+        "regime_after": np.where(held, 1, dataset.NONE),
+        "event_impulse": np.where(held, np.cos(index)[:, None], np.nan),
+    }
+
+
+def test_the_event_log_survives_like_all_else(tmp_path, capsys):
+    spec, path = make_spec(event_log=5), tmp_path / "map.h5"
+    partial(path, spec, 3, with_events)
+    part = mapfile.open_partial(parts_of(path))
+    expected = with_events(spec, np.arange(385))
+    for name in ("event_time", "event_kind", "event_impulse"):
+        found = part[name].values.reshape(385, 5)
+        np.testing.assert_array_equal(found[:150], expected[name][:150])
+        none = dataset.SCHEMA[name].missing
+        np.testing.assert_array_equal(found[150:], np.full((235, 5), none))
+    run(spec, path, resume=True, evaluate=with_events)
+    with open_map(path) as ds:
+        whole_ = sweep.run(spec, evaluate=with_events, block=BLOCK, progress=False)
+        xr.testing.assert_identical(data_of(ds), data_of(whole_))
+        assert ds.event_time.dims == ("attack_angle", "normal_load", "belt_speed", "event")
+        assert dataset.flag_names(ds.event_kind)[5] == "impact"
+        cell = ds.isel(attack_angle=0, normal_load=0, belt_speed=8)  # as a person reads one cell
+        assert int(cell.event_count) == 8 and int(cell.event_overflow) == 1
+        assert cell.event_time.dropna("event").size == 5
+    assert verify(path, cells=20, evaluate=with_events).passed
+    assert main(["info", str(path)]) == 0
+    said = capsys.readouterr().out
+    counts = expected["event_count"]
+    assert f"events: {counts.sum()} in the settled windows, 8 in the fullest" in said
+    assert f"room for 5 of a cell, {(counts > 5).sum()} of 385 cells had more" in said
+
+
+def test_the_netcdf_library_itself_reads_a_map(tmp_path):
+    """Types, dimensions and attributes as netCDF has them, not as HDF5 would also allow."""
+    netcdf = pytest.importorskip("netCDF4")
+    spec, path = make_spec(event_log=5), tmp_path / "map.h5"
+    ds = run(spec, path, evaluate=with_events)
+    with netcdf.Dataset(path) as file:
+        file.set_auto_mask(False)
+        assert file.data_model == "NETCDF4" and file.Conventions == "CF-1.11"
+        sizes = {name: len(dim) for name, dim in file.dimensions.items()}
+        assert sizes == {"attack_angle": 7, "normal_load": 5, "belt_speed": 11, "event": 5}
+        assert not any(dim.isunlimited() for dim in file.dimensions.values())
+        for name, variable in file.variables.items():
+            np.testing.assert_array_equal(variable[...], ds[name].values)
+            assert variable.long_name and isinstance(variable.dtype, np.dtype)
+            if "flag_values" in variable.ncattrs():
+                values = np.atleast_1d(variable.flag_values)
+                assert values.dtype == variable.dtype
+                assert len(values) == len(variable.flag_meanings.split())
+            else:
+                assert variable.units
+        assert file["event_time"].filters()["zlib"] and file["event_time"].chunking()[-1] == 5
+        for name in ("specification_text", "versions", "host", "date_created", "seed", "command"):
+            assert isinstance(getattr(file, name), str), name
+        assert file.wall_time > 0
+
+
+def test_a_write_that_is_lost_is_noticed(tmp_path, monkeypatch):
+    """Of h5netcdf (it drops what lies past the end of a dimension) or of the disk."""
+    import h5netcdf
+
+    spec, path = make_spec(), tmp_path / "map.h5"
+    true_write = h5netcdf.Variable.__setitem__
+
+    def losing(self, key, value):
+        if self.name != "/steps":
+            true_write(self, key, value)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(h5netcdf.Variable, "__setitem__", losing)
+        with pytest.raises(StoreError, match="steps reads back otherwise than it was written"):
+            run(spec, path)
+    assert not path.exists() and len(block_files(path)) == 8
+
+    class Lossy(mapfile.SpillFile):
+        def write(self, data):
+            if len(memoryview(data).cast("B")) < 1000:
+                return super().write(data)
+            self._place += len(data)
+            self._size = max(self._size, self._place)
+            return len(data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(mapfile, "SpillFile", Lossy)
+        with pytest.raises(StoreError, match="^[^\n]*map.h5[^\n]*$"):
+            run(spec, path, resume=True)
+    assert not path.exists() and len(block_files(path)) == 8
+    run(spec, path, resume=True)
+    assert_same_map(path, spec)
+
+
+def test_memory_is_that_of_a_block(tmp_path, monkeypatch):
+    """The same peak for 2 500 cells and for 25 000, event log included."""
+    monkeypatch.setattr(mapfile.slabs, "__defaults__", (2000,))
+    monkeypatch.setattr(mapfile.chunk_shape, "__defaults__", (500, 2000))
+
+    def peak(angles):
+        spec = make_spec(angles, 50, 10, event_log=20, samples=16)
+        tracemalloc.start()
+        with sweep.run(
+            spec, tmp_path / f"{angles}.h5", evaluate=with_events, block=500, progress=False
+        ):
+            found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    peak(2)  # imports
+    small, large = peak(5), peak(50)
+    assert large < 1.25 * small, (small, large)
+
+
+def test_blocks_shrink_as_cells_grow():
+    """Memory is that of a block: of few cells where each has much to keep."""
+    assert block_size(make_spec()) == block_size(make_spec(event_log=5)) == 8192
+    for room in (2000, 20_000):
+        size = block_size(make_spec(event_log=room))
+        assert size * room * 19 <= 2**27 < 2 * size * room * 20
+    assert block_size(make_spec(event_log=65_536)) == 256
 
 
 # --- interruption ---------------------------------------------------------------------------------
@@ -284,7 +420,7 @@ def test_kills_at_random_times(tmp_path):
     os.waitpid(subprocess_fork(spec, path, delay=0.004), 0)
     length = time.monotonic() - begun
     path.unlink()
-    deadline = begun + 60
+    deadline = begun + 180  # about ten seconds, unless the machine is very busy
     enough = False
     while not enough and time.monotonic() < deadline:
         child = subprocess_fork(spec, path, delay=0.004)
@@ -314,8 +450,62 @@ def test_kills_at_random_times(tmp_path):
     assert enough, counts
 
 
+CALLS = ("mkdir", "ftruncate", "fsync", "replace", "unlink", "rmdir")
+
+
+def test_a_kill_before_any_call_that_counts(tmp_path):
+    """SIGKILL before the first, the second, ... of all the calls that make what was written
+    durable, name it or delete it: each time what is left can be read, and goes on to the same map.
+    """
+    spec, path = make_spec(2, 2, 5), tmp_path / "map.h5"
+    options = {"block": 8, "evaluate": evaluate, "progress": False, "resume": True}
+    reference = data_of(sweep.run(spec, evaluate=evaluate, block=8, progress=False))
+    places, kept, call = 0, set(), 0
+    while True:
+        child = fork(lambda call=call: killed_at(call, spec, path, options))
+        _, status = os.waitpid(child, 0)
+        if not os.WIFSIGNALED(status):
+            break
+        places += 1
+        if (parts_of(path) / "manifest.json").exists():
+            part = open_map(parts_of(path))
+            done = part.done.values == 1
+            kept.add(int(done.sum()))
+            if done.any():
+                assert (part.steps.values[done] == reference.steps.values[done]).all()
+        with sweep.run(spec, path, **options) as ds:
+            xr.testing.assert_identical(data_of(ds), reference)
+        assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+        path.unlink()
+        call += 1
+    print(f"{places} kills, one before each call")
+    assert places > 25 and kept >= {0, 8, 16, 20}
+
+
+def killed_at(call, spec, path, options):
+    """A sweep that kills its process before its call number `call` of `CALLS`."""
+    left = iter(range(call + 1))
+
+    def deadly(function):
+        def wrapped(*args, **kwargs):
+            if next(left, None) == call:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return function(*args, **kwargs)
+
+        return wrapped
+
+    for name in CALLS:
+        setattr(os, name, deadly(getattr(os, name)))
+    sweep.run(spec, path, **options)
+
+
 def subprocess_fork(spec, path, delay):
     """Process id of a child that resumes the sweep, each block taking `delay` seconds."""
+    return fork(lambda: slow_sweep(spec, path, delay, resume=True))
+
+
+def fork(work):
+    """Process id of a child that does `work` and ends."""
     import warnings
 
     with warnings.catch_warnings():
@@ -328,7 +518,7 @@ def subprocess_fork(spec, path, delay):
         child = os.fork()
     if child == 0:
         try:
-            slow_sweep(spec, path, delay, resume=True)
+            work()
         finally:
             os._exit(0)
     return child
@@ -483,6 +673,24 @@ def test_a_damaged_manifest_is_one_clear_line(tmp_path):
     assert_same_map(path, spec)
 
 
+def test_every_flipped_byte_of_the_manifest_is_noticed(tmp_path):
+    """Or harmless: what says which cells of which map these are cannot change unseen."""
+    path = tmp_path / "map.h5"
+    open_store(path, make_spec()).close()
+    file = parts_of(path) / "manifest.json"
+    content, whole_ = file.read_bytes(), manifest.read(parts_of(path))
+    noticed = 0
+    for place in random.Random(2).sample(range(len(content)), 300):
+        changed = bytes([content[place] ^ (1 << place % 7)])
+        file.write_bytes(content[:place] + changed + content[place + 1 :])
+        try:
+            assert manifest.read(parts_of(path)) == whole_, place
+        except StoreError as error:
+            assert str(error).startswith(f"{file}: ") and "--force" in str(error)
+            noticed += 1
+    assert noticed > 200
+
+
 # --- refusals -------------------------------------------------------------------------------------
 
 
@@ -496,6 +704,17 @@ def test_another_specification_is_refused_and_the_difference_named(tmp_path):
         run(make_spec(angles=8), path, resume=True)
     assert block_files(path) == files
     run(make_spec(), path, resume=True)
+
+
+@pytest.mark.parametrize("name", ["wiperjax", "jax", "numpy", "precision"])
+def test_a_sweep_by_other_software_is_refused(tmp_path, name, monkeypatch):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    partial(path, spec, 2)
+    made = work.made_by(spec)
+    monkeypatch.setattr(work, "made_by", lambda spec: made | {name: "other"})
+    with pytest.raises(StoreError, match=f"{name} was {re.escape(made[name])}, now other"):
+        run(spec, path, resume=True)
+    assert len(block_files(path)) == 2
 
 
 @pytest.mark.parametrize("name", ["precision", "jax"])
@@ -670,7 +889,7 @@ def test_a_file_size_limit_is_an_error_like_a_full_disk(tmp_path):
 # --- reading meanwhile, reading after -------------------------------------------------------------
 
 
-def test_an_unfinished_store_opens_with_a_mask(tmp_path):
+def test_an_unfinished_store_opens_with_a_mask(tmp_path, capsys):
     spec, path = make_spec(), tmp_path / "map.h5"
     with open_store(path, spec) as store:
         fill(store, spec, [1, 7])
@@ -687,6 +906,12 @@ def test_an_unfinished_store_opens_with_a_mask(tmp_path):
     assert list(mapfile.open_partial(parts_of(path), ["label"]).data_vars) == ["label", "done"]
     with pytest.raises(StoreError, match="not the folder of an unfinished sweep"):
         mapfile.open_partial(tmp_path)
+    xr.testing.assert_identical(open_map(parts_of(path)), ds)
+    with pytest.raises(StoreError, match="is not a finished map"):
+        verify(parts_of(path), evaluate=evaluate)
+    assert main(["info", str(parts_of(path))]) == 0
+    said = capsys.readouterr().out
+    assert "cells_done: 85" in said and "squeal " in said and "not_computed" not in said
 
 
 def test_files_that_are_no_maps(tmp_path):
@@ -701,16 +926,16 @@ def test_files_that_are_no_maps(tmp_path):
 def test_verify_recomputes_and_finds_a_changed_number(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
     run(spec, path)
-    report = sweep.verify(path, cells=40, seed=1, evaluate=evaluate)
-    assert report.passed and report.same_versions and report.cells == 40 and report.columns == 10
+    report = verify(path, cells=40, seed=1, evaluate=evaluate)
+    assert report.passed and report.same_versions and report.cells == 40 and report.columns == 13
     assert set(report.largest) <= {"dominant_frequency"}
     with h5py.File(path, "r+") as file:
         file["normal_force_max"][...] = file["normal_force_max"][...] * (1 + 1e-6)
-    report = sweep.verify(path, cells=385, evaluate=evaluate)
+    report = verify(path, cells=385, evaluate=evaluate)
     assert not report.passed and len(report.differing) > 380
     assert report.largest["normal_force_max"] == pytest.approx(1e-6, rel=1e-3)
     with pytest.raises(StoreError, match="was not made from this specification"):
-        sweep.verify(path, spec=make_spec(rtol=1e-7), evaluate=evaluate)
+        verify(path, spec=make_spec(rtol=1e-7), evaluate=evaluate)
 
 
 def test_progress_is_silent_without_a_terminal_and_counts_with_one(tmp_path, capfd):

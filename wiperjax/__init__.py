@@ -12,7 +12,6 @@ from .belts import SteadyBelt as SteadyBelt  # noqa: E402
 from .belts import TrapezoidBelt as TrapezoidBelt  # noqa: E402
 from .belts import WipingBelt as WipingBelt  # noqa: E402
 from .driver import run as sweep  # noqa: E402, F401
-from .driver import verify as verify  # noqa: E402
 from .friction import AbstractFriction as AbstractFriction  # noqa: E402
 from .friction import Coulomb as Coulomb  # noqa: E402
 from .friction import Stribeck as Stribeck  # noqa: E402
@@ -23,8 +22,10 @@ from .results import Result as Result  # noqa: E402
 from .solve import solve as solve  # noqa: E402
 from .spec import load_scene as load_scene  # noqa: E402
 from .spec import load_sweep as load_sweep  # noqa: E402
+from .storage import open_map as open_map  # noqa: E402
 from .system import AbstractSystem as AbstractSystem  # noqa: E402
 from .trajectory import simulate as simulate  # noqa: E402
+from .verification import verify as verify  # noqa: E402
 from .wiper import Wiper as Wiper  # noqa: E402
 
 __version__ = "0.1.0"

@@ -10,6 +10,7 @@ from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 TURN = 6.283185307179586
@@ -21,6 +22,14 @@ class AbstractBelt(eqx.Module):
     @abstractmethod
     def velocity(self, time, piece):
         """V [m/s] at ``time`` [s] by the formula of piece ``piece``."""
+
+    def motion(self, time, piece):
+        """V [m/s] and V' [m/s^2] at ``time`` [s] by the formula of piece ``piece``."""
+
+        def velocity(t):
+            return jnp.broadcast_to(jnp.asarray(self.velocity(t, piece)), jnp.shape(t))
+
+        return jax.jvp(velocity, (time,), (jnp.ones_like(time),))
 
     @abstractmethod
     def break_time(self, piece):
@@ -37,6 +46,11 @@ class AbstractBelt(eqx.Module):
     def since_reversal(self, time):
         """Time [s] since the nearest passage of V through zero (negative: until it)."""
         return jnp.full_like(time, jnp.inf)
+
+    @property
+    def wiping_frequency(self) -> Any:
+        """Frequency [Hz] of the belt's motion; 0 if it is steady."""
+        return 0.0
 
     @property
     @abstractmethod
@@ -82,6 +96,10 @@ class WipingBelt(AbstractBelt):
     frequency: float
     phase: float = 0.0
 
+    @property
+    def wiping_frequency(self):
+        return self.frequency
+
     def velocity(self, time, piece):
         return self.amplitude * jnp.sin(TURN * self.frequency * time + self.phase)
 
@@ -120,6 +138,10 @@ class TrapezoidBelt(AbstractBelt):
     frequency: float
     ramp: float
     phase: float = 0.0
+
+    @property
+    def wiping_frequency(self):
+        return self.frequency
 
     def _zero(self, half):
         return (0.5 * half - self.phase / TURN) / self.frequency

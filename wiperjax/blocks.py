@@ -15,7 +15,6 @@ it unreadable.
 import contextlib
 import hashlib
 import io
-import json
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -25,12 +24,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-from . import dataset
+from . import dataset, manifest
 from .lock import acquire, release
+from .manifest import MANIFEST
 from .storage import StoreError, log, naming, parts_of, reason, write_bytes
 
-FORMAT = 1
-MANIFEST = "manifest.json"
 LOCK = "lock"
 BLOCK_NAME = re.compile(r"block-(\d{8})-([0-9a-f]{64})\.h5")
 
@@ -42,9 +40,9 @@ class BlockStore:
     agree for blocks to be parts of one map: text -> text.
     """
 
-    def __init__(self, parts: Path, manifest: dict[str, Any], lock: int | None):
+    def __init__(self, parts: Path, described: dict[str, Any], lock: int | None):
         self.parts = parts
-        self.manifest = manifest
+        self.manifest = described
         self._lock = lock
         self._names = _scan(parts)
 
@@ -82,29 +80,18 @@ class BlockStore:
             parts.mkdir(exist_ok=True)
         lock = acquire(parts / LOCK)
         try:
-            manifest = None if force and not resume else _read_manifest(parts)
-            if manifest is not None and resume:
-                _check_identity(parts, manifest, identity, spec.canonical())
-            elif manifest is not None:
+            found = None if force and not resume else manifest.read(parts)
+            if found is not None and resume:
+                manifest.check_identity(parts, found, identity, spec.canonical())
+            elif found is not None:
                 raise StoreError(
                     f"{parts}: holds an unfinished sweep; use --resume to go on, "
                     "or --force to start anew"
                 )
             else:
                 _clear(parts)
-                manifest = {
-                    "format": FORMAT,
-                    "block": int(block),
-                    "cells": int(spec.size),
-                    "replace": bool(force),
-                    "identity": identity,
-                    "specification": spec.canonical(),
-                    "map": dataset.describe(spec),
-                }
-                write_bytes(
-                    parts / MANIFEST, json.dumps(manifest, indent=1, default=_plain).encode()
-                )
-            store = cls(parts, json.loads((parts / MANIFEST).read_text()), lock)
+                found = manifest.create(parts, spec, block, force, identity)
+            store = cls(parts, found, lock)
             _remove_temporary(parts)
             store.check()
             return store
@@ -118,16 +105,16 @@ class BlockStore:
         died.
         """
         parts = Path(parts)
-        manifest = _read_manifest(parts)
-        if manifest is None:
+        found = manifest.read(parts)
+        if found is None:
             raise StoreError(f"{parts}: is not the folder of an unfinished sweep")
-        return cls(parts, manifest, None)
+        return cls(parts, found, None)
 
     @staticmethod
     def may_replace(output: str | Path) -> bool:
         """Whether the unfinished sweep beside `output` was started with leave to replace it."""
-        manifest = _read_manifest(parts_of(output))
-        return manifest is not None and bool(manifest.get("replace"))
+        found = manifest.read(parts_of(output))
+        return found is not None and bool(found.get("replace"))
 
     def close(self) -> None:
         """Frees the lock; finished blocks stay."""
@@ -251,83 +238,6 @@ def _scan(parts: Path) -> dict[int, str]:
             if match := BLOCK_NAME.fullmatch(entry.name):
                 names[int(match[1])] = entry.name
     return names
-
-
-def _read_manifest(parts: Path) -> dict[str, Any] | None:
-    path = parts / MANIFEST
-    if not path.exists():
-        return None
-    try:
-        manifest = json.loads(path.read_text())
-        if manifest["format"] != FORMAT:
-            raise StoreError(
-                f"{path}: was made by another version of wiperjax "
-                f"(store format {manifest['format']})"
-            )
-        return manifest
-    except (ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{path}: is damaged; use --force to start anew") from error
-    except OSError as error:
-        raise StoreError(f"{path}: cannot be read: {reason(error)}") from error
-
-
-def _check_identity(
-    parts: Path, manifest: dict[str, Any], identity: dict[str, str], canonical: str
-) -> None:
-    """Raises `StoreError` that says what differs, if anything does."""
-    stored = manifest["identity"]
-    differences = []
-    for name in sorted(stored.keys() | identity.keys()):
-        was, now = stored.get(name, "none"), identity.get(name, "none")
-        if was == now:
-            continue
-        if name == "specification":
-            differences.append(
-                "specification: " + _first_difference(manifest["specification"], canonical)
-            )
-        else:
-            differences.append(f"{name} was {was}, now {now}")
-    if differences:
-        raise StoreError(
-            f"{parts}: was made otherwise, its blocks do not belong to this sweep "
-            f"({'; '.join(differences)}); use --force to start anew"
-        )
-
-
-def _first_difference(was: str, now: str) -> str:
-    """First few keys that differ between two canonical specifications, with both values."""
-    old, new = _flatten(json.loads(was)), _flatten(json.loads(now))
-    keys = [key for key in sorted(old.keys() | new.keys()) if old.get(key) != new.get(key)]
-    shown = [f"{key} was {_short(old.get(key))}, now {_short(new.get(key))}" for key in keys[:3]]
-    return ", ".join(shown) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")
-
-
-def _flatten(value: Any, prefix: str = "") -> dict[str, Any]:
-    """Leaves of nested dicts (and of the list of axes, pairs) by their dotted name."""
-    if (
-        isinstance(value, list)
-        and value
-        and all(isinstance(i, list) and len(i) == 2 for i in value)
-    ):
-        value = dict(value)
-    if not isinstance(value, dict):
-        return {prefix: value}
-    return {
-        k: v
-        for key, item in value.items()
-        for k, v in _flatten(item, f"{prefix}.{key}".strip(".")).items()
-    }
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, list) and len(value) > 4:
-        return f"{len(value)} values from {value[0]} to {value[-1]}"
-    return "absent" if value is None else str(value)
-
-
-def _plain(value: Any) -> Any:
-    """Numpy values as JSON."""
-    return value.tolist()
 
 
 def _remove_temporary(parts: Path) -> None:

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .belts import SteadyBelt
-from .dataset import raster_index
+from .dataset import NONE, raster_index
+from .ladder import on_rung, operating_speed, start_on_rung
 from .lanes import Outcome, Pool, run_pool
 from .margins import Watched, watch
 from .noise import ReversalTotals
@@ -19,6 +20,8 @@ from .sampling import SAMPLES_PER_STEP, Signal
 from .scene import SOLVERS, build_wiper, start_state
 from .solve import make_problem
 from .stability import steady_slip
+from .state import EventLog
+from .system import AbstractSystem
 from .wiper import Wiper
 
 LANES = {"float64": 512, "float32": 1024}  # a device, at most: as much as its cache holds
@@ -41,16 +44,16 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
         from . import sensitivity  # it stands on this module
 
         return sensitivity.evaluate(spec, index)
-    wiper, position, velocity = prepare(spec, index)
-    settings = _settings(spec)
+    wiper, system, position, velocity = prepare(spec, index)
+    settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
 
     def compute(cells, count):
-        wiper, position, velocity = cells
-        return _compute(wiper, position, velocity, count, settings)
+        system, position, velocity = cells
+        return _compute(system, position, velocity, count, limit, settings)
 
     precision, size = spec.run.precision, position[0].shape[-1]
     cells = (
-        _arrays(wiper, precision),
+        _arrays(system, precision),
         _full(position, size, precision),
         _full(velocity, size, precision),
     )
@@ -58,15 +61,18 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     return columns_of(spec, outcome, signal, effort, wiper, len(index))
 
 
-def prepare(spec, index) -> tuple[Wiper, tuple, tuple]:
-    """Return wiper, positions and velocities of the cells ``index``, and of some that fill up.
+def prepare(spec, index) -> tuple[Wiper, Any, tuple, tuple]:
+    """Return wiper, system (its rung), positions and velocities of the cells ``index``, and
+    of some that fill up.
 
     Every call of a sweep has the same shapes (one compilation).
     """
-    size = _capacity(len(index), len(jax.devices()))
+    size = _capacity(len(index), len(_devices()))
     padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
     wiper = build_wiper(spec.cells(padded), spec.belt.kind)
-    return wiper, *start_state(wiper, spec.start)
+    system = on_rung(wiper, spec.model)
+    start = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
+    return wiper, system, *start
 
 
 def deal(compute, cells, count: int):
@@ -75,11 +81,9 @@ def deal(compute, cells, count: int):
     ``compute(cells, count)`` gets arrays with the cells as last axis and returns (answers with the
     cells as first axis, effort).
     """
-    devices = jax.devices()
+    devices = _devices()
     shares = len(devices)
     varying, fixed = eqx.partition(cells, eqx.is_array)
-    if devices[0].platform == "cpu":
-        devices = devices[:1] * shares  # one compilation; a thread for each share fills a core
 
     def work(share):
         # neighbours cost alike: deal the cells out like cards, so that the shares end together
@@ -107,9 +111,16 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
     columns["signal"] = signal.output
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
-    columns["sample_interval"] = run.window / run.samples
+    if outcome.log is not None:
+        columns |= _events(outcome.log, run)
+    columns["sample_interval"] = interval = run.window / run.samples
+    if not isinstance(wiper.belt, SteadyBelt):
+        times = run.transient + interval * np.arange(run.samples)
+        per_cell = jax.tree.map(lambda x: _cellwise(x, back)[:, None], wiper.belt)
+        columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
+        columns["wiping_frequency"] = _cellwise(wiper.belt.wiping_frequency, back)
     columns["occupancy"] = float(useful / executed)
-    linear = steady_slip(wiper, wiper.belt.peak)
+    linear = steady_slip(wiper, operating_speed(wiper.belt))
     columns["growth_rate"] = _cellwise(linear.growth_rate, back)
     columns["linear_frequency"] = _cellwise(linear.frequency, back)
     return columns
@@ -130,10 +141,10 @@ class _Settings(NamedTuple):
     atol: float | None
     precision: str
     solver: str
-    max_steps: int
     zeno_time: float
     samples: int
     raster: int | None
+    event_log: int | None
     reversal_window: float
 
 
@@ -142,12 +153,20 @@ def _settings(spec) -> _Settings:
     return _Settings(**given, reversal_window=spec.classes.reversal_window)
 
 
+def _devices() -> list:
+    """Return the device of each share of a block: every accelerator; or, for each of the host's
+    devices, the first of them: one compilation, and a thread for each share fills a core.
+    """
+    devices = jax.devices()
+    return devices[:1] * len(devices) if devices[0].platform == "cpu" else devices
+
+
 def _capacity(cells: int, shares: int) -> int:
     """Cells a block is filled up to: the next power of two, at least 64 a device."""
     return max(1 << (cells - 1).bit_length(), 64 * shares)
 
 
-def _arrays(wiper: Wiper, precision: str) -> Wiper:
+def _arrays(system: AbstractSystem, precision: str) -> AbstractSystem:
     """Turn parameters into arrays, (cells,) where they vary and () where they do not.
 
     A Python 0 or 1 stays one: its terms, or a power of 1, are left out of the compiled program.
@@ -158,7 +177,7 @@ def _arrays(wiper: Wiper, precision: str) -> Wiper:
             return value
         return jnp.asarray(value, precision)
 
-    return jax.tree.map(leaf, wiper)
+    return jax.tree.map(leaf, system)
 
 
 def _full(pair, size, precision):
@@ -166,24 +185,26 @@ def _full(pair, size, precision):
 
 
 @eqx.filter_jit
-def _compute(wiper, position, velocity, count, s: _Settings) -> tuple[Outcome, Any, Any]:
+def _compute(
+    system, position, velocity, count, max_steps, s: _Settings
+) -> tuple[Outcome, Any, Any]:
     """Run the cells of one share. A program for one device: compiled for several together it
     would round otherwise, and a map would depend on the number of cores.
     """
-    return outcomes(wiper, position, velocity, count, s)
+    return outcomes(system, position, velocity, count, max_steps, s)
 
 
-def outcomes(wiper, position, velocity, count, s: _Settings, watched=False):
+def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched=False):
     """`_compute`, to be called inside `jax.jit`; ``watched``: with `margins` in the record."""
     interval = s.window / s.samples
-    if isinstance(wiper.belt, SteadyBelt):
+    if isinstance(system.belt, SteadyBelt):
         totals = RegimeTotals(s.transient)
     else:
         totals = ReversalTotals(s.transient, s.reversal_window)
     if watched:
-        totals = watch(wiper, totals)
+        totals = watch(system, totals)
     problem, q, v, start = make_problem(
-        wiper,
+        system,
         s.transient + s.window,
         initial_state=(position, velocity),
         solver=SOLVERS[s.solver](),
@@ -196,7 +217,9 @@ def outcomes(wiper, position, velocity, count, s: _Settings, watched=False):
             SAMPLES_PER_STEP * FLOWS,
             s.raster is not None,
         ),
-        max_steps=s.max_steps,
+        max_events=s.event_log or 0,
+        log_start=s.transient,
+        max_steps=max_steps,
         max_step=SAMPLES_PER_STEP * interval,
         zeno_time=s.zeno_time,
         mark=s.transient,
@@ -230,10 +253,29 @@ def statistics(outcome: Outcome, window) -> dict[str, Any]:
         "normal_force_max": record.normal_force_max,
         "gap_max": record.gap_max,
         "impact_impulse_max": record.impulse_max,
+        # a rung of one coordinate stays on the glass
         "final_x": outcome.position[0],
-        "final_y": outcome.position[1],
+        "final_y": (*outcome.position, 0.0 * outcome.position[0])[1],
         "final_vx": outcome.velocity[0],
-        "final_vy": outcome.velocity[1],
+        "final_vy": (*outcome.velocity, 0.0 * outcome.velocity[0])[1],
+    }
+
+
+def _events(log: EventLog, run) -> dict[str, np.ndarray]:
+    """Columns of the event log; the room that a cell leaves empty holds NaN and `dataset.NONE`."""
+    used = np.arange(run.event_log) < log.count[:, None]
+
+    def code(values):
+        return np.where(used, values, NONE).astype(np.uint8)
+
+    return {
+        "event_count": log.count,
+        "event_overflow": log.count > run.event_log,
+        "event_time": np.where(used, log.time - run.transient, np.nan),
+        "event_kind": code(log.kind),
+        "regime_before": code(log.before),
+        "regime_after": code(log.after),
+        "event_impulse": np.where(used, log.impulse, np.nan),
     }
 
 
@@ -275,6 +317,12 @@ def _columns(outcome: Outcome, run, wiper: Wiper, back) -> dict[str, np.ndarray]
             columns["normal_force_max_reversal"] = settled(record.force_max_reversal)
             columns["normal_force_mean_stroke"] = settled(
                 record.force_integral_stroke / record.stroke_time
+            )
+            columns["stick_fraction_stroke"] = settled(
+                record.stick_time_stroke / record.stroke_time
+            )
+            columns["flight_fraction_stroke"] = settled(
+                record.flight_time_stroke / record.stroke_time
             )
             columns["impact_impulse_reversal"] = settled(record.impulse_max_reversal)
             columns["velocity_rms_reversal"] = settled(

@@ -8,17 +8,35 @@ xarray, matplotlib) are imported inside the commands, after `launch.configure`, 
 import contextlib
 import importlib.metadata
 import os
+import resource
 import shlex
 import sys
+import time
 import traceback
 from collections.abc import Sequence
+from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 MAP_SUFFIXES = (".h5", ".hdf5", ".nc")
-PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
+STILL_SUFFIXES = (".png", ".pdf", ".svg")
+PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
+SOUND_SUFFIXES = (".wav",)
+PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
+    "Draw a map or a run.\n\n"
+    "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
+    "frequency, value (over two axes), line (along one axis: frequency, amplitude, regimes), "
+    "raster (regime over time).\n\n"
+    "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
+    "spectrogram, animation."
+)
+LISTEN_HELP = (
+    "Hear a run: its tip velocity as a WAV file (48 kHz, mono, 32-bit float).\n\n"
+    "Full scale is a velocity, the same for every run. Levels are no sound pressure and no dB(A): "
+    "what blade and screen radiate is not modelled."
+)
 INTERRUPTED = 130  # what a shell reports for a command ended by Ctrl-C
 
 app = typer.Typer(
@@ -28,6 +46,14 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+Model = Annotated[
+    str | None,
+    typer.Option(
+        metavar="block|bar|lip",
+        help="Model instead of the file's: a block on a belt, the lip held on the glass, or all.",
+        show_default="the file's, or lip",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 
 
@@ -117,21 +143,23 @@ def sweep(
     block: Annotated[
         int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
     ] = None,
+    model: Model = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from wiperjax.spec import load_sweep
 
+    begun = time.monotonic()
     if force and resume:
         raise ValueError("--force starts anew and --resume continues: give one of them")
     if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
         raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
-    spec = load_sweep(file)
+    spec = load_sweep(file, model)
     if sensitivities:
         spec = spec.with_sensitivities()
     _check_output(output, MAP_SUFFIXES, force or resume, file)
     drawing = output.with_suffix(".png") if picture else None
     if drawing is not None:
-        _check_output(drawing, PICTURE_SUFFIXES, force or resume, file)
+        _check_output(drawing, STILL_SUFFIXES, force or resume, file)
     _print_plan(spec)
 
     embedded = scheduler is None and local_cluster is None
@@ -146,6 +174,7 @@ def sweep(
     command += [] if workers is None else ["--workers", str(workers)]
     command += [] if scheduler is None else ["--scheduler", scheduler]
     command += [] if local_cluster is None else ["--local-cluster", str(local_cluster)]
+    command += [] if model is None else ["--model", model]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     try:
         with contextlib.ExitStack() as stack:
@@ -162,6 +191,8 @@ def sweep(
     _print_classes(class_table(dataset))
     _print_sensitivities(dataset)
     print(f"map      {output}")
+    _print_events(dataset)
+    print(f"map      {output}: {_cost(output, begun)}")
     if drawing is not None:
         from wiperjax.plots import plot_file
 
@@ -174,11 +205,12 @@ def simulate(
     file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="What to simulate.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.h5", help="Run to make.")],
     force: Force = False,
+    model: Model = None,
 ) -> None:
     """Compute one trajectory: samples over time and every event."""
     from wiperjax.spec import load_scene
 
-    spec = load_scene(file)
+    spec = load_scene(file, model)
     _check_output(output, MAP_SUFFIXES, force, file)
 
     _configure(1)
@@ -194,27 +226,147 @@ def simulate(
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
 
 
-@app.command()
+@app.command(help=PLOT_HELP)
 def plot(
-    file: Annotated[Path, typer.Argument(metavar="FILE.h5", help="A map or a run.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.h5", help="A map, a run, or MAP.h5.parts of an unfinished sweep."
+        ),
+    ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE.png", help="Picture to make.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE.png",
+            help="Picture to make: .png, .pdf, .svg; .gif or .mp4 for an animation.",
+        ),
     ],
     force: Force = False,
+    picture: Annotated[
+        str | None,
+        typer.Option("-p", "--picture", metavar="NAME", help="Which one.", show_default="overview"),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="All that FILE allows, as FILE-NAME.png each.")
+    ] = False,
+    start: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")
+    ] = None,
+    stop: Annotated[
+        float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")
+    ] = None,
+    quantity: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Variable for history, spectrum, spectrogram, value."),
+    ] = None,
+    component: Annotated[
+        int | None,
+        typer.Option(min=0, help="Run: 0 along the glass, 1 normal to it.", show_default="0"),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0.1, max=120, help="Animation: how long it plays (s)."),
+    ] = None,
+    x: Annotated[
+        str | None, typer.Option("--x", metavar="AXIS", help="Map: the axis across.")
+    ] = None,
+    y: Annotated[str | None, typer.Option("--y", metavar="AXIS", help="Map: the axis up.")] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AXIS=VALUE", help="Map: cut another axis here (degrees), not in the middle."
+        ),
+    ] = None,
+    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
 ) -> None:
-    """Draw a map or a run."""
-    _check_output(output, PICTURE_SUFFIXES, force, file)
+    _check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, force or every, file)
     _check_input(file)
-    from wiperjax.plots import plot_file
+    if every and picture is not None:
+        raise ValueError("--all draws every picture and --picture one: give one of them")
+    options = {
+        "start": start,
+        "stop": stop,
+        "quantity": quantity,
+        "component": component,
+        "seconds": seconds,
+        "x": x,
+        "y": y,
+        "at": _cuts(at),
+    }
+    chosen = {name: value for name, value in options.items() if value is not None}
+    from wiperjax.plots import plot_all, plot_file
 
-    plot_file(file, output, force=force)
+    if every:
+        for path in plot_all(file, output, force=force, dpi=dpi, **chosen):
+            print(f"picture  {path}")
+        return
+    plot_file(file, output, picture=picture, force=force, dpi=dpi, **chosen)
     print(f"picture  {output}")
 
 
+@app.command(help=LISTEN_HELP)
+def listen(
+    file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="A run.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="RUN.wav", help="Sound to make.")
+    ],
+    force: Force = False,
+    quantity: Annotated[
+        str, typer.Option(metavar="NAME", help="velocity (of the tip) or normal_force.")
+    ] = "velocity",
+    reference: Annotated[
+        float | None,
+        typer.Option(
+            metavar="VALUE", help="Value at full scale (m/s or N/m).", show_default="1 or 20"
+        ),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Repeat its settled periods for so long (s)."),
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Begin here (s).")
+    ] = None,
+    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="End here (s).")] = None,
+) -> None:
+    _check_output(output, SOUND_SUFFIXES, force, file)
+    _check_input(file)
+    from wiperjax.runs import is_run
+    from wiperjax.sound import sound
+    from wiperjax.storage import StoreError, open_map
+
+    with open_map(file) as dataset:
+        if not is_run(dataset):
+            what = "is a map" if "label" in dataset else "holds no trajectory"
+            raise StoreError(f"{file}: {what}; only a run can be heard ('wiperjax simulate')")
+        heard = sound(
+            dataset.load(),
+            quantity=quantity,
+            reference=reference,
+            start=start,
+            stop=stop,
+            seconds=seconds,
+        )
+    heard.write(output, force)
+    print(f"sound    {output}: {heard.describe()}")
+    print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
+    if warning := heard.warning():
+        print(f"note: {warning}", file=sys.stderr)
+
+
 @app.command()
-def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a run.")]) -> None:
+def info(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A map, a run, or MAP.h5.parts of an unfinished sweep."
+        ),
+    ],
+) -> None:
     """Show what a file holds, how it was made, and the classes of a map."""
-    from wiperjax.labels import class_table
+    from wiperjax.labels import anatomy, class_table, unsettled
     from wiperjax.storage import open_map
 
     with open_map(file) as dataset:
@@ -229,6 +381,49 @@ def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A map or a r
                 print(f"{name}: {value}")
         if "label" in dataset:
             _print_classes(class_table(dataset))
+            if lost := unsettled(dataset):
+                print(f"not settled  {lost} cells: growing, dying or irregular (docs/classes.md)")
+            if "mechanism" in dataset:
+                for mechanism, band, count in anatomy(dataset):
+                    print(f"other: {count} cells of {mechanism}, band {band}")
+        elif "cells_done" in dataset.attrs:
+            print("no cell is computed yet")
+        elif "belt_kind" in dataset.attrs:
+            from wiperjax.assess import assess, words
+
+            found = assess(dataset)
+            for name, word in words(found).items():
+                print(f"{name:<12}{word}")
+            print(f"{'frequency':<12}{float(found['dominant_frequency']):.1f} Hz")
+        _print_events(dataset)
+
+
+@app.command()
+def ladder(
+    files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml...", help="Scenes.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="TABLE.md", help="Write it here.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
+    from wiperjax.spec import load_scene
+
+    for file in files:
+        load_scene(file)  # wrong ones are named before any work
+    if output is not None:
+        _check_output(output, (".md",), force, files[0])
+    _configure(1)
+    from wiperjax.compare import compare, preface, summary, table
+
+    results = []
+    for file in files:
+        results.append(compare(file))
+        print(table(results[-1:], head=len(results) == 1), end="", flush=True)
+    if output is not None:
+        text = preface() + summary(results) + "\n" + table(results)
+        output.write_text(text, encoding="utf-8")
+        print(f"table    {output}")
 
 
 @app.command()
@@ -240,7 +435,7 @@ def verify(
     """Compute a random sample of the cells of a map again and compare."""
     _check_input(file)
     _configure(None)
-    from wiperjax.driver import verify as verify_map
+    from wiperjax.verification import verify as verify_map
 
     report = verify_map(file, cells, seed)
     if report.passed:
@@ -261,9 +456,30 @@ def verify(
 
 
 def _check_input(path: Path) -> None:
-    """Raises OSError if `path` cannot be opened for reading."""
+    """Raises OSError or StoreError if `path` can be neither read nor is an unfinished sweep."""
+    if path.is_dir():
+        return
+    if not path.exists():
+        from wiperjax.storage import StoreError, parts_of
+
+        if (parts := parts_of(path)).is_dir():
+            raise StoreError(f"{path}: is not finished; name {parts} to look at what there is")
     with path.open("rb"):
         pass
+
+
+def _cuts(texts: Sequence[str] | None) -> dict[str, float] | None:
+    """`AXIS=VALUE` options as a mapping. Raises ValueError for any other form."""
+    cuts = {}
+    for text in texts or ():
+        name, _, value = text.partition("=")
+        try:
+            cuts[name.strip()] = float(value)
+        except ValueError:
+            raise ValueError(
+                f"--at must be AXIS=NUMBER, such as normal_load=15, was {text}"
+            ) from None
+    return cuts or None
 
 
 def _check_output(path: Path, suffixes: Sequence[str], force: bool, source: Path) -> None:
@@ -322,4 +538,27 @@ def _print_sensitivities(dataset: Any) -> None:
 def _print_classes(table: Sequence[tuple[str, int, float]]) -> None:
     print(f"{'class':<12}{'cells':>9}{'share':>9}")
     for name, count, share in table:
+        if name == "not_computed":  # of an unfinished sweep: has no share
+            continue
         print(f"{name:<12}{count:>9}{share:>9.1%}")
+
+
+def _cost(output: Path, begun: float) -> str:
+    """What a file took: its size, the time since `begun`, and the most memory of this process."""
+    unit = 1 if sys.platform == "darwin" else 1024  # of the system's own number
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    elapsed = timedelta(seconds=round(time.monotonic() - begun))
+    return f"{output.stat().st_size / 1e6:.3g} MB, {elapsed}, {memory / 1e9:.2f} GB of memory"
+
+
+def _print_events(dataset: Any) -> None:
+    """What the event log of a map holds and what it had no room for."""
+    if "event_count" not in dataset:
+        return
+    count, room = dataset["event_count"].values, dataset.sizes["event"]
+    count = count[count >= 0]  # cells that are computed
+    if not count.size:
+        return
+    cut = int((dataset["event_overflow"].values == 1).sum())
+    print(f"events: {count.sum(dtype=int)} in the settled windows, {count.max()} in the fullest;")
+    print(f"    the log has room for {room} of a cell, {cut} of {count.size} cells had more")

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import dataset, driver
+from . import dataset, work
 from .launch import configure
 from .lock import acquire
 from .storage import StoreError, log
@@ -92,14 +92,14 @@ class Workers:
         """Kinds of the machines that computed blocks."""
         return "; ".join(sorted(self._hosts))
 
-    def made_by(self, spec: Any, evaluate: driver.Evaluate | None = None) -> dict[str, str]:
+    def made_by(self, spec: Any, evaluate: work.Evaluate | None = None) -> dict[str, str]:
         """What must agree between blocks of one map, as the workers have it.
 
         Raises: `ClusterError` if it is not what this process has.
         """
         future = self._client.submit(_made_by, spec, evaluate, pure=False)
         theirs = self._result(future, "the first task")
-        mine = driver.made_by(spec)
+        mine = work.made_by(spec)
         _compare({name: theirs.get(name, "none") for name in mine}, mine)
         self._made_by = theirs
         return theirs
@@ -108,8 +108,8 @@ class Workers:
         self,
         spec: Any,
         spans: Mapping[int, tuple[int, int]],
-        evaluate: driver.Evaluate | None = None,
-    ) -> Iterator[driver.Block]:
+        evaluate: work.Evaluate | None = None,
+    ) -> Iterator[work.Block]:
         """Blocks `spans` (number -> first cell, the one after the last), in any order."""
         from distributed import as_completed
 
@@ -136,7 +136,7 @@ class Workers:
                 _compare(answer.made_by, self._made_by)
                 self._hosts.add(answer.host)
                 submit()
-                yield driver.Block(number, answer.columns, answer.occupancy, answer.seconds)
+                yield work.Block(number, answer.columns, answer.occupancy, answer.seconds)
         finally:
             with contextlib.suppress(Exception):  # of a cluster that is gone
                 self._client.cancel(list(flying), force=True)
@@ -168,22 +168,22 @@ def _compare(theirs: Mapping[str, str], expected: Mapping[str, str]) -> None:
 _one_block = threading.Lock()
 
 
-def _compute(spec: Any, start: int, stop: int, evaluate: driver.Evaluate | None) -> _Answer:
+def _compute(spec: Any, start: int, stop: int, evaluate: work.Evaluate | None) -> _Answer:
     """One block. A worker of many threads computes one block at a time, on as many cores."""
     with _one_block:
         made_by = _made_by(spec, evaluate)
         begun = time.perf_counter()
-        evaluate = evaluate or driver.engine()[0]
-        columns, occupancy = driver.evaluate_block(spec, np.arange(start, stop), evaluate)
+        evaluate = evaluate or work.engine()[0]
+        columns, occupancy = work.evaluate_block(spec, np.arange(start, stop), evaluate)
         seconds = time.perf_counter() - begun
         return _Answer(columns, occupancy, seconds, made_by, dataset.host_kind())
 
 
-def _made_by(spec: Any, evaluate: driver.Evaluate | None) -> dict[str, str]:
-    made_by = driver.made_by(spec)
+def _made_by(spec: Any, evaluate: work.Evaluate | None) -> dict[str, str]:
+    made_by = work.made_by(spec)
     if evaluate is None:
         _prepare()
-        made_by |= driver.engine()[1]
+        made_by |= work.engine()[1]
     return made_by
 
 

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from .parameters import PARAMETERS
-from .results import RESULTS, Regime
+from .results import RESULTS, Event, Regime
 
 CONVENTIONS = "CF-1.11"
 LABELS = {
@@ -31,8 +31,26 @@ LABELS = {
     "collapsed": 5,
     "failed": 6,
 }
+MECHANISMS = {
+    "none": 0,  # quiet, or no motion to speak of
+    "self_excited_slip": 1,  # slips all the time
+    "stick_slip": 2,
+    "flight": 3,  # leaves the glass, whether it sticks or not
+    "carried": 4,  # rides on the belt for the whole window
+    "reversal_pulse": 5,  # pressed hard at the reversal, without a hit
+    "reversal_impulse": 6,  # hits the glass at the reversal
+}
+BANDS = {"none": 0, "chatter": 1, "low": 2, "squeal": 3, "high": 4}
+SETTLED = {"no": 0, "yes": 1, "unknown": 2}
+DEFAULT_STARTS: Mapping[str, str] = {
+    "lip": "touching at the attack angle, at rest",
+    "bar": "touching at the attack angle, at rest",
+    "block": "at rest where the spring is relaxed",
+}
 NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
-REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": 255}
+NONE = 255  # of an unsigned column: there is no such instant, no such event
+REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": NONE}
+EVENTS = {event.name.lower(): int(event) for event in Event if event != Event.NONE} | {"none": NONE}
 
 RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time")
 """Attributes that say how a map came to be; two runs of one sweep agree in everything else, bit for
@@ -73,21 +91,37 @@ class Column:
     def missing(self) -> Any:
         """Value of a cell that is not computed (yet)."""
         if np.dtype(self.dtype).kind == "u":
-            return np.iinfo(self.dtype).max
+            return NONE
         return np.nan if np.dtype(self.dtype).kind == "f" else NOT_COMPUTED
 
 
 _TABLE = (
     Column("label", "int8", "", "noise class", LABELS),
+    Column("mechanism", "int8", "", "what keeps the motion going", MECHANISMS),
+    Column("band", "int8", "", "band of the dominant frequency", BANDS),
+    Column(
+        "settled", "int8", "", "whether both halves of the window tell the same", SETTLED,
+        comment="no: still growing or dying, or irregular; unknown: halves that do not compare",
+    ),
     Column("result", "int8", "", "how the trajectory ended", RESULTS),
     Column("stick_fraction", "float64", "1", "share of the settled window in stick"),
     Column("slip_fraction", "float64", "1", "share of the settled window in slip"),
     Column("flight_fraction", "float64", "1", "share of the settled window in flight"),
+    Column("stick_fraction_stroke", "float64", "1", "share of the strokes in stick"),
+    Column("flight_fraction_stroke", "float64", "1", "share of the strokes in flight"),
     Column(
         "dominant_frequency", "float64", "Hz", "frequency of the strongest line of tip velocity",
         comment="Hann window, refined between bins; NaN where the velocity is constant",
     ),
     Column("velocity_rms", "float64", "m/s", "standard deviation of the tip velocity"),
+    Column(
+        "velocity_rms_stroke", "float64", "m/s", "the same away from reversal",
+        comment="without what is slower than ten times the wiping frequency",
+    ),
+    Column("vibration_stroke", "float64", "m/s", "rms tip velocity of vibration away from reversal",
+        comment="faster than the upper end of class_chatter_band",
+    ),
+    Column("vibration_reversal", "float64", "m/s", "the same, just after reversal"),
     Column("velocity_mean", "float64", "m/s", "mean tip velocity"),
     Column("velocity_rms_reversal", "float64", "m/s", "the same, just after reversal"),
     Column("belt_speed_rms", "float64", "m/s", "root mean square of the belt speed"),
@@ -115,6 +149,22 @@ _TABLE = (
         "regime_raster", "uint8", "", "regime over time in the settled window", REGIMES,
         comment="none: the cell ended before", along="raster_time",
     ),
+    Column(
+        "event_count", "int32", "1", "events in the settled window",
+        comment="all of them, also those that the log has no room for",
+    ),
+    Column(
+        "event_overflow", "int8", "", "whether the cell had more events than its log has room for",
+        {"no": 0, "yes": 1}, comment="yes: the log has the first ones only",
+    ),
+    Column(
+        "event_time", "float64", "s", "time of the event since the start of the settled window",
+        along="event",
+    ),
+    Column("event_kind", "uint8", "", "kind of event", EVENTS, along="event"),
+    Column("regime_before", "uint8", "", "regime before the event", REGIMES, along="event"),
+    Column("regime_after", "uint8", "", "regime after the event", REGIMES, along="event"),
+    Column("event_impulse", "float64", "N s/m", "normal impulse of the event", along="event"),
 )  # fmt: skip
 
 DIFFERENTIABLE = (
@@ -226,6 +276,12 @@ def describe(spec: Any) -> dict[str, Any]:
             "values": [k * step for k in raster_index(spec.run.samples, instants)],
             "attrs": {"units": "s", "long_name": "time since the start of the settled window"},
         }
+    if (events := getattr(spec.run, "event_log", None)) is not None:
+        further["event"] = {
+            "values": list(range(events)),
+            "dtype": "int32",
+            "attrs": {"units": "1", "long_name": "number of the event in its cell, in time"},
+        }
     return {
         "shape": [int(n) for n in spec.shape],
         "coords": coords,
@@ -241,6 +297,7 @@ def _attributes(spec: Any) -> dict[str, Any]:
         "Conventions": CONVENTIONS,
         "title": spec.title or "stick, slip and flight of a wiper lip",
         "source": f"wiperjax {version('wiperjax')}",
+        "seed": "none: a sweep draws no random numbers",
     }
     units = []
     for name, value in sorted(meaning.get("fixed", {}).items()):
@@ -249,10 +306,9 @@ def _attributes(spec: Any) -> dict[str, Any]:
         units.append(f"{name}: {entry.edge_unit if entry else '1'}")
     attrs["parameter_units"] = "; ".join(units)
     attrs["belt_kind"] = str(meaning.get("belt", ""))
+    attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
-    attrs["start"] = (
-        json.dumps(start, sort_keys=True) if start else "touching at the attack angle, at rest"
-    )
+    attrs["start"] = json.dumps(start, sort_keys=True) if start else DEFAULT_STARTS[attrs["model"]]
     tables = (("run", "run_"), ("classes", "class_"), ("sensitivities", "sensitivity_"))
     for table, prefix in tables:
         for key, value in sorted((meaning.get(table) or {}).items()):
@@ -293,7 +349,7 @@ def build(
     """Map from the result of `describe` and flat columns; see `assemble`."""
     shape = tuple(description["shape"])
     coords = {
-        name: ((name,), np.array(entry["values"], dtype=np.float64), dict(entry["attrs"]))
+        name: ((name,), coordinate(entry), dict(entry["attrs"]))
         for name, entry in (description["coords"] | description["further_coords"]).items()
     }
     chosen = select(columns, int(np.prod(shape)))
@@ -307,6 +363,11 @@ def build(
     }
     attrs = dict(description["attrs"]) | dict(attributes or {})
     return xr.Dataset(variables, coords=coords, attrs=plain_attributes(attrs))
+
+
+def coordinate(entry: Mapping[str, Any]) -> np.ndarray:
+    """Values of one coordinate in the result of `describe`."""
+    return np.array(entry["values"], dtype=entry.get("dtype", "float64"))
 
 
 def dimensions(name: str, description: Mapping[str, Any]) -> tuple[str, ...]:

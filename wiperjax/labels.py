@@ -2,7 +2,11 @@
 
 The order of the rules matters and is this: what the solver could not finish is `failed`; the phi
 limit is `collapsed`; then squeal, chattering, reversal, quiet, other, the first that holds. Squeal
-and chattering ask for motion that is not quiet, so rounding noise at 700 Hz is no squeal.
+and chattering ask for motion that is not quiet, so rounding noise at 700 Hz is no squeal. On a belt
+that reverses, all but the reversal itself is judged by the strokes between (`signals.py`).
+
+Beside the class stand two names that say more, also of `other`: the MECHANISM, what keeps the
+motion going, and the BAND of its frequency. `docs/classes.md` tells what each is good for.
 """
 
 from collections.abc import Mapping
@@ -12,7 +16,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .dataset import LABELS, flag_names
+from .dataset import BANDS, LABELS, MECHANISMS, SETTLED, flag_names
 from .results import RESULTS
 
 
@@ -24,12 +28,17 @@ class Thresholds:
         quiet_velocity_ratio: std of the tip velocity over the belt speed below which a cell is
             quiet.
         squeal_band: dominant frequency of squeal [Hz], both ends included.
-        chatter_band: dominant frequency of chattering [Hz], upper end excluded. On a belt that
-            reverses, put the lower end above the first few multiples of the wiping frequency:
-            those are the stroke, not the blade.
+        chatter_band: dominant frequency of chattering [Hz], upper end excluded.
         reversal_window: time [s] on either side of V = 0 that counts as the reversal (used by the
             engine).
-        reversal_ratio: largest normal force there over the mean outside, from which it is a noise.
+        reversal_ratio: largest normal force there over the mean outside, from which it is a noise
+            if it starts a vibration.
+        vibration_ratio: vibration (faster than `chatter_band`) just after V = 0 over that of the
+            strokes, from which the reversal is what starts it.
+        stick_share: share of the time in stick from which an oscillation is stick-slip, and below
+            which it is self-excited slip.
+        settled_change: most that standard deviation and frequency may change from the first half
+            of the window to the second in a settled motion.
     """
 
     quiet_velocity_ratio: float = 0.01
@@ -37,17 +46,27 @@ class Thresholds:
     chatter_band: tuple[float, float] = (0.0, 100.0)
     reversal_window: float = 0.025
     reversal_ratio: float = 2.0
+    vibration_ratio: float = 2.0
+    stick_share: float = 0.01
+    settled_change: float = 0.1
 
 
 def label(columns: Mapping[str, Any], thresholds: Any = None) -> np.ndarray:
-    """Class codes (`dataset.LABELS`) of cells, int8, of the shape of the columns.
+    """Class codes (`dataset.LABELS`) of cells; see `classify`."""
+    return classify(columns, thresholds)["label"]
+
+
+def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np.ndarray]:
+    """Codes `label`, `mechanism` and `band` of cells, int8, of the shape of the columns.
 
     Arguments:
 
     - `columns`: name -> array, or a dataset: `result`, `velocity_rms` (m/s), `belt_speed_rms`
         (m/s), `dominant_frequency` (Hz, NaN where the velocity is constant), `stick_fraction`,
-        `flight_fraction`; and, for belts that reverse, `normal_force_max_reversal` and
-        `normal_force_mean_stroke` (N/m), NaN elsewhere.
+        `flight_fraction`; and, for belts that reverse, NaN elsewhere, `normal_force_max_reversal`
+        and `normal_force_mean_stroke` (N/m), `vibration_reversal`, `vibration_stroke` and
+        `velocity_rms_stroke` (m/s), `stick_fraction_stroke`, `flight_fraction_stroke`,
+        `impact_impulse_reversal` and `impact_impulse_max` (N s/m).
     - `thresholds`: `Thresholds`, or anything with its attributes; the defaults if None.
 
     A finished cell with NaN among the columns its class rests on is `failed`, never silently
@@ -55,40 +74,48 @@ def label(columns: Mapping[str, Any], thresholds: Any = None) -> np.ndarray:
 
     A tip that rides on the belt for the whole window is neither quiet, though a steady belt gives
     it a constant velocity (the spring must pull it back sooner or later: the window is too short),
-    nor oscillating: it is `other`.
+    nor oscillating: it is `other`, with the mechanism `carried`.
 
     Raises: `KeyError` if a column is missing.
     """
     limits = thresholds if thresholds is not None else Thresholds()
     result = np.asarray(columns["result"])
-    speed = np.asarray(columns["velocity_rms"], dtype=float)
-    belt = np.asarray(columns["belt_speed_rms"], dtype=float)
-    frequency = np.asarray(columns["dominant_frequency"], dtype=float)
-    stick = np.asarray(columns["stick_fraction"], dtype=float)
-    flight = np.asarray(columns["flight_fraction"], dtype=float)
-    unknown = np.full(result.shape, np.nan)
-    peak = np.asarray(columns.get("normal_force_max_reversal", unknown), dtype=float)
-    stroke = np.asarray(columns.get("normal_force_mean_stroke", unknown), dtype=float)
+
+    def of(name: str, required: bool = False) -> np.ndarray:
+        if name in columns or required:
+            return np.asarray(columns[name], dtype=float)
+        return np.full(result.shape, np.nan)
+
+    peak, mean = of("normal_force_max_reversal"), of("normal_force_mean_stroke")
+    reverses = np.isfinite(peak)
+
+    def stroke(name: str, on_reversing: str) -> np.ndarray:
+        return np.where(reverses, of(on_reversing), of(name, required=True))
+
+    speed = stroke("velocity_rms", "velocity_rms_stroke")
+    stick = stroke("stick_fraction", "stick_fraction_stroke")
+    flight = stroke("flight_fraction", "flight_fraction_stroke")
+    belt = of("belt_speed_rms", required=True)
+    frequency = of("dominant_frequency", required=True)
+    vibration, before = of("vibration_reversal"), of("vibration_stroke")
 
     carried = (stick >= 1.0) & (belt > 0.0)
     quiet = (speed <= limits.quiet_velocity_ratio * belt) & ~carried
+    sounds = ~quiet & ~carried
     low, high = limits.squeal_band
-    squeal = ~quiet & ~carried & (frequency >= low) & (frequency <= high)
+    squeal = sounds & (frequency >= low) & (frequency <= high)
     low, high = limits.chatter_band
-    chattering = (
-        ~quiet
-        & ~carried
-        & (frequency >= low)
-        & (frequency < high)
-        & ((stick > 0.0) | (flight > 0.0))
-    )
-    reversal = np.isfinite(peak) & (peak >= limits.reversal_ratio * stroke)
+    chattering = sounds & (frequency >= low) & (frequency < high) & ((stick > 0) | (flight > 0))
+    pulse = reverses & (peak >= limits.reversal_ratio * mean)
+    started = vibration > limits.quiet_velocity_ratio * belt
+    started &= vibration >= limits.vibration_ratio * before
+    reversal = pulse & started
 
     needed = np.isfinite(speed) & np.isfinite(belt) & np.isfinite(stick) & np.isfinite(flight)
     needed &= np.isfinite(frequency) | quiet | carried  # a constant velocity has no line
-    needed &= ~np.isfinite(peak) | np.isfinite(stroke)
+    needed &= ~reverses | (np.isfinite(mean) & np.isfinite(vibration) & np.isfinite(before))
 
-    codes = np.select(
+    label = np.select(
         [
             result == RESULTS["collapsed"],
             (result != RESULTS["finished"]) | ~needed,
@@ -103,12 +130,38 @@ def label(columns: Mapping[str, Any], thresholds: Any = None) -> np.ndarray:
         ],
         default=LABELS["other"],
     )
-    return codes.astype(np.int8)
+    impulse = of("impact_impulse_reversal")
+    hit = (impulse > 0) & (impulse >= of("impact_impulse_max"))  # the hardest hit of all
+    unheard = np.isin(label, [LABELS[name] for name in ("collapsed", "failed", "quiet")])
+    reversal = label == LABELS["reversal"]
+    mechanism = np.select(
+        [unheard, reversal & hit, reversal, carried, flight > 0, stick >= limits.stick_share],
+        [
+            MECHANISMS[name]
+            for name in (
+                *("none", "reversal_impulse", "reversal_pulse"),
+                *("carried", "flight", "stick_slip"),
+            )
+        ],
+        default=MECHANISMS["self_excited_slip"],
+    )
+    band = np.select(
+        [
+            unheard | reversal | carried,
+            frequency < limits.chatter_band[1],
+            frequency < limits.squeal_band[0],
+            frequency <= limits.squeal_band[1],
+        ],
+        [BANDS[name] for name in ("none", "chatter", "low", "squeal")],
+        default=BANDS["high"],
+    )
+    codes = {"label": label, "mechanism": mechanism, "band": band}
+    return {name: values.astype(np.int8) for name, values in codes.items()}
 
 
 def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int, float]]:
     """Name, number of cells and share of each class of a map, in the order of the codes; also of
-    `result`.
+    `mechanism`, `band`, `settled` and `result`.
 
     Cells that are not computed (a partly finished store) are not counted.
     """
@@ -120,4 +173,23 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
     return [
         (name, found.get(code, 0), found.get(code, 0) / total)
         for code, name in (names | unnamed).items()
+        if code >= 0
     ]
+
+
+def anatomy(ds: xr.Dataset, label: str = "other") -> list[tuple[str, str, int]]:
+    """Mechanism, band and number of cells of one class of a map, the most frequent first."""
+    chosen = np.asarray(ds["label"]) == LABELS[label]
+    mechanisms, bands = flag_names(ds["mechanism"]), flag_names(ds["band"])
+    pairs = np.stack([np.asarray(ds[name])[chosen] for name in ("mechanism", "band")])
+    kinds, counts = np.unique(pairs, axis=1, return_counts=True)
+    rows = [
+        (mechanisms[int(m)], bands[int(b)], int(n))
+        for (m, b), n in zip(kinds.T, counts, strict=True)
+    ]
+    return sorted(rows, key=lambda row: -row[2])
+
+
+def unsettled(ds: xr.Dataset) -> int:
+    """Number of cells whose motion had not settled in the window, or is irregular for good."""
+    return int(np.sum(np.asarray(ds["settled"]) == SETTLED["no"])) if "settled" in ds else 0

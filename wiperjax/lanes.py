@@ -16,7 +16,7 @@ from jax import lax
 from .results import RUNNING, Result
 from .sampling import Signal, flush
 from .solve import final_velocity
-from .state import Problem, State, initial_state
+from .state import EventLog, Problem, State, initial_state
 from .step import flow, jump
 from .transition import where
 
@@ -44,6 +44,7 @@ class Outcome(NamedTuple):
     unproved: jax.Array
     events: jax.Array
     observed: Any
+    log: EventLog | None  # (cases, capacity); None with a capacity of 0
 
 
 class Effort(NamedTuple):
@@ -87,6 +88,7 @@ def _outcome(problem: Problem, state: State) -> Outcome:
         state.unproved,
         state.events,
         state.observed,
+        state.log if problem.log_capacity else None,
     )
 
 
@@ -147,8 +149,7 @@ def run_pool(pool: Pool, lanes: int, flows: int = 3) -> tuple[Outcome, Any, Effo
         fresh_parts, fresh = fill(jnp.clip(new, 0, capacity - 1))
         if signal is not None:
             fresh = fresh._replace(samples=signal.empty((lanes,)))
-        kept = state._replace(log=None)
-        merged = where(takes, fresh._replace(log=None), kept)._replace(log=state.log)
+        merged = where(takes, fresh, state)
         parts = where(takes, fresh_parts, parts)
         case = jnp.where(takes, new, jnp.where(ended, capacity, case))
         upcoming = upcoming + jnp.sum(takes, dtype=jnp.int32)

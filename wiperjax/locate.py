@@ -64,7 +64,7 @@ def first_obstacle(state: State, trial: Trial) -> Obstacle:
     earliest = second = jnp.full_like(trial.guards[0].cut, CLEAR)
     slot = jnp.zeros_like(state.target)
     for i, g in enumerate(trial.guards):
-        clear = g.proved | (pending & (state.target == i))
+        clear = jnp.logical_or(g.proved, pending & (state.target == i))
         # an error estimate near the value itself makes roots out of nothing: shorten the step first
         murky = g.start <= 8 * g.blur
         bound = jnp.where(g.falls, VIOLATED, jnp.where(murky, MURKY, g.cut))
@@ -94,7 +94,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     """Return what to do with ``trial``."""
     pending = state.target >= 0
     first = first_obstacle(state, trial)
-    obstructed = first.violated | first.murky | first.found | first.undecided
+    obstructed = jnp.asarray(first.violated | first.murky | first.found | first.undecided)
 
     # the event being located: Newton on the length of the step
     # (the slope comes from a polynomial and may be a per cent off, in stick most of all)
@@ -115,7 +115,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     small = (trial.h <= tick) & (jnp.abs(stop_gradient(shift) * trial.h) <= tick)
     free = pending & trial.ok & ~obstructed
     located = free & falling & (close | small)
-    chase = free & ~located
+    chase = free & jnp.logical_not(located)
     miss = chase & (value > 0) & proved & (~falling | (jnp.abs(shift) > 0.05))
     # two guards that vanish close together may send the step to and fro between them
     wearied = state.tries >= MAX_TRIES

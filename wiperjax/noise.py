@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from .observers import AbstractObserver, RegimeTotals, Totals, outputs
 from .polynomials import largest
-from .results import Event
+from .results import Event, Regime
 from .system import Scalar
 
 
@@ -17,6 +17,8 @@ class ReversalRecord(NamedTuple):
     force_max_reversal: Scalar  # within the window around V = 0
     force_integral_stroke: Scalar  # outside it
     stroke_time: Scalar
+    stick_time_stroke: Scalar
+    flight_time_stroke: Scalar
     impulse_max_reversal: Scalar
     vibration_integral: Scalar  # of output^2 in the window after V = 0
     vibration_time: Scalar
@@ -34,7 +36,7 @@ class ReversalTotals(AbstractObserver):
 
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)
-        return ReversalRecord(self._regimes.init(dtype, shape), z, z, z, z, z, z)
+        return ReversalRecord(self._regimes.init(dtype, shape), *[z] * 8)
 
     def stretch(self, record, stretch):
         s = stretch
@@ -52,11 +54,15 @@ class ReversalTotals(AbstractObserver):
         def integral(values):
             return jnp.where(on, s.integral(values), 0.0)
 
+        stroke = integral(far)
+
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),
             jnp.where(on, jnp.maximum(record.force_max_reversal, peak), record.force_max_reversal),
             record.force_integral_stroke + integral(load),
-            record.stroke_time + integral(far),
+            record.stroke_time + stroke,
+            record.stick_time_stroke + jnp.where(s.regime == Regime.STICK, stroke, 0.0),
+            record.flight_time_stroke + jnp.where(s.regime == Regime.FLIGHT, stroke, 0.0),
             record.impulse_max_reversal,
             record.vibration_integral + integral(vibration),
             record.vibration_time + integral(just_after),

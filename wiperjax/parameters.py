@@ -94,13 +94,14 @@ _TABLE = (
         "shoulder_stiffness", "blade", "k2", "N m/rad/m", 0, 1e3, "neck and shoulder stiffness", 2.0
     ),
     Parameter(
-        "shoulder_angle", "blade", "phi_s", "rad", 0, 180, "shoulder angle", 0.6, never_small=True
+        "shoulder_angle", "blade", "phi_s", "rad", 0, 180, "shoulder angle", 0.6,
+        low_open=True, never_small=True,
     ),
     Parameter(
         "attack_angle", "blade", "alpha", "rad", -90, 90, "attack angle", 0.0,
         low_open=True, high_open=True,
     ),
-    Parameter("normal_load", "blade", "N0", "N/m", 0, 1e4, "normal load", 15.0),
+    Parameter("normal_load", "blade", "N0", "N/m", 0, 1e4, "normal load", 15.0, low_open=True),
     Parameter("restitution", "blade", "e", "1", 0, 1, "coefficient of restitution", 0.3),
     Parameter("mu_static", "blade", "mu_s", "1", 0, 10, "static friction coefficient", 1.0),
     Parameter("mu_minimum", "blade", "mu_m", "1", 0, 10, "hydrodynamic friction minimum", 0.3),

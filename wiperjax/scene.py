@@ -12,6 +12,7 @@ import xarray as xr
 
 from . import dataset
 from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
+from .ladder import as_lip, on_rung, start_on_rung
 from .parameters import BELTS, PARAMETERS
 from .spec import SceneSpec
 from .spec_tables import Start
@@ -44,10 +45,11 @@ def run(spec: SceneSpec) -> xr.Dataset:
             "start.equilibrium must be left out: with these parameters no steady slip exists"
         )
     asked = spec.run
+    system = on_rung(wiper, spec.model)
     ds = simulate(
-        wiper,
+        system,
         asked.duration,
-        initial_state=start,
+        initial_state=start_on_rung(system, start, spec.start.kind),
         solver=SOLVERS[asked.solver](),
         rtol=asked.rtol,
         atol=asked.atol,
@@ -55,15 +57,17 @@ def run(spec: SceneSpec) -> xr.Dataset:
         max_steps=asked.max_steps,
         zeno_time=asked.zeno_time,
     )
+    ds = as_lip(ds)
     stated = {
         name: float(PARAMETERS[name].to_edge(value)) for name, value in spec.parameters().items()
     }
     attrs = {
         "title": spec.title or "trajectory of a wiper lip",
+        "model": spec.model,
         "belt_kind": spec.belt.kind,
         "start": json.dumps(spec.start.model_dump(mode="json", exclude_none=True), sort_keys=True)
         if spec.start.kind != "default"
-        else "touching at the attack angle, at rest",
+        else dataset.DEFAULT_STARTS[spec.model],
         "parameter_units": units_text({name: PARAMETERS[name].edge_unit for name in stated}),
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),

@@ -41,11 +41,11 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     """Return the columns of `cells.evaluate`, and those of the sensitivities that ``spec`` asks."""
     asked, run, kind = spec.sensitivities, spec.run, spec.belt.kind
     names, count = asked.parameters, len(index)
-    wiper, position, _ = cells.prepare(spec, index)
+    wiper, _, position, _ = cells.prepare(spec, index)
     size = position[0].shape[-1]
     base = cells._arrays(wiper, run.precision)
     theta = {name: _whole(_value(wiper, name, kind), size) for name in names}
-    settings = cells._settings(spec)
+    settings, limit = cells._settings(spec), jnp.int32(run.max_steps)
 
     def start(theta):
         return _start(base, theta, spec)
@@ -60,7 +60,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
 
     def compute(given, number):
         wiper, theta, state, seeds = given
-        return _tangents(wiper, theta, state, seeds, number, settings, kind)
+        return _tangents(wiper, theta, state, seeds, number, limit, settings, kind)
 
     (outcome, signal, slopes), effort = cells.deal(compute, (base, theta, state, seeds[:2]), count)
     columns = cells.columns_of(spec, outcome, signal, effort, wiper, count)
@@ -94,13 +94,15 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
 
 
 @eqx.filter_jit
-def _tangents(wiper, theta, state, seeds, count, s, kind):
+def _tangents(wiper, theta, state, seeds, count, limit, s, kind):
     """Run the cells of one share with all tangents; slopes come as (cells, parameters)."""
 
     def run(theta, state):
         w = with_parameters(wiper, theta, kind)
         position, velocity = state
-        outcome, signal, effort = cells.outcomes(w, position, velocity, count, s, watched=True)
+        outcome, signal, effort = cells.outcomes(
+            w, position, velocity, count, limit, s, watched=True
+        )
         return cells.statistics(outcome, s.window), (outcome, signal, effort)
 
     def push(dtheta, dstate):
@@ -111,10 +113,10 @@ def _tangents(wiper, theta, state, seeds, count, s, kind):
 
 
 @eqx.filter_jit
-def _plain(wiper, theta, state, count, s, kind):
+def _plain(wiper, theta, state, count, limit, s, kind):
     w = with_parameters(wiper, theta, kind)
     position, velocity = state
-    outcome, _, effort = cells.outcomes(w, position, velocity, count, s, watched=True)
+    outcome, _, effort = cells.outcomes(w, position, velocity, count, limit, s, watched=True)
     return cells.statistics(outcome, s.window), outcome.observed.word, effort
 
 
@@ -129,7 +131,7 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     names = list(theta)
     copies = 2 * len(names) * n
     scale = {name: _scale(name, np.asarray(x)[checked]) for name, x in theta.items()}
-    size = cells._capacity(copies, len(jax.devices()))
+    size = cells._capacity(copies, len(cells._devices()))
     whole = theta[names[0]].shape[-1]
     # every cell with each parameter a step up, then a step down; filled up with the last
     place = np.tile(checked, 2 * len(names))
@@ -142,12 +144,12 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     at = jax.tree.map(lambda x: x[place] if eqx.is_array(x) and x.shape == (whole,) else x, base)
     moved = jax.tree.map(jnp.asarray, moved)
     state, known = _start(at, moved, spec)
-    settings = cells._settings(spec)
+    settings, limit = cells._settings(spec), jnp.int32(spec.run.max_steps)
     settings = settings._replace(rtol=max(1e-3 * settings.rtol, 1e-12))
 
     def compute(given, number):
         wiper, theta, state = given
-        return _plain(wiper, theta, state, number, settings, kind)
+        return _plain(wiper, theta, state, number, limit, settings, kind)
 
     (found, words), _ = cells.deal(compute, (at, moved, state), copies)
     found |= {name: np.asarray(x)[:copies] for name, x in known.items()}

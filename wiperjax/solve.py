@@ -1,5 +1,6 @@
 """`solve`: the pure function underneath everything. One trajectory; `jax.vmap` it for many."""
 
+import math
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -61,6 +62,7 @@ def make_problem(
     sample_times=None,
     signal=None,
     max_events=0,
+    log_start=-math.inf,
     max_steps=2**31 - 1,
     max_step=None,
     zeno_time=1e-8,
@@ -121,6 +123,7 @@ def make_problem(
         solver=solver,
         record=record,
         log_capacity=int(max_events),
+        log_start=float(log_start),
         pause_when_full=pause_when_full,
     )
     return problem, position, velocity, start

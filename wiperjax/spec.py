@@ -23,6 +23,7 @@ from wiperjax.spec_tables import (
     Belt,
     Blade,
     Classes,
+    ModelName,
     SceneRun,
     Sensitivities,
     Start,
@@ -38,11 +39,29 @@ FORMAT = 1
 
 MAX_CELLS = 10**9
 
+FLIP = 1.5
+"""Lip lengths that the glass travels until a lip that lies on its shoulder has flipped over."""
+
+
+def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: float) -> float:
+    """Time [s] after V = 0 until the glass has travelled `FLIP` lip lengths; inf if it never does.
+
+    **Arguments:** `kind` of belt that reverses (`BELTS`), its peak speed [m/s], frequency [Hz] and
+    ramp [s] (of a trapezoid), and the lip's length [m].
+    """
+    way = FLIP * length
+    if kind == "trapezoid":
+        time = math.sqrt(way * ramp / speed)  # V = 2 V0 t/ramp up to t = ramp/2
+        return time if time <= ramp / 2 else ramp / 4 + way / speed
+    turn = 2 * math.pi * frequency
+    return math.acos(1 - way * turn / speed) / turn if way * turn <= 2 * speed else math.inf
+
 
 class _System(Table):
     """What sweeps and scenes share: the blade, the belt, the start."""
 
     title: str = ""
+    model: ModelName = "lip"  # which rung of `wiperjax.ladder` stands for the blade
     blade: Blade = Blade()
     belt: Belt = Belt()
     start: Start = Start()
@@ -128,11 +147,24 @@ class _System(Table):
             if abs(x) >= reach:
                 must = f"x must be shorter than the lip ({reach:g} m)"
                 raise Fault("start.position", f"{must}, was {x:g}")
+        if self.model != "lip":
+            self._check_rung(values, key_of)
         if kind == "trapezoid":
             ramp, half_period = values("belt_ramp").max(), 0.5 / values("belt_frequency").max()
             if ramp > half_period * (1 + 1e-12):  # rounding of a ramp written as 1/(2 f)
                 must = f"must be at most half a period ({half_period:g} s)"
                 raise Fault(key_of("belt_ramp"), f"{must}, was {ramp:g}")
+
+    def _check_rung(self, values, key_of) -> None:
+        """Raises Fault for what a model of one coordinate (`wiperjax.ladder`) cannot have."""
+        must = f"must be left out or 0 with model = {self.model!r}, which has no hinge mass"
+        if (largest := values("hinge_mass").max()) > 0:
+            raise Fault(key_of("hinge_mass"), f"{must}, was {largest:g}")
+        for key, unit in (("position", "m"), ("velocity", "m/s")):
+            pair = getattr(self.start, key)
+            if pair is not None and pair[1] != 0:
+                must = f"must be on the glass (y = 0) with model = {self.model!r}"
+                raise Fault(f"start.{key}", f"{must}, was {pair[1]:g} {unit}")
 
 
 class SweepSpec(_System):
@@ -167,6 +199,8 @@ class SweepSpec(_System):
                 raise Fault("sensitivities.parameters", f"{name!r}: {problem}")
         if len(set(asked.parameters)) < len(asked.parameters):
             raise Fault("sensitivities.parameters", "must not name a parameter twice")
+        if self.model != "lip":
+            raise Fault("model", f"must be 'lip' with sensitivities, was {self.model!r}")
         if self.run.precision != "float64":
             must = "must be 'float64' with sensitivities"
             raise Fault("run.precision", f"{must}, was {self.run.precision!r}")
@@ -232,7 +266,40 @@ class SweepSpec(_System):
             reach = np.abs(axis.values()).max()
             if PARAMETERS[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
+        highest, run = self.classes.squeal_band[1], self.run
+        if run.samples < 2 * highest * run.window * (1 - 1e-9):
+            finest = run.samples / run.window / 2
+            least = math.ceil(2 * highest * run.window)
+            lines.append(
+                f"run.samples resolve frequencies up to {finest:.4g} Hz only; take {least} or more "
+                f"for the squeal band, up to {highest:g} Hz"
+            )
+        if self.belt.kind != "steady":
+            lines += self._window_notes()
         return lines
+
+    def _window_notes(self) -> list[str]:
+        """Whether a lip flips over within the window of its reversal, in the slowest cell."""
+
+        def values(name: str) -> np.ndarray:
+            known = self.axes[name].values() if name in self.axes else self.fixed()[name]
+            return np.abs(np.atleast_1d(known))
+
+        given = {name: values(name) for name in BELTS[self.belt.kind].values()}
+        time = flip_time(
+            self.belt.kind,
+            given["belt_speed"].min(),
+            given["belt_frequency"].min(),
+            given["belt_ramp"].max() if "belt_ramp" in given else 0.0,
+            values("lip_length").max(),
+        )
+        window = self.classes.reversal_window
+        if time <= 1.05 * window:
+            return []
+        return [
+            f"classes.reversal_window is {window:g} s, but the glass needs up to {time:.2g} s "
+            f"after V = 0 to carry the lip over ({FLIP:g} lip lengths); later counts as stroke"
+        ]
 
     def canonical(self) -> str:
         """JSON of everything that determines the numbers of the map, and of nothing else.
@@ -245,6 +312,7 @@ class SweepSpec(_System):
             "axes": [[name, values.tolist()] for name, values in self.axes_values().items()],
             "fixed": self.fixed(),
             "belt": self.belt.kind,
+            "model": self.model,
             "start": self.start.model_dump(mode="json"),
             "run": self.run.model_dump(mode="json"),
             "classes": self.classes.model_dump(mode="json"),
@@ -276,14 +344,20 @@ class SceneSpec(_System):
 _Spec = TypeVar("_Spec", SweepSpec, SceneSpec)
 
 
-def load_sweep(path: str | Path) -> SweepSpec:
-    """Sweep of a TOML file. Raises: SpecError, one line that names file and key."""
-    return _load(SweepSpec, path)
+def load_sweep(path: str | Path, model: str | None = None) -> SweepSpec:
+    """Sweep of a TOML file, on the rung ``model`` instead of the file's own if given.
+
+    Raises: SpecError, one line that names file and key.
+    """
+    return _load(SweepSpec, path, model)
 
 
-def load_scene(path: str | Path) -> SceneSpec:
-    """Scene of a TOML file. Raises: SpecError, one line that names file and key."""
-    return _load(SceneSpec, path)
+def load_scene(path: str | Path, model: str | None = None) -> SceneSpec:
+    """Scene of a TOML file, on the rung ``model`` instead of the file's own if given.
+
+    Raises: SpecError, one line that names file and key.
+    """
+    return _load(SceneSpec, path, model)
 
 
 def parse_sweep(data: Mapping[str, Any], source: str = "sweep") -> SweepSpec:
@@ -296,7 +370,7 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> SceneSpec:
     return _parse(SceneSpec, data, source)
 
 
-def _load(model: type[_Spec], path: str | Path) -> _Spec:
+def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
     try:
         text = Path(path).read_text(encoding="utf-8")
         data = tomllib.loads(text)
@@ -306,7 +380,9 @@ def _load(model: type[_Spec], path: str | Path) -> _Spec:
         raise SpecError(f"{path}: is not a text file (UTF-8)") from None
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"{path}: is not valid TOML: {error}") from None
-    spec = _parse(model, data, str(path))
+    if model is not None:
+        data["model"] = model
+    spec = _parse(kind, data, str(path))
     spec._text = text
     return spec
 

@@ -43,6 +43,7 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Tolerance = Annotated[float, Field(ge=1e-13, le=1e-2)]
 Count = Annotated[int, Field(ge=1)]
+ModelName = Literal["block", "bar", "lip"]
 SolverName = Literal["tsit5", "dopri5", "dopri8", "bosh3"]
 
 
@@ -142,10 +143,11 @@ class SweepRun(Table):
         precision: of the state.
         solver: Runge-Kutta method.
         max_steps: step budget of one cell; a cell that spends it gets that result code.
-        max_events: event budget of one cell; None: no budget but that of steps.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
         samples: samples of the settled window.
         raster: instants of the settled window at which the regime is stored; None: it is not.
+        event_log: events of the settled window, from its start on, that are stored of each cell
+            (more are counted and flagged); None: none.
     """
 
     transient: NonNegative
@@ -155,10 +157,10 @@ class SweepRun(Table):
     precision: Literal["float64", "float32"] = "float64"
     solver: SolverName = "tsit5"
     max_steps: Count = 200_000
-    max_events: Count | None = None
     zeno_time: Positive = 1e-8
     samples: Annotated[int, Field(ge=16)] = 2048
     raster: Annotated[int, Field(ge=1, le=65536)] | None = None
+    event_log: Annotated[int, Field(ge=1, le=65536)] | None = None
 
     @model_validator(mode="after")
     def _precision_holds_the_tolerance(self) -> "SweepRun":
@@ -256,6 +258,11 @@ class Classes(Table):
         squeal_band, chatter_band: lowest and highest dominant frequency [Hz].
         reversal_window: time [s] on either side of V = 0 that counts as the reversal.
         reversal_ratio: largest normal force there over the mean outside, above which it is noise.
+        vibration_ratio: vibration just after V = 0 over that of the stroke, above which the
+            reversal starts it.
+        stick_share: share of time in stick from which an oscillation is stick-slip.
+        settled_change: most that standard deviation and frequency may change from the first half
+            of the window to the second.
     """
 
     quiet_velocity_ratio: Positive = 0.01
@@ -263,6 +270,9 @@ class Classes(Table):
     chatter_band: Pair = (0.0, 100.0)
     reversal_window: Positive = 0.025
     reversal_ratio: Positive = 2.0
+    vibration_ratio: Positive = 2.0
+    stick_share: Positive = 0.01
+    settled_change: Positive = 0.1
 
     @model_validator(mode="after")
     def _bands_are_ordered(self) -> "Classes":

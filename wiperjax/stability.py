@@ -84,9 +84,11 @@ def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
     padded = _FEWEST if size <= _FEWEST else -(-size // _LANES) * _LANES  # few compilations
 
     def flat(value):
-        # a Python zero stays one: its terms are then not computed
-        if isinstance(value, int | float) and (value == 0 or isinstance(value, int)):
+        # a zero becomes a Python zero (numpy's is traced): its terms are then not computed
+        if isinstance(value, int):
             return value
+        if isinstance(value, float) and value == 0:
+            return 0.0
         every = jnp.broadcast_to(jnp.asarray(value, float), shape).ravel()
         return jnp.concatenate([every, jnp.ones(padded - size)])
 

@@ -1,5 +1,6 @@
 """What a trajectory carries through the event loop, and what it is asked to do."""
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -36,10 +37,13 @@ class Problem(eqx.Module):
     record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree
     log_capacity: int = eqx.field(static=True, default=0)
     pause_when_full: bool = eqx.field(static=True, default=False)
+    log_start: float = eqx.field(static=True, default=-math.inf)  # time of the first event logged
 
 
 class EventLog(NamedTuple):
-    """The first ``capacity`` events; ``count`` goes on past it, so nothing is lost unnoticed."""
+    """The first ``capacity`` events, (capacity, lanes), and how many there were: ``count`` goes on
+    past the capacity, so nothing is lost unnoticed.
+    """
 
     time: jax.Array
     kind: jax.Array
@@ -183,11 +187,11 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
 
     n = problem.log_capacity
     log = EventLog(
-        jnp.full(n, jnp.nan, start.dtype),
-        jnp.zeros(n, jnp.int8),
-        jnp.full(n, -1, jnp.int8),
-        jnp.full(n, -1, jnp.int8),
-        jnp.zeros(n, dtype),
+        jnp.full((n, *start.shape), jnp.nan, start.dtype),
+        jnp.zeros((n, *start.shape), jnp.int8),
+        jnp.full((n, *start.shape), -1, jnp.int8),
+        jnp.full((n, *start.shape), -1, jnp.int8),
+        jnp.zeros((n, *start.shape), dtype),
         z,
     )
     return State(

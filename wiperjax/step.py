@@ -108,14 +108,16 @@ def jump(problem: Problem, state: State) -> State:
     observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
     log = state.log
     if problem.log_capacity:
-        at = jnp.where(happens, log.count, problem.log_capacity)
+        logs = happens & (state.time >= problem.log_start)
+        row = jnp.where(logs, log.count, problem.log_capacity)
+        at = (row, *jnp.indices(row.shape, sparse=True))  # lanes last
         log = log._replace(
             time=log.time.at[at].set(after.time, mode="drop"),
             kind=log.kind.at[at].set(after.kind.astype(jnp.int8), mode="drop"),
             before=log.before.at[at].set(state.regime.astype(jnp.int8), mode="drop"),
             after=log.after.at[at].set(after.regime.astype(jnp.int8), mode="drop"),
             impulse=log.impulse.at[at].set(after.impulse, mode="drop"),
-            count=log.count + happens.astype(jnp.int32),
+            count=log.count + logs.astype(jnp.int32),
         )
     return state._replace(
         time=jnp.where(happens, after.time, state.time),

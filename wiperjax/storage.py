@@ -9,7 +9,7 @@ import io
 import logging
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import xarray as xr
@@ -117,16 +117,25 @@ def write_dataset(ds: xr.Dataset, path: str | Path, force: bool = False) -> None
     write_bytes(Path(path), buffer.getvalue())
 
 
-def open_map(path: str | Path) -> xr.Dataset:
+def open_map(path: str | Path, variables: Sequence[str] | None = None) -> xr.Dataset:
     """Dataset of a file that wiperjax wrote, read when used; close it, or use it in a `with`
-    statement.
+    statement. Of the folder `MAP.h5.parts` of an unfinished sweep, what is done of these
+    `variables` (all if None): see `mapfile.open_partial`.
 
     Raises: `StoreError` if there is no such file or it is no readable HDF5 file.
     """
     path = Path(path)
+    if path.is_dir():
+        from .mapfile import open_partial  # which is built on this module
+
+        return open_partial(path, variables)
     if not path.exists():
         parts = parts_of(path)
-        hint = f"; an unfinished sweep is in {parts}" if parts.is_dir() else ""
+        hint = (
+            f"; an unfinished sweep is in {parts}: name that to look at it"
+            if parts.is_dir()
+            else ""
+        )
         raise StoreError(f"{path}: does not exist{hint}")
     try:
         return xr.open_dataset(path, engine="h5netcdf")

@@ -20,6 +20,7 @@ import xarray as xr
 
 from . import dataset
 from .belts import AbstractBelt
+from .ladder import Bar, Block
 from .observers import Nothing
 from .parameters import PARAMETERS
 from .regimes import forces
@@ -77,7 +78,8 @@ def simulate(
 
     **Returns** a dataset with the dimensions ``time`` (samples up to the end reached), ``axis``
     (coordinates of the system) and ``event``: ``position``, ``velocity``, ``regime``,
-    ``normal_force``, ``friction_force``; ``event_time``, ``event_kind``, ``regime_before``,
+    ``normal_force``, ``friction_force`` and, of a wiper, ``belt_velocity``; ``event_time``,
+    ``event_kind``, ``regime_before``,
     ``regime_after``, ``event_impulse``; ``final_time``, ``final_position``, ``final_velocity``,
     ``final_regime``; ``result``. A sample at the very instant of an event shows the motion before
     it. Attributes hold the parameters of the system (SI units, radians), the tolerances, the
@@ -287,10 +289,12 @@ def _check_start(system: AbstractSystem, start, result: int) -> None:
 
 def _labelled(given, problem: Problem, state: State, log: _Events, attributes) -> xr.Dataset:
     """Return the dataset of a finished loop state."""
-    blade = isinstance(given, Wiper)
+    blade = isinstance(given, Wiper | Bar | Block)
     whose = " of the tip" if blade else ""
     reached = int(state.sample_index)
     samples = jax.tree.map(lambda x: np.asarray(x)[:reached], state.samples)
+    times = np.asarray(problem.sample_times)[:reached]
+    belt = _belt_velocity(given.belt, times) if blade else None
 
     def about(long_name, units=None, flags=None):
         attrs: dict[str, Any] = {"long_name": long_name}
@@ -312,6 +316,11 @@ def _labelled(given, problem: Problem, state: State, log: _Events, attributes) -
         "regime": ("time", samples.regime, about("regime", flags=REGIMES)),
         "normal_force": ("time", samples.normal_force, about("normal force", "N/m")),
         "friction_force": ("time", samples.friction_force, about("friction force", "N/m")),
+        **(
+            {"belt_velocity": ("time", belt, about("velocity of the glass", "m/s"))}
+            if blade
+            else {}
+        ),
         "event_time": ("event", log.time, about("time of the event", "s")),
         "event_kind": ("event", log.kind, about("kind of event", flags=EVENTS)),
         "regime_before": ("event", log.before, about("regime before", flags=REGIMES)),
@@ -324,9 +333,9 @@ def _labelled(given, problem: Problem, state: State, log: _Events, attributes) -
         "result": ((), code(state.result), about("how the trajectory ended", flags=RESULTS)),
     }
     n = len(state.position)
-    names = ["x", "y"] if blade else [f"q{i}" for i in range(n)]
+    names = ["x", "y"][:n] if blade else [f"q{i}" for i in range(n)]
     coords = {
-        "time": ("time", np.asarray(problem.sample_times)[:reached], about("time", "s")),
+        "time": ("time", times, about("time", "s")),
         "axis": ("axis", names, about("coordinate")),
     }
     parameters = _parameters(given)
@@ -339,6 +348,12 @@ def _labelled(given, problem: Problem, state: State, log: _Events, attributes) -
         **attributes,
     }
     return xr.Dataset(variables, coords=coords, attrs=dataset.plain_attributes(attrs))
+
+
+def _belt_velocity(belt: AbstractBelt, times: np.ndarray) -> np.ndarray:
+    """Return V [m/s] at each of ``times``; it is continuous, so a corner may count to any piece."""
+    velocity = belt.velocity(jnp.asarray(times), belt.first_piece(jnp.asarray(times)))
+    return np.broadcast_to(np.asarray(velocity, float), times.shape).copy()
 
 
 def units_text(units: Mapping[str, str]) -> str:

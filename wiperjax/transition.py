@@ -134,8 +134,8 @@ class Outcome(NamedTuple):
 def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Outcome:
     """Return the `Outcome` of the event of slot ``state.due`` (where ``fires``) or of a break.
 
-    Where ``breaks``, a smooth piece of the prescribed motion ends here and ``piece`` begins; ``end``
-    is the next known time, which a completed Zeno sequence must not pass.
+    Where ``breaks``, a smooth piece of the prescribed motion ends here and ``piece`` begins;
+    ``end`` is the next known time, which a completed Zeno sequence must not pass.
     """
     time, q, v, slot = state.time, state.position, state.velocity, state.due
     base = first_switch(problem.system)

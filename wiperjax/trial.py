@@ -93,7 +93,7 @@ def error_norm(problem: Problem, y0, step: Step):
 
 
 def trial_size(problem: Problem, state: State):
-    """Return (step, whether it lands on a known time, that time, whether hardly any time is left)."""
+    """Return (step, whether it lands on a known time, that time, whether hardly any is left)."""
     mark = jnp.minimum(problem.end, problem.system.break_time(state.piece)).astype(state.time.dtype)
     mark = jnp.where(problem.mark > state.time, jnp.minimum(problem.mark, mark), mark)
     to_mark = mark - state.time
@@ -112,15 +112,15 @@ def attempt(problem: Problem, state: State) -> Trial:
     y0 = (state.position, state.velocity)
     h, lands, mark, sliver = trial_size(problem, state)
 
-    def look(t, y) -> tuple[Node, Contact, tuple]:
+    def look(t, q, v) -> tuple[Node, Contact, tuple]:
         """The motion at an instant, its contact, and its guards."""
-        c = keep(contact(system, t, *y))
+        c = keep(contact(system, t, q, v))
         reactions = keep(forces(system, c, state.regime))
-        values = guard_values(system, c, t, *y, state.regime, state.sides)
-        return Node(t, *y, reactions), c, keep(values)
+        values = guard_values(system, c, t, q, v, state.regime, state.sides)
+        return Node(t, q, v, reactions), c, keep(values)
 
     def arrive(t, y):
-        node, c, values = look(t, y)
+        node, c, values = look(t, *y)
         rate = keep((rates(system, t, *y), acceleration(c, node.forces)))
         return rate, (node, c, values)
 
@@ -146,8 +146,12 @@ def attempt(problem: Problem, state: State) -> Trial:
     ok, finite, error, next_step = keep((ok, finite, error, next_step))
 
     inner = zip(NODES[1:-1], keep(node_states(solver, y0, step)), strict=True)
-    looks = [look(state.time + theta * h, y) for theta, y in inner]
-    nodes = (Node(state.time, *y0, state.reactions), *(node for node, _, _ in looks), last_node)
+    looks = [look(state.time + theta * h, *y) for theta, y in inner]
+    nodes = (
+        Node(state.time, state.position, state.velocity, state.reactions),
+        *(node for node, _, _ in looks),
+        last_node,
+    )
     slots = zip(state.guards, *(values for _, _, values in looks), end_values, strict=True)
     return Trial(
         h=h,

@@ -1,0 +1,93 @@
+"""What samples tell: settling, strokes apart from reversals, vibration. On made-up signals."""
+
+import numpy as np
+import pytest
+
+from wiperjax import signals
+from wiperjax.dataset import SETTLED
+from wiperjax.labels import Thresholds
+
+INTERVAL = 1 / 4096
+TIME = INTERVAL * np.arange(8192)  # 2 s: two periods at 1 Hz
+TURN = 2 * np.pi
+LIMITS = Thresholds()
+SINCE = (TIME * 2 - np.round(TIME * 2)) / 2  # V = 0 at 0, 0.5, 1 s, ...
+
+
+def columns(*rows, since=None, wiping=None, limits=LIMITS, quiet=1e-3):
+    return signals.signal_columns(np.array(rows), INTERVAL, limits, quiet, since, wiping)
+
+
+def tone(frequency, size=1.0):
+    return size * np.sin(TURN * frequency * TIME)
+
+
+@pytest.mark.parametrize(
+    ("answer", "signal"),
+    [
+        ("yes", tone(700)),
+        ("yes", tone(28)),
+        ("no", tone(700) * np.exp(-TIME)),
+        ("no", tone(700) * np.exp(0.2 * TIME)),
+        ("yes", tone(700) * np.exp(0.05 * TIME)),  # 5 % in a second
+        ("no", np.where(TIME < 1, tone(400), tone(500))),  # as loud, but another pitch
+        ("yes", tone(700, 1e-4) * np.exp(-TIME)),  # dies out below what counts as quiet
+        ("yes", np.full(TIME.size, 0.3)),
+        ("no", np.where(TIME < 1, tone(700), 0.0)),
+        ("unknown", np.full(TIME.size, np.nan)),
+    ],
+)
+def test_settled(answer, signal):
+    assert columns(signal)["settled"] == [SETTLED[answer]]
+
+
+def test_a_steady_belt_is_all_stroke():
+    found = columns(tone(40) + 0.3, tone(700))
+    assert set(found) == {"dominant_frequency", "settled"}
+    assert found["dominant_frequency"] == pytest.approx([40, 700], abs=0.05)
+
+
+def flips(ring=0.0):
+    """The glass carries the tip for 40 ms around V = 0; then it rings at 300 Hz."""
+    smooth = np.cos(TURN * SINCE / 0.08) ** 2 * np.sin(TURN * SINCE / 0.04)
+    carried = np.where(np.abs(SINCE) < 0.02, 0.8 * smooth, 0.0)
+    start = np.maximum(SINCE, 0.0)
+    ringing = ring * np.exp(-start / 5e-3) * np.sin(TURN * 300 * start) * (SINCE > 0)
+    return carried + ringing
+
+
+def test_strokes_are_judged_without_the_reversal():
+    slow = 0.05 * np.sin(TURN * TIME + 0.3)  # the drift of a sine stroke
+    squeal = np.where(np.abs(SINCE) > 0.05, tone(700, 0.2), 0.0)
+    found = columns(flips(), flips() + slow, flips() + squeal, since=SINCE, wiping=1.0)
+    rms = found["velocity_rms_stroke"]
+    assert rms[0] < 1e-6  # the flip itself is 0.8 m/s
+    assert rms[1] < 2e-3  # nor does a drift of 0.05 m/s count
+    # 0.45 of the 0.5 s of a stroke squeal, 0.444 of them counted beside the faded border
+    assert rms[2] == pytest.approx(0.2 / np.sqrt(2), rel=0.07)
+    assert found["dominant_frequency"][2] == pytest.approx(700, abs=0.5)
+    assert found["settled"][2] == SETTLED["yes"]
+
+
+def test_vibration_of_a_reversal():
+    found = columns(flips(0.0), flips(0.5), tone(300, 0.1), since=SINCE, wiping=1.0)
+    after, stroke = found["vibration_reversal"], found["vibration_stroke"]
+    # integral of (0.5 exp(-t/5 ms))^2/2 over 25 ms, that is 0.25 * 2.5 ms / 2 / 25 ms
+    ring = np.sqrt(0.25 * 2.5e-3 / 2 / 25e-3)
+    assert after[1] == pytest.approx(ring, rel=0.05)
+    assert after[0] < 0.25 * after[1]  # what a smooth flip leaves above 100 Hz
+    assert stroke[1] < 0.05 * after[1]
+    assert after[2] == pytest.approx(stroke[2], rel=0.1)  # a tone is no reversal noise
+
+
+def test_halves_of_a_wipe_compare_only_if_each_holds_whole_periods():
+    both = tone(700), tone(700)
+    found = columns(*both, since=np.stack([SINCE, SINCE]), wiping=np.array([1.0, 0.7]))
+    assert found["settled"].tolist() == [SETTLED["yes"], SETTLED["unknown"]]
+
+
+def test_cells_that_ended_are_unknown():
+    lost = np.where(TIME < 1, tone(700), np.nan)
+    found = columns(lost, tone(700), since=SINCE, wiping=1.0)
+    assert np.isnan(found["dominant_frequency"][0]) and found["settled"][0] == SETTLED["unknown"]
+    assert np.isfinite(found["dominant_frequency"][1])

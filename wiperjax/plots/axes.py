@@ -1,0 +1,104 @@
+"""Axes in units a person reads: labels, scales, borders of the cells of a map, and pages."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+SHOWN = {  # unit in a file -> factor and unit in a picture: lips move by millimetres
+    "m": (1e3, "mm"),
+    "rad": (180.0 / np.pi, "deg"),
+    "degrees": (1.0, "deg"),
+    "1": (1.0, ""),
+}
+
+
+def page(size: tuple[float, float]) -> Figure:
+    """Figure outside pyplot: needs no display, and is freed with its last reference."""
+    return Figure(figsize=size, layout="constrained")
+
+
+def shown(variable: xr.DataArray) -> tuple[np.ndarray, str]:
+    """Values of a variable as floats in the unit of pictures, and that unit (empty if none)."""
+    factor, unit = shown_unit(variable)
+    return factor * np.asarray(variable, dtype=float), unit
+
+
+def shown_unit(variable: xr.DataArray) -> tuple[float, str]:
+    """Factor from the stored unit of a variable to that of pictures, and the latter."""
+    unit = str(variable.attrs.get("units", "1"))
+    return SHOWN.get(unit, (1.0, unit))
+
+
+def label(words: str, unit: str) -> str:
+    """`attack angle (deg)`."""
+    return f"{words} ({unit})" if unit else words
+
+
+def long_name(variable: xr.DataArray) -> str:
+    """What a variable is, in words."""
+    return str(variable.attrs.get("long_name", str(variable.name).replace("_", " ")))
+
+
+def value_text(variable: xr.DataArray) -> str:
+    """`normal load 15 N/m`: one value of a coordinate."""
+    values, unit = shown(variable)
+    gap = "" if unit == "deg" else " "
+    return f"{long_name(variable)} {number(values.item())}{gap}{unit.replace('deg', '°')}".strip()
+
+
+def number(value: float) -> str:
+    """Number with four digits, without an exponent as long as that is readable."""
+    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:g}"
+
+
+def is_geometric(values: np.ndarray) -> bool:
+    """Whether positive values are spaced by ratio rather than by difference, and span a factor of
+    three.
+    """
+    values = np.asarray(values, dtype=float)
+    if values.size < 3 or not (values > 0).all() or values.max() < 3 * values.min():
+        return False
+    return bool(np.std(np.diff(np.log(values))) < 0.1 * np.std(np.diff(values)) / np.mean(values))
+
+
+def edges(values: np.ndarray) -> np.ndarray:
+    """Borders of the cells around axis values, shape (n + 1,); geometric axes have geometric
+    borders.
+    """
+    values = np.asarray(values, dtype=float)
+    if values.size == 1:
+        return values[0] + np.array([-0.5, 0.5]) * (abs(values[0]) or 1.0) * 0.1
+    scaled = np.log(values) if is_geometric(values) else values
+    middle = 0.5 * (scaled[1:] + scaled[:-1])
+    full = np.concatenate([[2 * scaled[0] - middle[0]], middle, [2 * scaled[-1] - middle[-1]]])
+    return np.exp(full) if is_geometric(values) else full
+
+
+def set_axis(ax: Axes, which: str, coordinate: xr.DataArray) -> None:
+    """Label, scale and limits of the `x` or `y` axis for the values of a coordinate."""
+    values, unit = shown(coordinate)
+    border = edges(values)
+    getattr(ax, f"set_{which}label")(label(long_name(coordinate), unit))
+    if is_geometric(values):
+        plain_log(ax, which)
+    getattr(ax, f"set_{which}lim")(min(border), max(border))
+
+
+def plain_log(ax: Axes, which: str) -> None:
+    """Logarithmic axis with the marks 1, 2, 5, 10 written as plain numbers."""
+    getattr(ax, f"set_{which}scale")("log")
+    log_marks(getattr(ax, f"{which}axis"))
+
+
+def _short(value: float) -> str:
+    """`20k` for 20000: long marks would run into each other."""
+    return f"{value / 1000:g}k" if value >= 1000 else f"{value:g}"
+
+
+def log_marks(axis) -> None:
+    """Marks 1, 2, 5, 10 on an axis that is logarithmic, as plain numbers."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
+    axis.set_minor_formatter(NullFormatter())

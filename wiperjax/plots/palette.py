@@ -1,0 +1,80 @@
+"""Colours and marks of everything discrete, in one place: the same colour means the same in every
+picture.
+
+Classes are from the palette of Okabe and Ito, regimes from those of Tol: within each set all pairs
+stay apart with protanopia, deuteranopia and tritanopia (tests/test_plots.py measures it).
+"""
+
+CLASSES = {
+    "quiet": "#E3EAF0",
+    "squeal": "#D55E00",
+    "chattering": "#0072B2",
+    "reversal": "#CC79A7",
+    "other": "#F0C94A",
+    "collapsed": "#FFFFFF",
+    "failed": "#000000",
+    "not_computed": "#BBBBBB",
+}
+HATCHES = {  # pattern and its colour
+    "collapsed": ("////", "#666666"),
+    "failed": ("xxxx", "#FFFFFF"),
+    "not_computed": ("....", "#FFFFFF"),
+}
+MECHANISMS = {  # what keeps a motion going, as `labels` tells it
+    "none": CLASSES["quiet"],
+    "self_excited_slip": "#E69F00",
+    "stick_slip": "#332288",
+    "flight": "#56B4E9",
+    "carried": "#AA4499",
+    "reversal_pulse": CLASSES["reversal"],
+    "reversal_impulse": "#882255",
+}
+REGIMES = {
+    "stick": "#332288",
+    "slip_pos": "#E69F00",
+    "slip_neg": "#A63603",
+    "flight": "#56B4E9",
+}
+MOTIONS = {  # what a settled motion consists of; named after the rarest regime in it
+    "steady_slip": "#FBEBCF",
+    "slip_only": REGIMES["slip_pos"],
+    "stick_and_slip": REGIMES["stick"],
+    "stick_slip_and_flight": REGIMES["flight"],
+    "slip_and_flight": "#117733",
+    "stick_only": "#AA4499",
+    "collapsed": CLASSES["collapsed"],
+    "failed": CLASSES["failed"],
+    "not_computed": CLASSES["not_computed"],
+}
+NAMES = {
+    "none": "quiet",
+    "slip_pos": "slip forward",
+    "slip_neg": "slip backward",
+    "stick_slip_and_flight": "stick, slip and flight",
+}
+UNKNOWN = "#999999"  # what has no name, and cells without a number
+BOUNDARY = "#000000"  # line at which steady slip loses its stability
+BELT = "#009E73"  # velocity of the glass
+EVENTS = {  # marker of an event, in the order of rows from the top
+    "belt_reversal": "D",
+    "impact": "v",
+    "zeno": "*",
+    "lift_off": "^",
+    "capture": "|",
+    "release": "|",
+    "reversal": "|",
+}
+EVENT_NAMES = {
+    "belt_reversal": "belt reversal",
+    "impact": "impact",
+    "zeno": "impacts to rest",
+    "lift_off": "lift-off",
+    "capture": "slip to stick",
+    "release": "stick to slip",
+    "reversal": "slip reversal",
+}
+
+
+def readable(name: str) -> str:
+    """Name of a class or regime as it stands in a legend."""
+    return NAMES.get(name, name.replace("_", " "))

@@ -1,0 +1,126 @@
+"""What the sampled tip velocity says: frequency, vibration around reversals, whether it settled.
+
+On a belt that reverses, a tip moves even if nothing sounds: it rides with the glass, flips over
+and drifts with the friction curve. So the STROKE is looked at apart from the REVERSAL, the time
+within a window of V = 0: the samples of the reversal are faded out of the stroke's signal, and
+what is slower than `SLOW` times the wiping frequency is taken off it. On a steady belt all is
+stroke, and nothing is taken off.
+"""
+
+from typing import Any
+
+import numpy as np
+import scipy.signal
+
+from .dataset import SETTLED
+from .spectrum import dominant_frequency
+
+SLOW = 10.0  # multiples of the wiping frequency that are the stroke's own motion, not vibration
+FADE = 0.25  # of the window: length of the fade beside it
+
+
+def signal_columns(
+    signal: np.ndarray,
+    interval: float,
+    limits: Any,
+    quiet_below: Any = 0.0,
+    since: np.ndarray | None = None,
+    wiping: Any = None,
+) -> dict[str, np.ndarray]:
+    """Columns of a map that come from samples of the tip velocity.
+
+    Arguments:
+
+    - `signal`: tip velocity [m/s], (cells, samples), uniformly spaced; NaN where a cell ended.
+    - `interval`: time [s] between samples.
+    - `limits`: thresholds, as `labels.Thresholds`.
+    - `quiet_below`: [m/s], a number or (cells,): motion that counts as none when settling is
+        judged.
+    - `since`: time [s] since the nearest passage of V through zero, (samples,) or (cells,
+        samples); None on a steady belt.
+    - `wiping`: wiping frequency [Hz], a number or (cells,); None on a steady belt.
+
+    Returns: `dominant_frequency` [Hz] of the stroke, `settled` (`SETTLED`); on a belt that
+    reverses also `velocity_rms_stroke`, `vibration_reversal` and `vibration_stroke` [m/s]. All
+    (cells,).
+    """
+    signal = np.atleast_2d(np.asarray(signal, dtype=float))
+    found: dict[str, np.ndarray] = {}
+    halves_agree = None
+    if since is not None:
+        since = np.broadcast_to(since, signal.shape)
+        wiping = np.broadcast_to(np.asarray(wiping, dtype=float), signal.shape[:1])
+        weight = stroke_weight(since, limits.reversal_window)
+        floor = limits.chatter_band[1]  # slower motion is the flip itself
+        vibration = high_pass(signal, interval, floor)
+        after = ((since >= 0) & (since <= limits.reversal_window)).astype(float)
+        found["vibration_reversal"] = weighted_rms(vibration, after)
+        signal = _strokes(signal, weight, interval, wiping)
+        found["velocity_rms_stroke"] = weighted_rms(signal, weight)
+        found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), weight)
+        # halves of a window compare if each holds whole periods
+        periods = wiping * interval * signal.shape[1] / 2
+        halves_agree = (np.round(periods) >= 1) & (np.abs(periods - np.round(periods)) < 1e-6)
+    found["dominant_frequency"] = dominant_frequency(signal, interval)
+    found["settled"] = settled(signal, interval, limits.settled_change, quiet_below)
+    if halves_agree is not None:
+        found["settled"] = np.where(halves_agree, found["settled"], SETTLED["unknown"])
+    return found
+
+
+def settled(
+    signal: np.ndarray, interval: float, change: float, quiet_below: Any = 0.0
+) -> np.ndarray:
+    """Codes of `SETTLED`, (cells,): whether both halves of each signal tell the same.
+
+    They do if both are below `quiet_below` [m/s], or if neither the standard deviation nor the
+    dominant frequency changes by more than the fraction `change` from one to the other. A motion
+    that is irregular for good is therefore "no" as well. Signals that are not finite are
+    "unknown".
+    """
+    half = signal.shape[-1] // 2
+    parts = signal[..., :half], signal[..., -half:]
+    spread = np.stack([part.std(axis=-1) for part in parts])
+    pitch = np.stack([dominant_frequency(part, interval) for part in parts])
+    silent = np.all(spread <= np.asarray(quiet_below), axis=0)
+    with np.errstate(invalid="ignore"):
+        steady = np.abs(spread[1] - spread[0]) <= change * spread.max(axis=0)
+        steady &= np.abs(pitch[1] - pitch[0]) <= change * pitch.max(axis=0)
+    known = np.isfinite(spread).all(axis=0)
+    return np.where(
+        known, np.where(silent | steady, SETTLED["yes"], SETTLED["no"]), SETTLED["unknown"]
+    )
+
+
+def stroke_weight(since: np.ndarray, window: float) -> np.ndarray:
+    """Weight of each sample in the stroke: 0 within `window` [s] of V = 0, then a cosine rise to 1
+    over `FADE` windows, so that the border makes no click.
+    """
+    rise = np.clip((np.abs(since) - window) / (FADE * window), 0.0, 1.0)
+    return 0.5 - 0.5 * np.cos(np.pi * rise)
+
+
+def weighted_rms(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Root of the weighted mean square along the last axis; NaN where all weights are 0."""
+    total = weight.sum(axis=-1)
+    square = (weight * values**2).sum(axis=-1)
+    return np.sqrt(np.where(total > 0, square / np.where(total > 0, total, 1.0), np.nan))
+
+
+def high_pass(signal: np.ndarray, interval: float, corner: float) -> np.ndarray:
+    """`signal` without what is slower than `corner` [Hz]: Butterworth, order 4, forward and back,
+    so that nothing is shifted in time. NaN rows stay NaN.
+    """
+    sections = scipy.signal.butter(4, corner, "highpass", fs=1 / interval, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=-1))
+
+
+def _strokes(signal, weight, interval, wiping) -> np.ndarray:
+    """Strokes alone, each cell without its own slow motion; faded twice, for the filter rings."""
+    kept = np.empty_like(signal)
+    for frequency in np.unique(wiping):
+        rows = wiping == frequency
+        mean = (weight[rows] * signal[rows]).sum(-1) / np.maximum(weight[rows].sum(-1), 1e-300)
+        faded = weight[rows] * (signal[rows] - mean[:, None])
+        kept[rows] = weight[rows] * high_pass(faded, interval, SLOW * frequency)
+    return kept

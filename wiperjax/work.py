@@ -1,0 +1,90 @@
+"""One block of a sweep, whoever computes it: cells in, stored columns out.
+
+    cell numbers -> engine (`cells.evaluate`) -> dominant frequency -> class -> block
+
+jax comes in only with `wiperjax.cells`, and only when no other `evaluate` is given.
+"""
+
+import importlib
+import platform
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import dataset, labels
+from .results import RESULTS
+from .signals import signal_columns
+
+MOST_CELLS = 8192  # in a block: enough to keep every lane of many cores busy
+FEWEST_CELLS = 256
+BLOCK_BYTES = 2**27  # of samples and event logs
+
+Evaluate = Callable[[Any, np.ndarray], Mapping[str, Any]]
+
+DECISIVE = ("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
+"""Libraries whose version has a part in the numbers; it must not change within a map."""
+
+
+class Block(NamedTuple):
+    """A computed block: its number, stored columns, the engine's occupancy, seconds it took."""
+
+    number: int
+    columns: dict[str, np.ndarray]
+    occupancy: float | None
+    seconds: float
+
+
+def block_size(spec: Any) -> int:
+    """Cells in a block: `MOST_CELLS`, or fewer where each has long samples or event logs, so that
+    the memory of a sweep is bounded whatever is asked of its cells.
+    """
+    run = spec.run
+    event = sum(np.dtype(c.dtype).itemsize for c in dataset.SCHEMA.values() if c.along == "event")
+    of_a_cell = run.samples * (5 if run.raster else 4) + event * (run.event_log or 0)
+    return int(np.clip(BLOCK_BYTES // of_a_cell, FEWEST_CELLS, MOST_CELLS))
+
+
+def made_by(spec: Any) -> dict[str, str]:
+    """What must agree between blocks of one map, beside the specification."""
+    made = {name: dataset.version(name) for name in DECISIVE}
+    return made | {"precision": str(spec.run.precision), "machine": platform.machine()}
+
+
+def engine() -> tuple[Evaluate, dict[str, str]]:
+    """What computes cells, and what of it must not change in a map; the only way to jax."""
+    cells = importlib.import_module("wiperjax.cells")
+    return cells.evaluate, dict(getattr(cells, "identity", dict)())
+
+
+def evaluate_block(
+    spec: Any, index: np.ndarray, evaluate: Evaluate
+) -> tuple[dict[str, np.ndarray], float | None]:
+    """Stored columns of the cells `index`, each of shape (len(index),), and the engine's occupancy
+    if it tells.
+
+    Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
+    beside columns of the schema, `signal` (cells, samples), the tip velocity at `window / samples`
+    apart, `sample_interval` in seconds if that is not so, `occupancy`, and for a belt that reverses
+    `since_reversal` [s] of each sample and `wiping_frequency` [Hz]; whatever else it returns is not
+    stored.
+    """
+    columns = dict(evaluate(spec, index))
+    signal = columns.pop("signal", None)
+    interval = columns.pop("sample_interval", None)
+    occupancy = columns.pop("occupancy", None)
+    since = columns.pop("since_reversal", None)
+    wiping = columns.pop("wiping_frequency", None)
+    if signal is not None:
+        if interval is None:
+            interval = spec.run.window / signal.shape[-1]
+        # what a cell that stopped early left in its samples is no settled motion
+        finished = np.asarray(columns["result"]) == RESULTS["finished"]
+        whole = np.where(finished[:, None], signal, np.nan)
+        quiet = spec.classes.quiet_velocity_ratio * np.asarray(columns["belt_speed_rms"])
+        found = signal_columns(whole, float(np.mean(interval)), spec.classes, quiet, since, wiping)
+        columns |= found
+    columns |= labels.classify(columns, spec.classes)
+    return dataset.select(columns, len(index)), None if occupancy is None else float(
+        np.mean(occupancy)
+    )
