@@ -71,8 +71,8 @@ def prepare(spec, index) -> tuple[Wiper, Any, tuple, tuple]:
     padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
     wiper = build_wiper(spec.cells(padded), spec.belt.kind)
     system = on_rung(wiper, spec.model)
-    start = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
-    return wiper, system, *start
+    position, velocity = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
+    return wiper, system, position, velocity
 
 
 def deal(compute, cells, count: int):
