@@ -12,6 +12,7 @@ from .belts import SteadyBelt
 from .dataset import NONE, raster_index
 from .ladder import on_rung, operating_speed, start_on_rung
 from .lanes import Outcome, Pool, run_pool
+from .margins import Watched, watch
 from .noise import ReversalTotals
 from .observers import RegimeTotals
 from .results import Result
@@ -39,40 +40,73 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     Beside columns of `dataset.SCHEMA`: ``signal`` (cells, samples), the tip velocity [m/s] at
     ``sample_interval`` [s], and ``occupancy`` of the batch.
     """
-    devices = _devices()
-    shares = len(devices)
-    run = spec.run
-    # every call of a sweep has the same shapes (one compilation): short blocks are filled up
-    size = _capacity(len(index), shares)
+    if spec.sensitivities is not None:
+        from . import sensitivity  # it stands on this module
+
+        return sensitivity.evaluate(spec, index)
+    wiper, system, position, velocity = prepare(spec, index)
+    settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
+
+    def compute(cells, count):
+        system, position, velocity = cells
+        return _compute(system, position, velocity, count, limit, settings)
+
+    precision, size = spec.run.precision, position[0].shape[-1]
+    cells = (
+        _arrays(system, precision),
+        _full(position, size, precision),
+        _full(velocity, size, precision),
+    )
+    (outcome, signal), effort = deal(compute, cells, len(index))
+    return columns_of(spec, outcome, signal, effort, wiper, len(index))
+
+
+def prepare(spec, index) -> tuple[Wiper, Any, tuple, tuple]:
+    """Return wiper, system (its rung), positions and velocities of the cells ``index``, and
+    of some that fill up.
+
+    Every call of a sweep has the same shapes (one compilation).
+    """
+    size = _capacity(len(index), len(_devices()))
     padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
     wiper = build_wiper(spec.cells(padded), spec.belt.kind)
     system = on_rung(wiper, spec.model)
     position, velocity = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
-    cells = (
-        _arrays(system, run.precision),
-        _full(position, size, run.precision),
-        _full(velocity, size, run.precision),
-    )
-    varying, fixed = eqx.partition(cells, eqx.is_array)
-    settings = _settings(spec)
+    return wiper, system, position, velocity
 
-    def compute(share):
+
+def deal(compute, cells, count: int):
+    """Return (answers in the order of the cells, effort) of ``compute``, one call for each device.
+
+    ``compute(cells, count)`` gets arrays with the cells as last axis and returns (answers with the
+    cells as first axis, effort).
+    """
+    devices = _devices()
+    shares = len(devices)
+    varying, fixed = eqx.partition(cells, eqx.is_array)
+
+    def work(share):
         # neighbours cost alike: deal the cells out like cards, so that the shares end together
-        mine = jax.tree.map(lambda x: np.asarray(x)[share::shares] if x.ndim else x, varying)
-        numbers = (jnp.int32(len(index[share::shares])), jnp.int32(run.max_steps))
-        mine, (count, max_steps) = jax.device_put((mine, numbers), devices[share])
-        system, position, velocity = eqx.combine(mine, fixed)
-        found = _compute(system, position, velocity, count, max_steps, settings)
-        return jax.tree.map(np.asarray, found)
+        mine = jax.tree.map(lambda x: np.asarray(x)[..., share::shares] if x.ndim else x, varying)
+        number = jnp.asarray(len(range(share, count, shares)), jnp.int32)
+        mine, number = jax.device_put((mine, number), devices[share])
+        *found, effort = compute(eqx.combine(mine, fixed), number)
+        return jax.tree.map(np.asarray, (found, effort))
 
     with ThreadPoolExecutor(shares) as pool:
-        answers = list(pool.map(compute, range(shares)))
-    outcome, signal = jax.tree.map(
-        lambda *parts: np.stack(parts, 1).reshape(-1, *parts[0].shape[1:])[: len(index)],
-        *(answer[:2] for answer in answers),
+        answers = list(pool.map(work, range(shares)))
+    whole = jax.tree.map(
+        lambda *parts: np.stack(parts, 1).reshape(-1, *parts[0].shape[1:])[:count],
+        *(answer[0] for answer in answers),
     )
-    useful, executed = np.sum([answer[2] for answer in answers], axis=0)
-    back = np.arange(len(index))
+    return whole, np.sum([answer[1] for answer in answers], axis=0)
+
+
+def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int) -> dict[str, Any]:
+    """Return what `evaluate` returns, from the answers of the engine."""
+    run = spec.run
+    useful, executed = effort
+    back = np.arange(count)
     columns: dict[str, Any] = _columns(outcome, run, wiper, back)
     columns["signal"] = signal.output
     if run.raster is not None:
@@ -157,11 +191,18 @@ def _compute(
     """Run the cells of one share. A program for one device: compiled for several together it
     would round otherwise, and a map would depend on the number of cores.
     """
+    return outcomes(system, position, velocity, count, max_steps, s)
+
+
+def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched=False):
+    """`_compute`, to be called inside `jax.jit`; ``watched``: with `margins` in the record."""
     interval = s.window / s.samples
     if isinstance(system.belt, SteadyBelt):
         totals = RegimeTotals(s.transient)
     else:
         totals = ReversalTotals(s.transient, s.reversal_window)
+    if watched:
+        totals = watch(system, totals)
     problem, q, v, start = make_problem(
         system,
         s.transient + s.window,
@@ -194,6 +235,32 @@ def _compute(
     return outcome, signal, effort
 
 
+def statistics(outcome: Outcome, window) -> dict[str, Any]:
+    """Return the outcomes that have derivatives by parameters, (cells,) each."""
+    record = outcome.observed
+    while hasattr(record, "totals"):
+        record = record.totals
+    mean = record.output_integral / window
+    variance = jnp.maximum(record.output_square_integral / window - mean * mean, 0.0)
+    return {
+        "stick_fraction": record.stick_time / window,
+        "slip_fraction": record.slip_time / window,
+        "flight_fraction": record.flight_time / window,
+        "velocity_mean": mean,
+        # at rest the root has no derivative
+        "velocity_rms": jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1)), 0),
+        "normal_force_mean": record.normal_force_integral / window,
+        "normal_force_max": record.normal_force_max,
+        "gap_max": record.gap_max,
+        "impact_impulse_max": record.impulse_max,
+        # a rung of one coordinate stays on the glass
+        "final_x": outcome.position[0],
+        "final_y": (*outcome.position, 0.0 * outcome.position[0])[1],
+        "final_vx": outcome.velocity[0],
+        "final_vy": (*outcome.velocity, 0.0 * outcome.velocity[0])[1],
+    }
+
+
 def _events(log: EventLog, run) -> dict[str, np.ndarray]:
     """Columns of the event log; the room that a cell leaves empty holds NaN and `dataset.NONE`."""
     used = np.arange(run.event_log) < log.count[:, None]
@@ -214,39 +281,36 @@ def _events(log: EventLog, run) -> dict[str, np.ndarray]:
 
 def _columns(outcome: Outcome, run, wiper: Wiper, back) -> dict[str, np.ndarray]:
     """Statistics of the settled window; NaN where a cell did not reach its end."""
+    found = {name: np.asarray(x) for name, x in statistics(outcome, run.window).items()}
     record = outcome.observed
+    if isinstance(record, Watched):
+        record = record.totals
     totals = getattr(record, "totals", record)
     finished = outcome.result == Result.FINISHED
 
     def settled(values):
         return np.where(finished, values, np.nan)
 
-    mean = totals.output_integral / run.window
-    variance = totals.output_square_integral / run.window - mean**2
     columns = {
         "result": outcome.result,
-        "stick_fraction": settled(totals.stick_time / run.window),
-        "slip_fraction": settled(totals.slip_time / run.window),
-        "flight_fraction": settled(totals.flight_time / run.window),
-        "velocity_mean": settled(mean),
-        "velocity_rms": settled(np.sqrt(np.maximum(variance, 0.0))),
+        "stick_fraction": settled(found["stick_fraction"]),
+        "slip_fraction": settled(found["slip_fraction"]),
+        "flight_fraction": settled(found["flight_fraction"]),
+        "velocity_mean": settled(found["velocity_mean"]),
+        "velocity_rms": settled(found["velocity_rms"]),
         "belt_speed_rms": _cellwise(wiper.belt.rms, back),
-        "normal_force_mean": settled(totals.normal_force_integral / run.window),
-        "normal_force_max": settled(totals.normal_force_max),
-        "gap_max": settled(totals.gap_max),
+        "normal_force_mean": settled(found["normal_force_mean"]),
+        "normal_force_max": settled(found["normal_force_max"]),
+        "gap_max": settled(found["gap_max"]),
         "impact_count": totals.impact_count,
         "stick_count": totals.stick_count,
         "lift_off_count": totals.lift_off_count,
-        "impact_impulse_max": settled(totals.impulse_max),
+        "impact_impulse_max": settled(found["impact_impulse_max"]),
         "steps": outcome.steps - outcome.rejected,
         "rejected_steps": outcome.rejected,
         "unproved_steps": outcome.unproved,
         "final_time": outcome.final_time,
-        # a rung of one coordinate stays on the glass
-        "final_x": outcome.position[0],
-        "final_y": (*outcome.position, 0.0 * outcome.position[0])[1],
-        "final_vx": outcome.velocity[0],
-        "final_vy": (*outcome.velocity, 0.0 * outcome.velocity[0])[1],
+        **{name: found[name] for name in ("final_x", "final_y", "final_vx", "final_vy")},
     }
     if record is not totals:
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -137,6 +137,13 @@ def sweep(
     local_cluster: Annotated[
         int | None, typer.Option(min=1, help="Compute on a dask cluster of N processes here.")
     ] = None,
+    sensitivities: Annotated[
+        bool,
+        typer.Option(
+            "--sensitivities",
+            help="Store derivatives by parameters too; which ones: [sensitivities] in the file.",
+        ),
+    ] = False,
     block: Annotated[
         int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
     ] = None,
@@ -157,6 +164,8 @@ def sweep(
     spec = load_sweep(file, model)
     if target_error is not None:
         spec = _at_error(spec, target_error, file)
+    if sensitivities:
+        spec = spec.with_sensitivities()
     _check_output(output, MAP_SUFFIXES, force or resume, file)
     drawing = output.with_suffix(".png") if picture else None
     if drawing is not None:
@@ -170,6 +179,7 @@ def sweep(
     from wiperjax.labels import class_table
 
     command = ["wiperjax", "sweep", str(file), "-o", str(output)]
+    command += ["--sensitivities"] if sensitivities else []
     command += [] if picture else ["--no-picture"]
     command += [] if workers is None else ["--workers", str(workers)]
     command += [] if scheduler is None else ["--scheduler", scheduler]
@@ -190,6 +200,8 @@ def sweep(
         print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     _print_classes(class_table(dataset))
+    _print_sensitivities(dataset)
+    print(f"map      {output}")
     _print_events(dataset)
     print(f"map      {output}: {_cost(output, begun)}")
     if drawing is not None:
@@ -567,6 +579,27 @@ def _print_plan(spec: Any) -> None:
         print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit} ({values.size} values)")
     for note in spec.notes():
         print(f"note: {note}", file=sys.stderr)
+
+
+def _print_sensitivities(dataset: Any) -> None:
+    """Where derivatives hold, and how those that were checked agree with central differences."""
+    if "sensitivity_code" not in dataset:
+        return
+    import numpy as np
+
+    from wiperjax.dataset import flag_names
+
+    codes = dataset["sensitivity_code"]
+    for code, name in flag_names(codes).items():
+        count = int((codes == code).sum())
+        print(f"derivatives {name:<20}{count:>9}{count / codes.size:>9.1%}")
+    found = dataset["sensitivity_agreement"].values
+    found = found[np.isfinite(found)]
+    if found.size:
+        print(
+            f"checked by differences: {found.size} cells; the worst derivative of each differs by "
+            f"{np.median(found):.1e} (median), {found.max():.1e} (largest)"
+        )
 
 
 def _print_classes(table: Sequence[tuple[str, int, float]]) -> None:

@@ -167,7 +167,64 @@ _TABLE = (
     Column("event_impulse", "float64", "N s/m", "normal impulse of the event", along="event"),
 )  # fmt: skip
 
-SCHEMA: Mapping[str, Column] = {column.name: column for column in _TABLE}
+DIFFERENTIABLE = (
+    *("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms", "velocity_mean"),
+    *("belt_speed_rms", "normal_force_mean", "normal_force_max", "gap_max", "impact_impulse_max"),
+    *("growth_rate", "linear_frequency", "final_x", "final_y", "final_vx", "final_vy"),
+)
+"""Outcomes that have derivatives by parameters. Labels, codes, counts and the dominant frequency (a
+choice among lines) have none by nature; statistics of the reversal have none because the edges of
+their window cut steps."""
+
+VALIDITY = {
+    "fine": 0,
+    "near_grazing": 1,
+    "sequence_changes": 2,
+    "unsettled": 3,
+    "not_differentiable": 4,
+}
+"""Whether the derivatives of a cell hold; where they do not, they are NaN."""
+
+
+def sensitivity_name(outcome: str, parameter: str) -> str:
+    """Name of the variable that holds d(outcome)/d(parameter)."""
+    return f"d_{outcome}_d_{parameter}"
+
+
+def _sensitivity_columns() -> tuple[Column, ...]:
+    known = {column.name: column for column in _TABLE}
+    columns = [
+        Column(
+            "sensitivity_code", "int8", "", "whether the derivatives hold", VALIDITY,
+            comment="not fine: the derivatives are NaN",
+        ),
+        Column(
+            "grazing_margin", "float64", "1", "smallest depth or clearance of an event guard",
+            comment="relative to the size of the guard; 0: an event just grazed",
+        ),
+        Column(
+            "sensitivity_agreement", "float64", "1",
+            "largest relative difference of a derivative from central differences",
+            comment="NaN: not checked, or not fine",
+        ),
+    ]  # fmt: skip
+    for name in DIFFERENTIABLE:
+        for parameter in PARAMETERS.values():
+            below = "" if parameter.edge_unit == "1" else f"/({parameter.edge_unit})"
+            columns.append(
+                Column(
+                    sensitivity_name(name, parameter.name),
+                    "float64",
+                    f"({known[name].units}){below}",
+                    f"derivative of {known[name].long_name} by {parameter.long_name}",
+                )
+            )
+    return tuple(columns)
+
+
+SCHEMA: Mapping[str, Column] = {
+    column.name: column for column in (*_TABLE, *_sensitivity_columns())
+}
 
 
 def raster_index(samples: int, instants: int) -> list[int]:
@@ -252,7 +309,8 @@ def _attributes(spec: Any) -> dict[str, Any]:
     attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
     attrs["start"] = json.dumps(start, sort_keys=True) if start else DEFAULT_STARTS[attrs["model"]]
-    for table, prefix in (("run", "run_"), ("classes", "class_")):
+    tables = (("run", "run_"), ("classes", "class_"), ("sensitivities", "sensitivity_"))
+    for table, prefix in tables:
         for key, value in sorted((meaning.get(table) or {}).items()):
             if value is not None:
                 attrs[prefix + key] = value

@@ -14,6 +14,7 @@ from jax.lax import stop_gradient
 
 from .barrier import keep
 from .guards import JAM
+from .implicit import time_to_event
 from .polynomials import first_root
 from .results import RUNNING
 from .state import Problem, State
@@ -144,13 +145,24 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     step = jnp.where(trial.ok & first.undecided, h * jnp.maximum(theta, 0.1), step)
     step = jnp.where(lost, 0.5 * h, step)
 
+    correction = time_to_event(
+        jnp.where(located, shift.astype(dtype) * h, 0.0),
+        located,
+        value,
+        problem.system.on_piece(state.piece).on_sides(state.sides),
+        state.time + trial.h,
+        *trial.step.y1,
+        state.regime,
+        state.sides,
+        slot,
+    )
     return keep(
         Plan(
             accept=accept,
             arrive=located,
             fire=fire,
             slot=jnp.where(trial.jams, JAM, jnp.where(fire, first.slot, slot)).astype(jnp.int32),
-            correction=jnp.where(located, shift.astype(dtype) * trial.h, 0.0),
+            correction=correction,
             unproved=(accept | located) & first.doubtful,
             rejected=rejected | lost | (trial.ok & (first.murky | first.undecided)),
             step=step,

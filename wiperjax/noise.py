@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .observers import AbstractObserver, RegimeTotals, Totals, integral, outputs
+from .observers import AbstractObserver, RegimeTotals, Totals, outputs
 from .polynomials import largest
 from .results import Event, Regime
 from .system import Scalar
@@ -42,27 +42,30 @@ class ReversalTotals(AbstractObserver):
         s = stretch
         dtype = record.stroke_time.dtype
         on = s.start >= self.start
-        h = jnp.where(on, s.length, 0.0).astype(dtype)
         since = [s.system.belt.since_reversal(node.time) for node in s.nodes]
         near = [jnp.abs(x) <= self.window for x in since]
         just_after = [(n & (x >= 0)).astype(dtype) for n, x in zip(near, since, strict=True)]
         force = [node.forces.normal for node in s.nodes]
         peak = largest([jnp.where(n, f, 0.0) for n, f in zip(near, force, strict=True)])
         far = [(~n).astype(dtype) for n in near]
-        stroke = integral(h, far)
         vibration = [w * x * x for w, x in zip(just_after, outputs(s), strict=True)]
+        load = [w * f for w, f in zip(far, force, strict=True)]
+
+        def integral(values):
+            return jnp.where(on, s.integral(values), 0.0)
+
+        stroke = integral(far)
 
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),
             jnp.where(on, jnp.maximum(record.force_max_reversal, peak), record.force_max_reversal),
-            record.force_integral_stroke
-            + integral(h, [w * f for w, f in zip(far, force, strict=True)]),
+            record.force_integral_stroke + integral(load),
             record.stroke_time + stroke,
             record.stick_time_stroke + jnp.where(s.regime == Regime.STICK, stroke, 0.0),
             record.flight_time_stroke + jnp.where(s.regime == Regime.FLIGHT, stroke, 0.0),
             record.impulse_max_reversal,
-            record.vibration_integral + integral(h, vibration),
-            record.vibration_time + integral(h, just_after),
+            record.vibration_integral + integral(vibration),
+            record.vibration_time + integral(just_after),
         )
 
     def event(self, record, happening):

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from .polynomials import largest
 from .results import Event, Regime
 from .system import Scalar
 
 BOOLE = (7 / 90, 32 / 90, 12 / 90, 32 / 90, 7 / 90)  # quadrature over the five nodes, order 6
+END_SLOPE = (1.0, -16 / 3, 12.0, -16.0, 25 / 3)  # of the quartic through them
 
 
 class Stretch(NamedTuple):
@@ -22,14 +22,44 @@ class Stretch(NamedTuple):
 
     system: Any
     start: Scalar  # time
-    length: Scalar
+    step: Scalar  # length of the step whose nodes are below
+    correction: Scalar  # from its end to an event: tiny, but it carries the event time's derivative
     regime: Scalar
     nodes: tuple  # of five `Node`, at equal distances from its start to its end
+    guards: tuple  # of five node values, one a slot (see `guards`)
+    sizes: tuple  # of the guards, so far
 
+    @property
+    def length(self) -> Scalar:
+        """Duration."""
+        return self.step + self.correction
 
-def integral(length, values) -> Scalar:
-    """Integral over a stretch from ``values`` at its nodes (Boole's rule, of order 6)."""
-    return length * sum(w * x for w, x in zip(BOOLE, values, strict=True))
+    def integral(self, values) -> Scalar:
+        """Integral of something given at the nodes (Boole's rule, of order 6)."""
+        dtype = values[-1].dtype
+        mean = sum(w * x for w, x in zip(BOOLE, values, strict=True))
+        return self.step.astype(dtype) * mean + self.correction.astype(dtype) * values[-1]
+
+    def peak(self, values) -> Scalar:
+        """Largest value of something given at the nodes: the vertex of the parabola through the
+        largest node and its neighbours.
+
+        The largest node alone would have an error of second order, and no usable derivative.
+        """
+        rise = sum(w * x for w, x in zip(END_SLOPE, values, strict=True))
+        step = jnp.where(self.step > 0, self.step, 1.0).astype(values[-1].dtype)
+        *inner, end = values
+        nodes = (*inner, end + rise * self.correction.astype(end.dtype) / step)
+        # in the middle: the largest of the inner nodes
+        a, b, c = nodes[:3]
+        for i in (2, 3):
+            higher = nodes[i] > b
+            around = zip(nodes[i - 1 : i + 2], (a, b, c), strict=True)
+            a, b, c = (jnp.where(higher, new, old) for new, old in around)
+        bend, slope = a - 2 * b + c, 0.5 * (c - a)
+        at = jnp.clip(-slope / jnp.where(bend < 0, bend, -1.0), -1.0, 1.0)
+        high = jnp.where(bend < 0, b + at * (slope + 0.5 * at * bend), b)
+        return jnp.maximum(jnp.maximum(nodes[0], nodes[-1]), high)
 
 
 def outputs(stretch: Stretch) -> list[Scalar]:
@@ -110,28 +140,28 @@ class RegimeTotals(AbstractObserver):
     def stretch(self, record, stretch):
         s = stretch
         dtype = record.stick_time.dtype
-        h = jnp.where(s.start >= self.start, s.length, 0.0).astype(dtype)
+        counts = s.start >= self.start
+        h = jnp.where(counts, s.length, 0.0).astype(dtype)
         out = outputs(s)
         force = [node.forces.normal for node in s.nodes]
         gap = jnp.zeros_like(h)
         if s.system.unilateral:
-            for node in s.nodes:
-                gap = jnp.maximum(gap, jnp.asarray(s.system.gap(node.time, node.position), dtype))
-        counts = s.start >= self.start
+            gap = [jnp.asarray(s.system.gap(n.time, n.position), dtype) for n in s.nodes]
+            gap = s.peak(gap)
+
+        def integral(values):
+            return jnp.where(counts, s.integral(values), 0.0)
 
         return record._replace(
             stick_time=record.stick_time + jnp.where(s.regime == Regime.STICK, h, 0.0),
             flight_time=record.flight_time + jnp.where(s.regime == Regime.FLIGHT, h, 0.0),
             slip_time=record.slip_time
             + jnp.where((s.regime == Regime.SLIP_POS) | (s.regime == Regime.SLIP_NEG), h, 0.0),
-            output_integral=record.output_integral + integral(h, out),
-            output_square_integral=record.output_square_integral
-            + integral(h, [x * x for x in out]),
-            normal_force_integral=record.normal_force_integral + integral(h, force),
+            output_integral=record.output_integral + integral(out),
+            output_square_integral=record.output_square_integral + integral([x * x for x in out]),
+            normal_force_integral=record.normal_force_integral + integral(force),
             normal_force_max=jnp.where(
-                counts,
-                jnp.maximum(record.normal_force_max, largest(force)),
-                record.normal_force_max,
+                counts, jnp.maximum(record.normal_force_max, s.peak(force)), record.normal_force_max
             ),
             gap_max=jnp.where(counts, jnp.maximum(record.gap_max, gap), record.gap_max),
         )

@@ -159,7 +159,8 @@ def take_signal(signal: Signal, system, state: State, q, v, rate, moves, length)
         due = moves & (index < signal.count) & (t <= reach)
         u = ((t - state.time) / jnp.where(length > 0, length, 1.0)).astype(h.dtype)
         bend = (s0 - rise) * (1 - u) - (s1 - rise) * u
-        value = (f0 + u * (rise + (1 - u) * bend)).astype(jnp.float32)
+        value = f0 + u * (rise + (1 - u) * bend)
+        value = jax.lax.stop_gradient(value).astype(jnp.float32)  # tangents would fill memory
         slots = jnp.arange(signal.ring).reshape((-1,) + (1,) * index.ndim)
         here = due & (index - ring.first == slots)
         regime = ring.regime

@@ -25,6 +25,7 @@ from wiperjax.spec_tables import (
     Classes,
     ModelName,
     SceneRun,
+    Sensitivities,
     Start,
     SweepRun,
     Table,
@@ -176,6 +177,33 @@ class SweepSpec(_System):
     axes: dict[str, Axis]
     run: SweepRun
     classes: Classes = Classes()
+    sensitivities: Sensitivities | None = None
+
+    def with_sensitivities(self) -> "SweepSpec":
+        """The same sweep with derivatives; as the file asks for them, else the default ones.
+
+        Raises: SpecError, one line, where they cannot be had.
+        """
+        asked = self.sensitivities or Sensitivities()
+        spec = self.model_copy(update={"sensitivities": asked})
+        try:
+            spec._check_sensitivities(asked)
+        except Fault as fault:
+            raise SpecError(str(fault)) from None
+        return spec
+
+    def _check_sensitivities(self, asked: Sensitivities) -> None:
+        for name in asked.parameters:
+            if name not in self.parameter_names:
+                problem = unknown(name, list(self.parameter_names))
+                raise Fault("sensitivities.parameters", f"{name!r}: {problem}")
+        if len(set(asked.parameters)) < len(asked.parameters):
+            raise Fault("sensitivities.parameters", "must not name a parameter twice")
+        if self.model != "lip":
+            raise Fault("model", f"must be 'lip' with sensitivities, was {self.model!r}")
+        if self.run.precision != "float64":
+            must = "must be 'float64' with sensitivities"
+            raise Fault("run.precision", f"{must}, was {self.run.precision!r}")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "SweepSpec":
@@ -189,6 +217,8 @@ class SweepSpec(_System):
         if self.size > MAX_CELLS:
             raise Fault("axes", f"must make at most {MAX_CELLS} cells, made {self.size}")
         self._check_system(self.axes)
+        if self.sensitivities is not None:
+            self._check_sensitivities(self.sensitivities)
         return self
 
     @property
@@ -287,6 +317,8 @@ class SweepSpec(_System):
             "run": self.run.model_dump(mode="json"),
             "classes": self.classes.model_dump(mode="json"),
         }
+        if self.sensitivities is not None:
+            meaning["sensitivities"] = self.sensitivities.model_dump(mode="json")
         return json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self) -> str:

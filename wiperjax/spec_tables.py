@@ -173,6 +173,29 @@ class SweepRun(Table):
         return self
 
 
+class Sensitivities(Table):
+    """Derivatives of the outcomes by parameters, and when they are believed.
+
+    Attributes:
+        parameters: names of blade or belt parameters.
+        check: share of the cells that is checked by central differences.
+        step: of those, relative to the parameter (angles: to 1 rad).
+        grazing: smallest grazing margin at which derivatives still count as valid.
+        settled: largest relative difference of the tip velocity's standard deviation between the
+            first and the last whole periods of the settled window.
+    """
+
+    parameters: Annotated[list[str], Field(min_length=1)] = [
+        "attack_angle",
+        "normal_load",
+        "belt_speed",
+    ]
+    check: Annotated[float, Field(ge=0, le=1)] = 0.05
+    step: Annotated[float, Field(gt=0, le=1e-2)] = 1e-5
+    grazing: NonNegative = 1e-6
+    settled: Positive = 0.05
+
+
 class SceneRun(Table):
     """How one trajectory is integrated and sampled: `duration` and `sample_interval` in seconds.
 

@@ -163,6 +163,8 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     slots = first_switch(system) + len(switches) + int(limited)
     orders = (first_order, *[jnp.zeros_like(first_order)] * (slots - 1))
 
+    local = local.on_sides(sides)
+    c = contact(local, start, position, velocity)
     reactions = forces(local, c, regime)
     rate = (rates(local, start, position, velocity), acceleration(c, reactions))
     guards = guard_values(local, c, start, position, velocity, regime, sides)

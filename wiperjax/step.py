@@ -163,7 +163,16 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
     q = tuple(x + d * (y + 0.5 * d * z) for x, y, z in zip(q, speeds, a, strict=True))
     v = tuple(x + d * y for x, y in zip(v, a, strict=True))
     length = trial.h + correction
-    stretch = Stretch(system, state.time, length, state.regime, trial.nodes)
+    stretch = Stretch(
+        system,
+        state.time,
+        trial.h,
+        correction,
+        state.regime,
+        trial.nodes,
+        tuple(g.nodes for g in trial.guards),
+        tuple(g.size for g in trial.guards),
+    )
     observed = problem.observer.stretch(state.observed, stretch)
     if problem.signal is None:
         index, samples = take_samples(problem, state, trial, moves, length)

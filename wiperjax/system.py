@@ -108,6 +108,15 @@ class AbstractSystem(eqx.Module):
         """Return the system with its prescribed motion continued smoothly from ``piece``."""
         return self
 
+    def on_sides(self, sides: tuple[Scalar, ...]) -> "AbstractSystem":
+        """Return the system continued smoothly across its switches, from where they have the signs
+        ``sides``.
+
+        Not needed for values, which are continuous there: but a stage at a corner, or a hair's
+        breadth behind it, would have the derivative of the wrong side.
+        """
+        return self
+
     def default_state(self) -> tuple[Coordinates, Coordinates]:
         """Return (position, velocity) of the default start."""
         raise ValueError(

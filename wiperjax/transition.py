@@ -138,7 +138,10 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     ``end`` is the next known time, which a completed Zeno sequence must not pass.
     """
     time, q, v, slot = state.time, state.position, state.velocity, state.due
-    system = problem.system.on_piece(piece)
+    base = first_switch(problem.system)
+    flips = [fires & (slot == base + i) for i in range(len(state.sides))]
+    sides = tuple(jnp.where(f, -s, s) for f, s in zip(flips, state.sides, strict=True))
+    system = problem.system.on_piece(piece).on_sides(sides)
     law, unilateral = system.law, system.unilateral
     regime, sign = state.regime, slip_sign(state.regime)
     flying, sticking = regime == Regime.FLIGHT, regime == Regime.STICK
@@ -250,12 +253,8 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
             jnp.where(after == regime, orders[FIRST], 0),
         ),
     ).astype(jnp.int32)
-    base = first_switch(system)
-    sides = list(state.sides)
-    for i, side in enumerate(sides):
-        flips = fires & (slot == base + i)
-        sides[i] = jnp.where(flips, -side, side)
-        orders[base + i] = jnp.where(flips, 1, orders[base + i]).astype(jnp.int32)
+    for i, flip in enumerate(flips):
+        orders[base + i] = jnp.where(flip, 1, orders[base + i]).astype(jnp.int32)
     switched = fires & (slot >= base) & (slot < base + len(sides))
     stopped = fires & (slot == base + len(sides))
 
@@ -302,7 +301,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         position=q,
         velocity=v,
         regime=after,
-        sides=tuple(sides),
+        sides=sides,
         orders=tuple(orders),
         sizes=tuple(sizes),
         rate=rate,

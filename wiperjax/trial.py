@@ -52,6 +52,7 @@ class Guard(NamedTuple):
     proved: Scalar  # it has no zero in the step
     falls: Scalar  # it is violated from the start of the step on
     size: Scalar  # so far, this step included
+    nodes: tuple  # values at the nodes
 
 
 class Trial(NamedTuple):
@@ -107,7 +108,7 @@ def trial_size(problem: Problem, state: State):
 
 def attempt(problem: Problem, state: State) -> Trial:
     """Return the trial step from ``state``; nothing is committed."""
-    system, solver = problem.system.on_piece(state.piece), problem.solver
+    system, solver = problem.system.on_piece(state.piece).on_sides(state.sides), problem.solver
     y0 = (state.position, state.velocity)
     h, lands, mark, sliver = trial_size(problem, state)
 
@@ -223,6 +224,7 @@ def examine(values, order, size, sliver, highest: int) -> Guard:
         proved=proved,
         falls=falls,
         size=jnp.maximum(size, jnp.abs(nodes[-1])),
+        nodes=nodes,
     )
 
 

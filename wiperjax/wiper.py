@@ -43,6 +43,7 @@ class Wiper(AbstractSystem):
     gravity: Scalar = 0.0  # m/s^2
     collapse_angle: Scalar = float(np.deg2rad(89.0))  # rad
     piece: Scalar = 0  # smooth piece of the belt's motion (set by the engine)
+    sides: tuple | None = None  # signs of the switches (set by the engine)
     rest_height: Scalar | None = None  # L cos(alpha) [m] and sin(collapse_angle): see `prepared`
     edge_sine: Scalar | None = None
 
@@ -101,8 +102,11 @@ class Wiper(AbstractSystem):
     def moment(self, theta):
         """M(theta) of the two-stage rotational spring [N m per m]; theta = phi - alpha [rad]."""
         extra = self.shoulder_stiffness - self.neck_stiffness
-        past = jnp.maximum(theta - self.shoulder_angle, 0.0)
-        past = past + jnp.minimum(theta + self.shoulder_angle, 0.0)
+        above, below = theta - self.shoulder_angle, theta + self.shoulder_angle
+        if self.sides is None:
+            past = jnp.maximum(above, 0.0) + jnp.minimum(below, 0.0)
+        else:
+            past = jnp.where(self.sides[0] < 0, jnp.where(theta > 0, above, below), 0.0)
         return self.neck_stiffness * theta + extra * past
 
     def support_force(self, q, speeds, sin, cos):
@@ -211,6 +215,9 @@ class Wiper(AbstractSystem):
 
     def on_piece(self, piece):
         return eqx.tree_at(lambda w: w.piece, self, piece)
+
+    def on_sides(self, sides):
+        return eqx.tree_at(lambda w: w.sides, self, tuple(sides), is_leaf=lambda x: x is None)
 
     def default_state(self):
         """Touching, at rest, phi = alpha."""

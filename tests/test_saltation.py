@@ -1,0 +1,145 @@
+"""Derivatives through single events: flow, saltation, flow in closed form.
+
+A perturbation of the state that passes an event at which the motion changes from f- to f+ after a
+reset R, with the event function g, is multiplied by the saltation matrix
+
+    S = DR + (f+ - DR f-) g_x / (g_t + g_x f-)        x = (q, v)
+
+Leine and Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems" (2004), ch. 7;
+di Bernardo, Budd, Champneys and Kowalczyk, "Piecewise-smooth Dynamical Systems" (2008), ch. 2.
+The flows beside the event are matrix exponentials: the motion there is linear.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from problems import Block, Puck, events
+from scipy.linalg import expm
+
+import wiperjax
+from wiperjax import Event
+
+
+def solved(system, duration, n, **options):
+    """Return (x, dx/dx0) at the end: jit of state -> Solution and of its derivative."""
+
+    def run(state):
+        start = (tuple(state[:n]), tuple(state[n:]))
+        s = wiperjax.solve(
+            system, duration, initial_state=start, rtol=1e-12, max_events=40, **options
+        )
+        return jnp.concatenate([s.final_position, s.final_velocity]), s
+
+    return jax.jit(jax.jacfwd(run, has_aux=True))
+
+
+def saltation(reset, gradient, before, after, rate_t=0.0):
+    """S from DR, dg/dx, f- and f+; ``rate_t`` is dg/dt."""
+    reset, gradient = np.asarray(reset, float), np.asarray(gradient, float)
+    before, after = np.asarray(before, float), np.asarray(after, float)
+    return reset + np.outer(after - reset @ before, gradient) / (rate_t + gradient @ before)
+
+
+def matrix(linear, duration):
+    return expm(np.asarray(linear, float) * duration)
+
+
+def test_capture():
+    k, fd, v, start, end = 1.0, 0.3, 0.2, (0.2, -0.4), 3.0
+    derivative, s = solved(Block(0.9, fd, 1.0, k, belt=v), end, 1)(np.array(start))
+    ((t, kind),) = events(s)
+    assert kind == Event.CAPTURE
+    slip, stick = [[0, 1], [-k, 0]], [[0, 1], [0, 0]]
+    w = math.sqrt(k)
+    x = fd / k + (start[0] - fd / k) * math.cos(w * t) + start[1] / w * math.sin(w * t)
+    before, after = (v, fd - k * x), (v, 0.0)
+    jump = saltation(np.eye(2), (0, -1), before, after)
+    closed = matrix(stick, end - t) @ jump @ matrix(slip, t)
+    np.testing.assert_allclose(derivative, closed, rtol=0, atol=1e-9)
+
+
+def test_slip_onset():
+    """Only the position: a change of velocity at the start is no stick."""
+    k, fs, fd, v, x0, end = 4.0, 0.9, 0.3, 0.5, 0.1, 0.7
+    derivative, s = solved(Block(fs, fd, 1.0, k, belt=v), end, 1)(np.array([x0, v]))
+    ((t, kind),) = events(s)
+    assert kind == Event.RELEASE and t == pytest.approx((fs / k - x0) / v, rel=1e-12)
+    jump = saltation(np.eye(2), (-k, 0), (v, 0), (v, fd - fs))
+    closed = matrix([[0, 1], [-k, 0]], end - t) @ jump
+    np.testing.assert_allclose(derivative[:, 0], closed[:, 0], rtol=0, atol=1e-9)
+
+
+class Ramp(Puck):
+    """A puck whose load falls as it slides on: -g + rise x."""
+
+    rise: float = 3.0
+
+    def free_acceleration(self, t, q, v):
+        return self.push + 0 * t, -self.gravity + self.rise * q[0]
+
+
+def test_lift_off():
+    """Nothing jumps there, but the motion after it has one freedom more."""
+    mu, g, rise, end = 0.2, 10.0, 3.0, 2.0
+    derivative, s = solved(Ramp(mu, 0.5, g, push=1.0, rise=rise), end, 2)(np.array([0, 0, 3.0, 0]))
+    ((t, kind),) = events(s)
+    assert kind == Event.LIFT_OFF
+    slip, flight = np.zeros((4, 4)), np.zeros((4, 4))
+    slip[0, 2] = flight[0, 2] = flight[1, 3] = 1
+    slip[2, 0], flight[3, 0] = mu * rise, rise
+    closed = matrix(flight, end - t) @ matrix(slip, t)
+    np.testing.assert_allclose(derivative[:, [0, 2]], closed[:, [0, 2]], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("sticks", [False, True])
+def test_impact(sticks):
+    mu, e, g, end = 0.4, 0.6, 10.0, 0.5
+    start = np.array([0.0, 0.8, 0.5 if sticks else 3.0, -0.3])
+    derivative, s = solved(Puck(mu, e, g), end, 2)(start)
+    ((t, kind),) = events(s)
+    assert kind == Event.IMPACT
+    fall = -0.3 - g * t
+    reset = np.diag([1.0, 1.0, 0.0 if sticks else 1.0, -e])
+    slip = 0.0
+    if not sticks:
+        reset[2, 3] = mu * (1 + e)  # p_t = -mu (1 + e) |v_n|
+        slip = start[2] + mu * (1 + e) * fall
+        assert slip > 0
+    before = (start[2], fall, 0, -g)
+    after = (slip, -e * fall, 0, -g)
+    flight = np.zeros((4, 4))
+    flight[0, 2] = flight[1, 3] = 1
+    closed = (
+        matrix(flight, end - t) @ saltation(reset, (0, 1, 0, 0), before, after) @ matrix(flight, t)
+    )
+    np.testing.assert_allclose(derivative, closed, rtol=1e-9, atol=1e-9)
+
+
+def test_end_of_a_zeno_sequence():
+    """The limit of the product of all its saltation matrices: the series summed."""
+    mu, e, g, end = 0.1, 0.5, 10.0, 2.0
+    system = Puck(mu, e, g)
+    start = np.array([0.0, 0.7, 4.0, 0.0])
+    derivative, s = solved(system, end, 2)(start)
+    found = events(s)
+    assert [k for _, k in found] == [Event.IMPACT] * (len(found) - 1) + [Event.ZENO]
+
+    def series(state):
+        x, y, vx, vy = state
+        fall = (vy + jnp.sqrt(vy**2 + 2 * g * y)) / g
+        time, speed, x = fall, g * fall - vy, x + vx * fall
+        for _ in range(80):
+            vx = vx - mu * (1 + e) * speed
+            speed = e * speed
+            flight = 2 * speed / g
+            time, x = time + flight, x + vx * flight
+        rest = end - time
+        return jnp.stack([x + vx * rest - 0.5 * mu * g * rest**2, 0.0, vx - mu * g * rest, 0.0])
+
+    final, closed = series(start), jax.jacfwd(series)(start)
+    # the completed rest, of 2e-8 s, moves at the speed at its start
+    np.testing.assert_allclose(s.final_position[0], final[0], rtol=1e-12)
+    np.testing.assert_allclose(derivative, closed, rtol=0, atol=1e-7)
