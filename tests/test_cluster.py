@@ -164,6 +164,7 @@ def test_every_worker_takes_an_accelerator_of_its_own(tmp_path, monkeypatch):
 def test_one_process_deals_a_block_to_all_its_accelerators():
     """Devices of the host stand in for them; what each would compute is only written down."""
     code = """
+        import threading
         import jax, numpy as np
         from wiperjax import cells
         from wiperjax.spec import parse_sweep
@@ -175,9 +176,10 @@ def test_one_process_deals_a_block_to_all_its_accelerators():
             (device,) = position[0].devices()
             speeds = np.asarray(wiper.belt.speed)[: int(count)]
             seen.append((device.id, np.round(speeds, 3).tolist()))
+            together.wait(60)  # the first to raise must not stop the others
             raise Enough
 
-        seen = []
+        seen, together = [], threading.Barrier(3)
 
         cells._compute, cells._devices = note, jax.devices
         axis = {"start": 0.1, "stop": 0.7, "num": 7}

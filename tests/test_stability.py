@@ -6,6 +6,7 @@ import pytest
 
 import wiperjax
 from wiperjax.stability import steady_slip, steady_slip_branches
+from wiperjax.wiper import ENGINE_FIELDS
 
 HOPF = {-30: 0.5766, -10: 0.5017, 0: 0.4511, 10: 0.3937, 30: 0.2470}  # V11, degrees -> m/s
 CELLS = 64
@@ -136,7 +137,9 @@ def slip_by_hand(w, i, speed, x, velocity):
         value = getattr(w, name)
         return value[i] if np.ndim(value) else value
 
-    one = type("blade", (), {name: at(name) for name in vars(w) if name not in ("belt", "piece")})
+    one = type(
+        "blade", (), {name: at(name) for name in vars(w) if name not in ("belt", *ENGINE_FIELDS)}
+    )
     m, h, length = one.tip_mass, one.hinge_mass, one.lip_length
     phi = np.arcsin(x / length)
     tau, cos = np.tan(phi), np.cos(phi)

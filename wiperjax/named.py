@@ -16,9 +16,8 @@ import numpy as np
 from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
 from .parameters import BELTS, PARAMETERS
 from .system import AbstractSystem
-from .wiper import Wiper
+from .wiper import ENGINE_FIELDS, Wiper
 
-_OF_THE_ENGINE = ("piece", "rest_height", "edge_sine")
 _KINDS = {SteadyBelt: "steady", WipingBelt: "wiping", TrapezoidBelt: "trapezoid"}
 
 
@@ -118,7 +117,7 @@ def _names(module: eqx.Module, before: tuple[str, ...] = ()) -> dict[str, tuple[
         route = (*before, field.name)
         if isinstance(inner, eqx.Module):
             found |= _names(inner, route)
-        elif field.name not in _OF_THE_ENGINE and np.ndim(inner) == 0:
+        elif field.name not in ENGINE_FIELDS and np.ndim(inner) == 0:
             if not isinstance(inner, bool | str | type(None)):
                 found[".".join(route)] = route
     return found

@@ -165,6 +165,7 @@ def _check(spec, theta, base, columns, slopes, checked, word):
             slope = slopes[outcome][checked, k] / unit * scale[name]
             least = FLOOR * _outcome_scale(outcome, columns, base)[checked]
             larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)
+            larger = np.where(larger > 0, larger, 1.0)  # both may be zero
             skip = ~inside | ~np.isfinite(slope) | ~np.isfinite(change)
             if outcome == "velocity_rms":
                 skip |= rests

@@ -29,7 +29,7 @@ from .solve import active, begin, final_velocity, make_problem
 from .state import Problem, State
 from .step import advance
 from .system import AbstractSystem, contact
-from .wiper import Wiper
+from .wiper import ENGINE_FIELDS, Wiper
 
 EVENTS_AT_ONCE = 1024  # capacity of the log on the device
 STEPS_AT_ONCE = 16384  # about a second: Ctrl-C is heard between
@@ -366,7 +366,7 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in fields(module):  # type: ignore[arg-type]
         name, value = prefix + field.name, getattr(module, field.name)
-        if field.name in ("piece", "rest_height", "edge_sine"):  # the engine's, not the person's
+        if field.name in ENGINE_FIELDS:
             continue
         if isinstance(value, eqx.Module):
             found[name] = type(value).__name__

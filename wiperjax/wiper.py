@@ -11,6 +11,7 @@ from .friction import AbstractFriction, Stribeck
 from .sparse import absent
 from .system import AbstractSystem, Scalar
 
+ENGINE_FIELDS = ("piece", "sides", "rest_height", "edge_sine")  # set by it, not by a person
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from wiperjax import SteadyBelt, TrapezoidBelt, Wiper
+from wiperjax.wiper import ENGINE_FIELDS
 
 LENGTH = 6e-3  # m, the reference lip
 SAMPLES = 20
@@ -57,7 +58,7 @@ class Scene:
 
 def blade_fields(wiper: Wiper) -> dict:
     """Return the physical parameters of a wiper, without the belt and the engine's own fields."""
-    engine = ("belt", "piece", "rest_height", "edge_sine")
+    engine = ("belt", *ENGINE_FIELDS)
     names = [f.name for f in dataclasses.fields(wiper) if f.name not in engine]  # type: ignore
     return {name: getattr(wiper, name) for name in names}
 

@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from typing import Any
 
 import diffrax
 import equinox as eqx
@@ -36,7 +37,7 @@ def arrays(scene: Scene, precision: str) -> tuple:
         value = np.asarray(value, precision)
         return np.broadcast_to(value, (scene.cells,)) if spread else value
 
-    blade = {
+    blade: dict[str, Any] = {
         name: PLAIN[name] if np.all(value == PLAIN.get(name)) else leaf(value, name in full)
         for name, value in blade_fields(scene.wiper).items()
     }
