@@ -201,7 +201,6 @@ def sweep(
         raise typer.Exit(INTERRUPTED) from None
     _print_classes(class_table(dataset))
     _print_sensitivities(dataset)
-    print(f"map      {output}")
     _print_events(dataset)
     print(f"map      {output}: {_cost(output, begun)}")
     if drawing is not None:

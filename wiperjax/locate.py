@@ -142,7 +142,8 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     step = jnp.where(accept, grown, state.step)
     step = jnp.where(rejected, trial.next_step, step)
     step = jnp.where(trial.ok & first.murky, 0.25 * h, step)
-    step = jnp.where(trial.ok & first.undecided, h * jnp.maximum(theta, 0.1), step)
+    # well inside what is proved: just at its end the next trial would be as undecided
+    step = jnp.where(trial.ok & first.undecided, h * jnp.maximum(0.9 * theta, 0.1), step)
     step = jnp.where(lost, 0.5 * h, step)
 
     correction = time_to_event(
