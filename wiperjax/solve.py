@@ -1,4 +1,8 @@
-"""`solve`: the pure function underneath everything. One trajectory; `jax.vmap` it for many."""
+"""`solve`: the pure function underneath everything, for one trajectory.
+
+`jax.vmap` works, but every lane then waits for the slowest and pays for all events of the others:
+for many trajectories `wiperjax.sweep`, or `lanes.run_pool`, is far faster.
+"""
 
 import math
 from functools import partial
@@ -183,8 +187,7 @@ def solve(
 
     A pure function: it works under `jax.jit`, `jax.vmap` over any parameter of ``system`` (an
     equinox module), and `jax.jvp`; with ``reverse`` under `jax.grad` instead. It never raises for
-    a numerical failure; look
-    at ``result``.
+    a numerical failure; look at ``result``.
 
     **Main arguments:** ``system``; ``duration`` [s]; ``initial_state`` = (position, velocity), n
     values each (default: the system's own start).
