@@ -113,6 +113,10 @@ class Bar(AbstractSystem):
     def on_piece(self, piece):
         return Bar(self.lip.on_piece(piece))
 
+    def on_sides(self, sides):
+        # the last side is that of the pressing force, which is not the lip's
+        return Bar(self.lip.on_sides(sides[:-1]))
+
     def prepared(self):
         return Bar(self.lip.prepared())
 

@@ -16,7 +16,6 @@ from .barrier import keep
 from .guards import JAM
 from .implicit import time_to_event
 from .polynomials import first_root
-from .results import RUNNING
 from .state import Problem, State
 from .system import Scalar
 from .trial import Trial, pick
@@ -124,10 +123,9 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     newton = chase & ~miss & ~lost
     located, miss, lost, newton, retarget = keep((located, miss, lost, newton, retarget))
 
-    active = (state.result == RUNNING) & (state.due < 0)
     accept = trial.ok & ~obstructed & (~pending | miss)
     fire = (trial.ok & first.violated) | trial.jams
-    rejected = ~trial.ok & ~trial.jams & active
+    rejected = ~trial.ok & ~trial.jams & state.active
 
     h = stop_gradient(trial.h)
     dtype = h.dtype

@@ -93,6 +93,11 @@ class State(NamedTuple):
     samples: Any
     observed: Any
 
+    @property
+    def active(self) -> Scalar:
+        """True where a trial step counts: the trajectory runs, and no event waits to be done."""
+        return (self.result == RUNNING) & (self.due < 0)
+
 
 def vector_field(t, y, args):
     """Right-hand side of the smooth motion in a regime; the vector field of the diffrax term."""

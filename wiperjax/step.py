@@ -41,7 +41,6 @@ def flow(problem: Problem, state: State) -> State:
     landed = plan.accept & trial.lands
     breaks = landed & (trial.mark == problem.system.break_time(state.piece))
     breaks = breaks & (trial.mark < problem.end)
-    active = (state.result == RUNNING) & (state.due < 0)
 
     moved = _move(problem, state, trial, moves, plan.correction)
     due = jnp.where(fires, plan.slot, jnp.where(breaks, BREAK, state.due)).astype(jnp.int32)
@@ -57,7 +56,7 @@ def flow(problem: Problem, state: State) -> State:
         trial=stop_gradient(plan.trial),
         tries=plan.tries,
         result=result,
-        attempts=state.attempts + active,
+        attempts=state.attempts + state.active,
         rejected=state.rejected + plan.rejected,
         unproved=state.unproved + plan.unproved,
         streak=jnp.where(moves, 0, state.streak + fires),
@@ -156,7 +155,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
     touching = state.regime != Regime.FLIGHT
     sticking = state.regime == Regime.STICK
     q, v = keep(settle(system, trial.last, q, v, touching, touching, sticking))
-    _, a = trial.rate
+    _, a = trial.step.rate1
     speeds = rates(system, state.time + trial.h, q, v)
     rate = (speeds, a)
     d = correction.astype(q[0].dtype)

@@ -279,10 +279,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     hit_kind = jnp.where(completes, int(Event.ZENO), hit_kind)
     kind = jnp.zeros_like(state.regime)
     table = (
-        (
-            hits,
-            jnp.where(completes, int(Event.ZENO), jnp.where(collides, int(Event.IMPACT), touch)),
-        ),
+        (hits, hit_kind),
         (turns, turn_kind),
         (leaves_cone, jnp.where(slips, int(Event.RELEASE), int(Event.LIFT_OFF))),
         (lifts, int(Event.LIFT_OFF)),

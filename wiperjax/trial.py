@@ -22,7 +22,7 @@ from .polynomials import (
     power_of,
 )
 from .regimes import Forces, acceleration, forces
-from .results import RUNNING, Regime
+from .results import Regime
 from .stages import NODES, Step, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact, rates
@@ -69,7 +69,6 @@ class Trial(NamedTuple):
     finite: Scalar
     nodes: tuple[Node, ...]  # at `NODES`
     last: Contact  # contact space at the end, in this regime
-    rate: tuple  # vector field there
     guards: tuple[Guard, ...]  # one a slot
 
 
@@ -132,8 +131,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     finite = jnp.isfinite(error)
     for leaf in jax.tree.leaves(step.y1):
         finite = finite & jnp.isfinite(leaf)
-    active = (state.result == RUNNING) & (state.due < 0)  # other lanes of a batch stay put
-    ok = finite & (error <= 1) & active
+    ok = finite & (error <= 1) & state.active  # other lanes of a batch stay put
     order = solver.order(TERM)
     assert order is not None  # check_solver: a Runge-Kutta pair
     error = jnp.where(finite, jnp.maximum(error, 1e-8), 1e10)
@@ -156,7 +154,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     return Trial(
         h=h,
         lands=lands,
-        jams=_jams(problem, state, ok, next_step, active),
+        jams=_jams(problem, state, ok, next_step),
         mark=mark,
         step=step,
         ok=ok,
@@ -165,7 +163,6 @@ def attempt(problem: Problem, state: State) -> Trial:
         finite=finite,
         nodes=nodes,
         last=last,
-        rate=step.rate1,
         guards=tuple(
             keep(examine(values, order, size, sliver, 3 if slot == FIRST else 1))
             for slot, (values, order, size) in enumerate(
@@ -228,7 +225,7 @@ def examine(values, order, size, sliver, highest: int) -> Guard:
     )
 
 
-def _jams(problem: Problem, state: State, ok, next_step, active):
+def _jams(problem: Problem, state: State, ok, next_step):
     """True where slip runs into D = 0 under load: the normal force grows without bound there, so
     that steps shrink to nothing in front of it and never reach it."""
     if not problem.system.coupled:
@@ -238,7 +235,7 @@ def _jams(problem: Problem, state: State, ok, next_step, active):
     floor = floor * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
     d, pressing = state.guards[JAM], state.guards[SECOND]
     near = (d > 0) & (d < 1e-2) & (pressing > 0)
-    return sliding & ~ok & (next_step < floor) & near & active
+    return sliding & ~ok & (next_step < floor) & near & state.active
 
 
 def pick(slots, index):

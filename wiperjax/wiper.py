@@ -1,7 +1,6 @@
 """The wiper: a rigid lip on springs whose tip touches moving glass (MODEL.md sections 1 to 3)."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -130,7 +129,7 @@ class Wiper(AbstractSystem):
         moment = self.moment(phi - self.attack_angle)
         if not absent(self.hinge_damping):
             moment = moment + self.hinge_damping * speeds[0] / arm
-        pull = self._belt(t)[1]
+        pull = self.belt.motion(t, self.piece)[1]
         m = self.tip_mass
         if absent(self.hinge_mass):
             f_t = -moment / arm + down * tau
@@ -159,19 +158,11 @@ class Wiper(AbstractSystem):
     # Velocities inside are (x' - V, y'): friction needs the slip speed to its last digit, where
     # the difference of two speeds of the glass would have lost it.
 
-    def _belt(self, t):
-        """Return V [m/s] and V' [m/s^2]."""
-
-        def velocity(t):
-            return jnp.broadcast_to(jnp.asarray(self.belt.velocity(t, self.piece)), jnp.shape(t))
-
-        return jax.jvp(velocity, (t,), (jnp.ones_like(t),))
-
     def rates(self, t, q, v):
-        return v[0] + self._belt(t)[0], v[1]
+        return v[0] + self.belt.motion(t, self.piece)[0], v[1]
 
     def from_rates(self, t, q, rates):
-        return rates[0] - self._belt(t)[0], rates[1]
+        return rates[0] - self.belt.motion(t, self.piece)[0], rates[1]
 
     def slip_speed(self, t, q, v):
         return v[0]
@@ -231,7 +222,7 @@ class Wiper(AbstractSystem):
         return (length, length), (speed, speed)
 
     def output(self, t, q, v):
-        return v[0] + self._belt(t)[0]
+        return v[0] + self.belt.motion(t, self.piece)[0]
 
     # --- for tests and studies ------------------------------------------------------------------
 

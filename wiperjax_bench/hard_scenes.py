@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wiperjax import SteadyBelt, TrapezoidBelt, Wiper
+from wiperjax import SteadyBelt, Wiper
 
-from .scenes import GRAZE_SPEED, LENGTH, Scene
+from .scenes import GRAZE_SPEED, LENGTH, TURN_SPEED, Scene, turning
 
 CELLS = 4
 SAMPLES = 60
@@ -72,19 +72,9 @@ def stiff_shoulder() -> Scene:
 
 def reversal() -> Scene:
     """Return the end of a stroke: V passes zero at 20 ms and the lip flips over."""
-    speed, frequency = 0.8, 0.7
-    wiper = Wiper(
-        belt=TrapezoidBelt(speed, frequency, 0.02, 2 * math.pi * (0.5 - frequency * 0.02)),
-        lip_length=6.5e-3,
-        neck_stiffness=0.01,
-        support_stiffness=20000.0,
-        mu_static=0.7,
-        mu_minimum=0.5,
-        normal_load=_spread(15.0),
-    )
-    return _scene(
-        "reversal", "V(t) passes zero, the lip flips", wiper, _at(0.0, length=6.5e-3), 0.05, speed
-    )
+    wiper = turning(_spread(15.0))
+    start = _at(0.0, length=6.5e-3)
+    return _scene("reversal", "V(t) passes zero, the lip flips", wiper, start, 0.05, TURN_SPEED)
 
 
 def near_painleve() -> Scene:

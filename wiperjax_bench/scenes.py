@@ -16,6 +16,7 @@ from wiperjax import SteadyBelt, TrapezoidBelt, Wiper
 from wiperjax.wiper import ENGINE_FIELDS
 
 LENGTH = 6e-3  # m, the reference lip
+TURN_SPEED = 0.8  # m/s, of the belt that turns
 SAMPLES = 20
 CELLS = 4096  # the engine takes 16 cases a lane at least: fewer would leave lanes out
 
@@ -122,23 +123,28 @@ def chatter(cells: int = CELLS) -> Scene:
     )  # fmt: skip
 
 
-def reversal(cells: int = CELLS) -> Scene:
-    """Return the stroke's end: the belt turns at 20 ms and the lip flips over."""
-    rng = np.random.default_rng(3)
-    speed, frequency = 0.8, 0.7
-    wiper = Wiper(
+def turning(normal_load) -> Wiper:
+    """Return blades whose belt turns at 20 ms; ``normal_load`` [N/m], one a blade."""
+    frequency = 0.7
+    return Wiper(
         # V falls through zero at s = frequency t + phase / (2 pi) = 1/2
-        belt=TrapezoidBelt(speed, frequency, 0.02, 2 * math.pi * (0.5 - frequency * 0.02)),
+        belt=TrapezoidBelt(TURN_SPEED, frequency, 0.02, 2 * math.pi * (0.5 - frequency * 0.02)),
         lip_length=6.5e-3,
         neck_stiffness=0.01,
         support_stiffness=20000.0,
         mu_static=0.7,
         mu_minimum=0.5,
-        normal_load=_spread(rng, cells, 15.0),
+        normal_load=normal_load,
     )
+
+
+def reversal(cells: int = CELLS) -> Scene:
+    """Return the stroke's end: the belt turns at 20 ms and the lip flips over."""
+    rng = np.random.default_rng(3)
+    wiper = turning(_spread(rng, cells, 15.0))
     return Scene(
         "reversal", "wiping reversal: V passes zero, the lip flips", wiper,
-        _resting(wiper, cells), 0.05, _times(0.05), (6.5e-3, speed),
+        _resting(wiper, cells), 0.05, _times(0.05), (6.5e-3, TURN_SPEED),
     )  # fmt: skip
 
 
