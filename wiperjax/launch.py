@@ -12,7 +12,8 @@ def configure(cores: int | None = None) -> int:
 
     ``cores``: devices to use, one a core (default: the cores this process may run on). One device
     a core with a one-thread pool each, because the default pool burns two cores for the speed of
-    one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told.
+    one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; plain
+    loops for its kernels instead of tiles, which copy what they read first.
     Settings already made by the user win. Has no effect once JAX has started a device.
     """
     count = len(os.sched_getaffinity(0)) if cores is None else int(cores)
@@ -20,6 +21,7 @@ def configure(cores: int | None = None) -> int:
     wanted = {
         "--xla_force_host_platform_device_count": str(count),
         "--xla_cpu_prefer_vector_width": "512",
+        "--xla_backend_extra_options": "xla_cpu_disable_tiled_emitter=true",
     }
     flags = os.environ.get("XLA_FLAGS", "")
     for name, value in wanted.items():

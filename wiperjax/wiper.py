@@ -1,17 +1,29 @@
 """The wiper: a rigid lip on springs whose tip touches moving glass (MODEL.md sections 1 to 3)."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from .belts import AbstractBelt, SteadyBelt
-from .fastmath import arcsin
+from .fastmath import angle
 from .friction import AbstractFriction, Stribeck
 from .sparse import absent
 from .system import AbstractSystem, Scalar
 
 ENGINE_FIELDS = ("piece", "sides", "rest_height", "edge_sine")  # set by it, not by a person
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
+
+
+class Lean(NamedTuple):
+    """The lip's inclination phi: worked out once for all that needs it."""
+
+    sin: Scalar
+    cos: Scalar
+    tan: Scalar
+    secant: Scalar
+    angle: Scalar  # rad
 
 
 class Wiper(AbstractSystem):
@@ -94,10 +106,12 @@ class Wiper(AbstractSystem):
 
     # --- geometry -----------------------------------------------------------------------------
 
-    def lean(self, q):
-        """Return sin(phi), cos(phi), phi of a tip at x = q[0] [rad]."""
-        s = jnp.clip(q[0] / self.lip_length, -_EDGE, _EDGE)
-        return s, jnp.sqrt((1 - s) * (1 + s)), arcsin(s)
+    def lean(self, q) -> Lean:
+        """Return the lean phi of a lip whose tip is at x = q[0]."""
+        sin = jnp.clip(q[0] / self.lip_length, -_EDGE, _EDGE)
+        cos = jnp.sqrt((1 - sin) * (1 + sin))
+        secant = 1 / cos
+        return Lean(sin, cos, sin * secant, secant, angle(sin, cos))
 
     def moment(self, theta):
         """M(theta) of the two-stage rotational spring [N m per m]; theta = phi - alpha [rad]."""
@@ -109,10 +123,10 @@ class Wiper(AbstractSystem):
             past = jnp.where(self.sides[0] < 0, jnp.where(theta > 0, above, below), 0.0)
         return self.neck_stiffness * theta + extra * past
 
-    def support_force(self, q, speeds, sin, cos):
+    def support_force(self, q, speeds, lean: Lean):
         """Downward force F of the support spring and dashpot [N/m] at q' = ``speeds``."""
-        eta = q[1] + self.lip_length * cos
-        eta_rate = speeds[1] - sin / cos * speeds[0]
+        eta = q[1] + self.lip_length * lean.cos
+        eta_rate = speeds[1] - lean.tan * speeds[0]
         return (
             self.normal_load
             + self.support_stiffness * (eta - self._rest_height)
@@ -122,35 +136,34 @@ class Wiper(AbstractSystem):
     # --- the engine's view ----------------------------------------------------------------------
 
     def free_acceleration(self, t, q, v):
-        sin, cos, phi = self.lean(q)
-        tau, arm = sin / cos, self.lip_length * cos
+        lean, length = self.lean(q), self.lip_length
         speeds = self.rates(t, q, v)
-        down = self.support_force(q, speeds, sin, cos)
-        moment = self.moment(phi - self.attack_angle)
+        down = self.support_force(q, speeds, lean)
+        moment = self.moment(lean.angle - self.attack_angle)
         if not absent(self.hinge_damping):
-            moment = moment + self.hinge_damping * speeds[0] / arm
+            moment = moment + self.hinge_damping * speeds[0] * lean.secant / length
+        push = moment * lean.secant / length  # by the arm L cos(phi)
         pull = self.belt.motion(t, self.piece)[1]
         m = self.tip_mass
         if absent(self.hinge_mass):
-            f_t = -moment / arm + down * tau
+            f_t = down * lean.tan - push
             return f_t / m - pull, -down / m - self.gravity
         h = self.hinge_mass
-        f_t = -moment / arm + (down + h * self.gravity) * tau
+        f_t = (down + h * self.gravity) * lean.tan - push
         f_n = -down - (m + h) * self.gravity
-        centripetal = h * speeds[0] * speeds[0] / (self.lip_length * cos**3)
+        centripetal = h * speeds[0] * speeds[0] * lean.secant**3 / length
         (tt, tn), (_, nn) = self.directions(t, q)
-        r_t, r_n = f_t - centripetal * tau, f_n + centripetal
+        r_t, r_n = f_t - centripetal * lean.tan, f_n + centripetal
         return tt * r_t + tn * r_n - pull, tn * r_t + nn * r_n
 
     def directions(self, t, q):
         m, h = self.tip_mass, self.hinge_mass
         if absent(h):
             return (1 / m, 0.0), (0.0, 1 / m)
-        sin, cos, _ = self.lean(q)
-        tau = sin / cos
-        scale = 1 / (m * (m + h / (cos * cos)))
-        cross = h * tau * scale
-        return ((m + h) * scale, cross), (cross, (m + h * tau * tau) * scale)
+        lean = self.lean(q)
+        scale = 1 / (m * (m + h * lean.secant * lean.secant))
+        cross = h * lean.tan * scale
+        return ((m + h) * scale, cross), (cross, (m + h * lean.tan * lean.tan) * scale)
 
     def gap(self, t, q):
         return q[1]
@@ -168,7 +181,7 @@ class Wiper(AbstractSystem):
         return v[0]
 
     def switches(self, t, q, v):
-        theta = self.lean(q)[2] - self.attack_angle
+        theta = self.lean(q).angle - self.attack_angle
         # one function for both shoulders: it vanishes at either
         return ((self.shoulder_angle - theta) * (self.shoulder_angle + theta),)
 
@@ -228,12 +241,12 @@ class Wiper(AbstractSystem):
 
     def energy(self, q, v):
         """Kinetic plus stored energy [J per m] of a tip at ``q`` with q' = ``v``."""
-        sin, cos, phi = self.lean(q)
-        theta = phi - self.attack_angle
+        lean = self.lean(q)
+        theta = lean.angle - self.attack_angle
         past = jnp.maximum(jnp.abs(theta) - self.shoulder_angle, 0.0)
-        eta = q[1] + self.lip_length * cos
+        eta = q[1] + self.lip_length * lean.cos
         sink = eta - self._rest_height
-        hinge = v[1] - sin / cos * v[0]
+        hinge = v[1] - lean.tan * v[0]
         kinetic = self.tip_mass * (v[0] ** 2 + v[1] ** 2) + self.hinge_mass * hinge**2
         rotation = self.neck_stiffness * theta**2
         rotation = rotation + (self.shoulder_stiffness - self.neck_stiffness) * past**2

@@ -45,10 +45,10 @@ def spring_moment(w, zone, phi):
 
 def free(w, zone, x, y, u, vy):
     """Return (force along x, downward force F, lever tau) without contact forces."""
-    sin, cos, phi = w.lean((x, y))
-    down = w.support_force((x, y), (u, vy), sin, cos)
-    tau = sin / cos
-    return down * tau - spring_moment(w, zone, phi) / (w.lip_length * cos), down, tau
+    lean = w.lean((x, y))
+    down = w.support_force((x, y), (u, vy), lean)
+    push = spring_moment(w, zone, lean.angle) / (w.lip_length * lean.cos)
+    return down * lean.tan - push, down, lean.tan
 
 
 def belt(w, t):
@@ -100,7 +100,7 @@ def guards(t, s, args):
         (w.mu_static * down + hold) / w.normal_load,
         jnp.where(flying, 1.0, down / w.normal_load),
     )
-    phi = w.lean((x, y))[2]
+    phi = w.lean((x, y)).angle
     theta = phi - w.attack_angle
     upper = jnp.where(zone == 0, 1.0, -1.0) * (w.shoulder_angle - theta)
     lower = jnp.where(zone == 0, 1.0, -1.0) * (w.shoulder_angle + theta)
@@ -172,7 +172,7 @@ def trajectory(w, start, marks, mark_kinds, samples, rtol, scales, solver):
     t = jnp.zeros(())
     on = lambda piece: w.on_piece(piece)
     slip = u - belt(on(first_piece), t)[0]
-    theta = w.lean((x, y))[2] - w.attack_angle
+    theta = w.lean((x, y)).angle - w.attack_angle
     zone = jnp.where(theta > w.shoulder_angle, 1, jnp.where(theta < -w.shoulder_angle, -1, 0))
     touching = (y <= 0) & (vy <= 0)
     regime = jnp.where(touching, closed(on(first_piece), zone, t, x, slip), FLIGHT)
@@ -196,7 +196,7 @@ def trajectory(w, start, marks, mark_kinds, samples, rtol, scales, solver):
         speed = jnp.abs(belt(w, t)[0])
         longest = jnp.where(
             regime == STICK,
-            0.02 * w.lip_length * jnp.cos(w.lean((s[0], s[2]))[2]) / jnp.maximum(speed, 1e-3),
+            0.02 * w.lip_length * w.lean((s[0], s[2])).cos / jnp.maximum(speed, 1e-3),
             0.25 / fastest,
         )
         slot = jnp.where(regime == STICK, 0, jnp.where(regime == FLIGHT, 2, 1))
