@@ -257,7 +257,7 @@ def test_plot_hands_on_its_options(folder, stubs):
 
 
 def test_help_of_plot_names_every_picture(capsys):
-    from wiperjax.plots.files import PICTURES
+    from wiperjax.plots import PICTURES
 
     assert main(["plot", "--help"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
