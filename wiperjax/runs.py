@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 
 from .dataset import flag_names
+from .labels import stored
 from .spectrum import dominant_frequency
 
-QUIET = 0.01  # of the belt speed: what oscillates less has no period
 FEWEST_PERIODS = 2  # in the settled half: less is no period
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
 
@@ -137,7 +137,7 @@ def pitch(ds: xr.Dataset) -> float:
     speed = np.asarray(signal(part), dtype=float)
     if "belt_velocity" in part:
         scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
-        if np.std(speed) <= QUIET * scale:
+        if np.std(speed) <= stored(ds.attrs).quiet_velocity_ratio * scale:
             return float("nan")
     step = sample_interval(part)
     frequency = float(dominant_frequency(speed, step))
