@@ -9,12 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from noises import SWEEPS, Cases, changed, first_cell, parameters, remedies
+from noises import NAMES, SWEEPS, Cases, changed, first_cell, parameters, remedies
 from scipy import signal
 
 from wiperjax import Event
+from wiperjax.cells import evaluate
+from wiperjax.dataset import BANDS, LABELS, MECHANISMS, SETTLED
 from wiperjax.scene import run as play
-from wiperjax.spec import load_scene
+from wiperjax.spec import load_scene, load_sweep
+from wiperjax.work import evaluate_block
 
 # scene -> (class, mechanism, band, frequency [Hz] and its tolerance)
 STEADY = {
@@ -52,6 +55,8 @@ OTHERS = {  # further cells that a claim rests on
     "squeal_reversal half a remedy": ("squeal_reversal", {"support_damping": 10}),
     "reversal_sine undamped": ("reversal_sine", {"support_damping": 1, "lip_length": 3e-3}),
 }
+
+RIDING = {"attack_angle": -40.0, "normal_load": 8.0303, "belt_speed": 0.1072}
 
 
 def evaluated(scenes, run_of):
@@ -273,3 +278,16 @@ def test_reversal_pulses(cells):
     # damping is no remedy for a slow pulse
     assert cells["reversal damped"]["label"] == "reversal"
     assert ratio(cells["reversal damped"]) > 0.98 * ratio(cells["reversal"])
+
+
+@pytest.mark.slow
+def test_a_lip_that_rides_until_the_last_sample_has_not_failed():
+    """A cell of `million.toml`: stick, and a slip that begins after the last sample."""
+    spec = load_sweep(SWEEPS / "million.toml")
+    place = [int(np.argmin(np.abs(spec.axes_values()[n] - x))) for n, x in RIDING.items()]
+    index = np.array([np.ravel_multi_index(place, spec.shape)])
+    found, _ = evaluate_block(spec, index, evaluate)
+    assert np.isnan(found["dominant_frequency"]) and 0.98 < found["stick_fraction"] < 1
+    assert found["velocity_rms"] > 0.05 * found["belt_speed_rms"]
+    codes = LABELS["other"], MECHANISMS["stick_slip"], BANDS["none"], SETTLED["unknown"]
+    assert tuple(int(found[name][0]) for name in NAMES) == codes
