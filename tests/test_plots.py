@@ -208,7 +208,7 @@ def test_mechanism_map_shows_also_what_failed(small_map):
     texts = [text.get_text() for text in axes[0].figure.legends[0].get_texts()]
     share = float((ds["label"] == dataset.LABELS["failed"]).mean())
     assert f"failed ({share:.1%})" in texts
-    assert any(text.startswith("self excited slip (") for text in texts)
+    assert any(text.startswith("self-excited slip (") for text in texts)
     assert any(text.startswith("quiet (") for text in texts)
 
 

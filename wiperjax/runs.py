@@ -75,9 +75,11 @@ def between(ds: xr.Dataset, start: float | None = None, stop: float | None = Non
     high = time[-1] if stop is None else stop
     inside = (time >= low) & (time <= high)
     if inside.sum() < 8:
+        part = "" if start is None else f" from {start:g} s"
+        part += " on" if stop is None else f" up to {stop:g} s"
         raise ValueError(
-            f"at least 8 samples must lie between the times given, but {inside.sum()} lie in "
-            f"{low:g} ... {high:g} s of the run ({time[0]:g} ... {time[-1]:g} s)"
+            f"at least 8 samples must lie between the times given, but {inside.sum()} lie{part}; "
+            f"the run has {time.size} in {time[0]:g} ... {time[-1]:g} s"
         )
     chosen = {"time": np.flatnonzero(inside)}
     if ds.sizes.get("event", 0):

@@ -401,6 +401,8 @@ def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
         raise SpecError(f"{path}: is not a text file (UTF-8)") from None
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"{path}: is not valid TOML: {error}") from None
+    if kind is SceneSpec and "axes" in data:
+        raise SpecError(f"{path}: has [axes], so it is a sweep; what is needed here is a scene")
     if model is not None:
         data["model"] = model
     spec = _parse(kind, data, str(path))

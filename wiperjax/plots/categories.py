@@ -158,7 +158,8 @@ def category_legend(
     handles: list[Any] = []
     for name, count, share in class_table(ds, variable):
         if count:
-            text = f"{readable(name)} ({share:.1%})" if shares else readable(name)
+            part = f"{share:.1%}" if share >= 0.001 else "<0.1%"  # one cell of many is not none
+            text = f"{readable(name)} ({part})" if shares else readable(name)
             handles.append(_swatch(name, text))
     if (np.asarray(ds["label"]) == NOT_COMPUTED).any() and variable != "motion":
         handles.append(_swatch("not_computed", "not computed"))

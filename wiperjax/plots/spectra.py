@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ..labels import stored
-from ..runs import pitch, sample_interval, signal
+from ..runs import is_steady, pitch, sample_interval, signal
 from ..spectrum import dominant_frequency
 from .axes import label, long_name, page, plain_log, shown_unit
 from .caption import set_caption
@@ -18,6 +18,7 @@ from .palette import CLASSES, EVENT_NAMES
 
 HIGHEST = 20_000.0  # Hz: what is heard
 DECADES = 5  # of amplitude that are shown
+TURNING = 0.02  # s, of the spectrogram's window: what happens around V = 0 lasts some tens of ms
 LEVELS = 70.0  # dB that the spectrogram shows
 
 
@@ -103,7 +104,7 @@ def spectrogram(
     - `axes`: two axes, below each other; a page of its own if None.
     - `quantity`, `component`: `velocity` along the glass (component 0) by default.
     - `window`: length of the Hann window (s); 1/25 of the run by default, but at least four
-        periods of a tone above the band of chattering.
+        periods of a tone above the band of chattering, and at most `TURNING` on a belt that turns.
     - `highest`: frequency (Hz) at the top; eight times the dominant one by default, 2000 at least.
 
     Levels are in dB relative to one unit of the quantity (1 m/s rms), not a sound pressure.
@@ -119,6 +120,7 @@ def spectrogram(
     if window is None:
         fast = np.isfinite(tone) and tone >= stored(ds.attrs).chatter_band[1]
         window = min(max(span / 25, 4 / tone if fast else 0.0), span / 4)
+        window = window if is_steady(ds) else min(window, TURNING)
     samples = int(np.clip(round(window / step), 8, numbers.size))
     top = highest or max(2000.0, 8 * tone if np.isfinite(tone) else 0.0)
     top = min(top, 0.5 / step)
