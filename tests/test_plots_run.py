@@ -281,7 +281,7 @@ def folder(tmp_path_factory):
         ("map.h5", "p.png", {"picture": "classes", "start": 0.1}, "--from does not suit the pict"),
         ("map.h5", "p.png", {"picture": "line"}, "has no dominant_frequency, which the picture"),
         ("run.h5", "p.gif", {}, "has no belt_velocity, which the picture 'animation' needs"),
-        ("run.h5", "p.png", {"start": 0.2}, "0 lie in 0.2 ... 0.1 s of the run"),
+        ("run.h5", "p.png", {"start": 0.2}, "0 lie from 0.2 s on; the run has"),
         ("map.h5", "p.png", {"picture": "classes", "x": "load"}, "'load' is no axis of this map"),
         ("other.h5", "p.png", {}, "is neither a map nor a run"),
         ("none.h5", "p.png", {}, "does not exist"),

@@ -293,7 +293,7 @@ FAULTS = {
     "[classes]\nzzz = 1\n" + ONE_AXIS: (
         "classes.zzz: unknown key; must be one of quiet_velocity_ratio, squeal_band, "
         "chatter_band, reversal_window, reversal_ratio, "
-        "vibration_ratio, stick_share, settled_change"
+        "vibration_ratio, tone_time, stick_share, settled_change"
     ),
     # ranges
     "[axes]\nattack_angle = { start = -95, stop = 95, num = 3 }\n" + RUN: (
