@@ -163,7 +163,8 @@ def category_legend(
             handles.append(_swatch(name, text))
     if (np.asarray(ds["label"]) == NOT_COMPUTED).any() and variable != "motion":
         handles.append(_swatch("not_computed", "not computed"))
-    if boundary and "growth_rate" in ds:
+    rate = np.asarray(ds["growth_rate"]) if boundary and "growth_rate" in ds else np.zeros(1)
+    if (rate > 0).any() and (rate < 0).any():  # else there is no such line
         handles.append(
             Line2D(
                 [], [], color=BOUNDARY, linewidth=1.4, label="steady slip loses stability (linear)"
