@@ -333,3 +333,17 @@ def test_marks_that_are_a_carpet_are_left_out():
     many = run.isel(event=np.zeros(history.MOST_MARKS + 1, dtype=int) + 2)
     history.event_marks(many, ax)
     assert not ax.lines
+
+
+def test_bands_of_a_spectrum_are_those_stored_with_the_run():
+    def reach(run):
+        ax = plots.spectrum(run)
+        return {
+            text.get_text(): sorted(patch.get_x() for patch in ax.patches)
+            for text in ax.texts
+            if text.get_text() in ("squeal", "chattering")
+        }
+
+    assert 500.0 in reach(tone())["squeal"]
+    narrow = tone().assign_attrs(class_squeal_band=np.array([700.0, 900.0]))
+    assert 700.0 in reach(narrow)["squeal"] and 500.0 not in reach(narrow)["squeal"]
