@@ -257,7 +257,7 @@ def test_plot_hands_on_its_options(folder, stubs):
 
 
 def test_help_of_plot_names_every_picture(capsys):
-    from wiperjax.plots.files import PICTURES
+    from wiperjax.plots import PICTURES
 
     assert main(["plot", "--help"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
@@ -344,7 +344,7 @@ def test_the_command_line_alone_imports_nothing_heavy():
         ("sweep s.toml -o m.h5 --force --resume", "--force starts anew and --resume continues"),
         ("sweep none.toml -o m.h5", "none.toml: cannot be read: No such file or directory"),
         ("sweep typo.toml -o m.h5", "typo.toml: blade.mu_statik: unknown key; did you mean"),
-        ("simulate s.toml -o r.h5", "s.toml: axes: unknown key"),
+        ("simulate s.toml -o r.h5", "s.toml: has [axes], so it is a sweep"),
         ("simulate scene.toml -o there.h5", "there.h5: exists already; use --force"),
         ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
         ("plot there.h5 -o drawn.png", "drawn.png: exists already; use --force"),

@@ -11,7 +11,7 @@ from wiperjax.spec import parse_sweep
 
 FLAGS = {
     name: {code: word for word, code in (dataset.SCHEMA[name].flags or {}).items()}
-    for name in ("label", "mechanism", "band")
+    for name in ("label", "mechanism", "band", "settled")
 }
 NAN = float("nan")
 HIT = {"impact_impulse_reversal": 1e-3, "impact_impulse_max": 1e-3}
@@ -121,6 +121,61 @@ FLIP = {  # a belt that reverses: silent strokes, a pulse of twice the mean, a v
 )
 def test_reversal_needs_a_pulse_and_the_vibration_it_starts(expected, values):
     assert classify(**FLIP | values) == expected
+
+
+TURN = {  # silent strokes without a pulse; 18 ms of 700 Hz after each of two turns
+    **FLIP,
+    "normal_force_max_reversal": 16.0,
+    "dominant_frequency": 700.0,
+    "tone_time_before": 0.0,
+    "tone_time_after": 0.018,
+    "reversal_count": 2,
+    "stick_count": 20,
+}
+
+
+@pytest.mark.parametrize(
+    ("label", "mechanism", "band", "values"),
+    [
+        ("squeal", "stick_slip", "squeal", {}),
+        ("squeal", "stick_slip", "squeal", {"tone_time_before": 0.018, "tone_time_after": 0.0}),
+        ("squeal", "self_excited_slip", "squeal", {"stick_count": 4}),  # the turns themselves
+        ("other", "stick_slip", "low", {"dominant_frequency": 430.0}),
+        ("quiet", "none", "none", {"tone_time_after": 0.0149}),
+        # a tone of another pitch that a pulse starts is its noise; squeal comes first
+        ("reversal", "reversal_pulse", "none", FLIP | {"dominant_frequency": 430.0}),
+        ("squeal", "stick_slip", "squeal", FLIP | {"dominant_frequency": 700.0}),
+        # strokes that sound are named by their own pitch
+        ("other", "stick_slip", "low", {"dominant_frequency": 300.0, "velocity_rms_stroke": 0.1}),
+    ],
+)
+def test_a_tone_at_the_turn(label, mechanism, band, values):
+    found = codes(**TURN | values)
+    assert (found["label"], found["mechanism"], found["band"]) == (label, mechanism, band)
+    if label == "squeal":
+        assert classify(labels.Thresholds(tone_time=0.03), **TURN | values) != "squeal"
+
+
+def test_a_slip_that_falls_between_two_samples_is_no_failure():
+    """Stick and one short slip: all samples are equal, so no frequency, but exact statistics."""
+    seen = {"dominant_frequency": NAN, "stick_fraction": 0.99, "velocity_rms": 0.02}
+    finite, lost = dataset.SETTLED["yes"], dataset.SETTLED["unknown"]
+    found = codes(**seen, settled=finite)
+    assert found == {"label": "other", "mechanism": "stick_slip", "band": "none"} | {
+        "settled": "unknown"
+    }
+    assert classify(**seen | {"velocity_rms": 0.002}, settled=finite) == "quiet"
+    # samples that are not finite, or slip throughout, which cannot hide
+    assert classify(**seen, settled=lost) == "failed"
+    assert classify(**seen) == "failed"
+    assert classify(**seen | {"stick_fraction": 0.0}, settled=finite) == "failed"
+
+
+def test_stored_thresholds():
+    given = labels.Thresholds(squeal_band=(400.0, 2500.0), quiet_velocity_ratio=0.02)
+    attrs = {f"class_{name}": np.array(value) for name, value in vars(given).items()}
+    assert labels.stored(attrs) == given
+    assert labels.stored({"title": "none"}) == labels.Thresholds()
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ matplotlib.use("Agg")
 
 from wiperjax import dataset, labels, mapfile, plots  # noqa: E402
 from wiperjax.plots import axes as plot_axes  # noqa: E402
-from wiperjax.plots import classes, palette, planes  # noqa: E402
+from wiperjax.plots import categories, palette, planes  # noqa: E402
 from wiperjax.results import RESULTS  # noqa: E402
 from wiperjax.spec import parse_sweep  # noqa: E402
 
@@ -187,11 +187,11 @@ def test_regime_map_names_what_occurs_in_the_motion(small_map):
     for k, (stick, flight, speed) in enumerate(shares.values()):
         cells["stick_fraction"][k], cells["flight_fraction"][k] = stick, flight
         cells["velocity_rms"][k] = speed * cells["belt_speed"].values
-    found = classes.motion(cells)
+    found = plots.motion(cells)
     names = dataset.flag_names(found)
     assert [names[int(code)] for code in found[:, 0, 0]] == list(shares)
     cells["label"][0], cells["label"][1] = dataset.LABELS["failed"], dataset.LABELS["collapsed"]
-    found = classes.motion(cells)
+    found = plots.motion(cells)
     assert [names[int(code)] for code in found[:2, 0, 1]] == ["failed", "collapsed"]
     assert plots.regime_map(cells).shape == (1,)
 
@@ -208,7 +208,7 @@ def test_mechanism_map_shows_also_what_failed(small_map):
     texts = [text.get_text() for text in axes[0].figure.legends[0].get_texts()]
     share = float((ds["label"] == dataset.LABELS["failed"]).mean())
     assert f"failed ({share:.1%})" in texts
-    assert any(text.startswith("self excited slip (") for text in texts)
+    assert any(text.startswith("self-excited slip (") for text in texts)
     assert any(text.startswith("quiet (") for text in texts)
 
 
@@ -268,9 +268,9 @@ def test_cuts_are_at_the_nearest_cell_and_said(small_map):
 def test_speckled_maps_are_not_hatched_cell_by_cell():
     ax = Figure().subplots()
     speckle = (np.indices((300, 300)).sum(axis=0) % 2).astype(bool)
-    classes._hatch(ax, np.arange(301.0), np.arange(301.0), speckle, "xxxx", "#000000")
+    categories._hatch(ax, np.arange(301.0), np.arange(301.0), speckle, "xxxx", "#000000")
     assert not ax.collections
-    classes._hatch(ax, np.arange(301.0), np.arange(301.0), ~speckle | True, "xxxx", "#000000")
+    categories._hatch(ax, np.arange(301.0), np.arange(301.0), ~speckle | True, "xxxx", "#000000")
     assert len(ax.collections[0].get_paths()) == 300
 
 
@@ -286,7 +286,7 @@ def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypat
     monkeypatch.setattr(mapfile, "open_partial", lambda path, variables: partial)
     for picture in ("overview", "regimes"):
         plots.plot_file(parts, tmp_path / f"{picture}.png", picture=picture, dpi=30)
-    texts = [entry.get_label() for entry in classes.category_legend(partial)]
+    texts = [entry.get_label() for entry in categories.category_legend(partial)]
     assert "not computed" in texts
     assert "unfinished sweep: 216 of 459 cells" in plots.class_map(partial)[0].figure.get_suptitle()
 

@@ -281,7 +281,7 @@ def folder(tmp_path_factory):
         ("map.h5", "p.png", {"picture": "classes", "start": 0.1}, "--from does not suit the pict"),
         ("map.h5", "p.png", {"picture": "line"}, "has no dominant_frequency, which the picture"),
         ("run.h5", "p.gif", {}, "has no belt_velocity, which the picture 'animation' needs"),
-        ("run.h5", "p.png", {"start": 0.2}, "0 lie in 0.2 ... 0.1 s of the run"),
+        ("run.h5", "p.png", {"start": 0.2}, "0 lie from 0.2 s on; the run has"),
         ("map.h5", "p.png", {"picture": "classes", "x": "load"}, "'load' is no axis of this map"),
         ("other.h5", "p.png", {}, "is neither a map nor a run"),
         ("none.h5", "p.png", {}, "does not exist"),
@@ -333,3 +333,17 @@ def test_marks_that_are_a_carpet_are_left_out():
     many = run.isel(event=np.zeros(history.MOST_MARKS + 1, dtype=int) + 2)
     history.event_marks(many, ax)
     assert not ax.lines
+
+
+def test_bands_of_a_spectrum_are_those_stored_with_the_run():
+    def reach(run):
+        ax = plots.spectrum(run)
+        return {
+            text.get_text(): sorted(patch.get_x() for patch in ax.patches)
+            for text in ax.texts
+            if text.get_text() in ("squeal", "chattering")
+        }
+
+    assert 500.0 in reach(tone())["squeal"]
+    narrow = tone().assign_attrs(class_squeal_band=np.array([700.0, 900.0]))
+    assert 700.0 in reach(narrow)["squeal"] and 500.0 not in reach(narrow)["squeal"]

@@ -80,6 +80,52 @@ def test_vibration_of_a_reversal():
     assert after[2] == pytest.approx(stroke[2], rel=0.1)  # a tone is no reversal noise
 
 
+def burst(frequency, start, stop, size=0.2, fall=0.0):
+    """A tone from `start` to `stop` s after each V = 0, its size falling by `fall` 1/s."""
+    inside = (SINCE >= start) & (SINCE < stop)
+    return size * inside * np.exp(-fall * (SINCE - start)) * np.sin(TURN * frequency * SINCE)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "signal"),
+    [
+        (0.0, 0.020, burst(700, 0.002, 0.022)),
+        (0.018, 0.0, burst(900, -0.02, -0.002)),
+        (0.0, 0.012, burst(700, 0.002, 0.014)),
+        # however loud, what rings down leaves 6 dB behind in 0.7 time constants
+        (0.0, 0.7 * 0.008, burst(700, 0.002, 0.2, 2.0, fall=1 / 0.008)),
+        # a click beside it hides no tone
+        (0.0, 0.020, burst(700, 0.01, 0.03) + 20 * burst(400, 0.002, 0.0035)),
+        (0.0, 0.0, burst(700, 0.002, 0.022, 1e-4)),  # quieter than quiet
+        # both sides, and a stroke that sings throughout ends in mid-stroke on either
+        (0.010, 0.030, burst(700, 0.0, 0.03) + burst(800, -0.01, 0.0)),
+        (0.25, 0.25, tone(700, 0.2)),
+        # one of four turns is enough
+        (0.0, 0.020, np.where(TIME < 0.7, burst(700, 0.002, 0.022), 0.0)),
+    ],
+)
+def test_a_tone_at_the_turn_is_what_lasts(before, after, signal):
+    found = columns(signal, flips() + signal, since=SINCE, wiping=1.0)
+    # the level is taken over 5 ms: a border is smeared by half of that at most
+    for k in (0, 1) if before else (0,):
+        assert found["tone_time_before"][k] == pytest.approx(before, abs=5e-3)
+    assert found["tone_time_after"][0] == pytest.approx(after, abs=5e-3)
+    assert found["reversal_count"].tolist() == [3, 3]  # V = 0 at the start is none within
+
+
+def test_a_tone_at_the_turn_has_a_pitch():
+    low = burst(430, 0.002, 0.034)
+    high = burst(900, -0.02, -0.001)
+    found = columns(low + high, low, high, 0 * low, since=SINCE, wiping=1.0)
+    assert found["tone_frequency_after"][:2] == pytest.approx([430, 430], rel=0.02)
+    assert found["tone_frequency_before"][[0, 2]] == pytest.approx([900, 900], rel=0.02)
+    assert np.isnan(found["tone_frequency_before"][3]) and found["tone_time_before"][3] == 0
+    # the strokes are silent, so the pitch of a cell is that of its longest tone
+    assert found["dominant_frequency"][:3] == pytest.approx([430, 430, 900], rel=0.02)
+    sounding = columns(np.where(np.abs(SINCE) > 0.1, tone(300), low), since=SINCE, wiping=1.0)
+    assert sounding["dominant_frequency"] == pytest.approx(300, rel=0.01)
+
+
 def test_halves_of_a_wipe_compare_only_if_each_holds_whole_periods():
     both = tone(700), tone(700)
     found = columns(*both, since=np.stack([SINCE, SINCE]), wiping=np.array([1.0, 0.7]))

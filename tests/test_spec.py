@@ -293,7 +293,7 @@ FAULTS = {
     "[classes]\nzzz = 1\n" + ONE_AXIS: (
         "classes.zzz: unknown key; must be one of quiet_velocity_ratio, squeal_band, "
         "chatter_band, reversal_window, reversal_ratio, "
-        "vibration_ratio, stick_share, settled_change"
+        "vibration_ratio, tone_time, stick_share, settled_change"
     ),
     # ranges
     "[axes]\nattack_angle = { start = -95, stop = 95, num = 3 }\n" + RUN: (
@@ -515,3 +515,17 @@ def test_time_of_a_flip():
     turn = 2 * math.pi * 0.7
     assert 1.6 / turn * (1 - math.cos(turn * time)) == pytest.approx(9e-3)
     assert flip_time("wiping", 0.01, 10.0, 0.0, 6e-3) == math.inf  # the lip never flips
+
+
+def test_thresholds_of_a_scene():
+    """Stated ones hold; else the reversal window is twice the time of the flip."""
+    scene = {"run": {"duration": 1.0}}
+    assert parse_scene(scene).thresholds() == parse_scene(scene).classes
+    belt = {"kind": "wiping", "amplitude": 1.6, "frequency": 0.7}
+    turning = parse_scene(scene | {"belt": belt})
+    time = flip_time("wiping", 1.6, 0.7, 0.0, 6e-3)
+    assert turning.thresholds().reversal_window == pytest.approx(2 * time)
+    stated = parse_scene(scene | {"belt": belt, "classes": {"reversal_window": 0.03}})
+    assert stated.thresholds().reversal_window == 0.03
+    slow = parse_scene(scene | {"belt": belt | {"amplitude": 0.01}})  # the lip never flips
+    assert slow.thresholds().reversal_window == pytest.approx(0.1 / 0.7)

@@ -11,10 +11,9 @@ import numpy as np
 import xarray as xr
 
 from .dataset import BANDS, LABELS, MECHANISMS, SETTLED, flag_names
-from .labels import Thresholds, classify
+from .labels import classify, stored
 from .results import RESULTS
 from .signals import signal_columns
-from .spec import flip_time
 
 TURN = 2 * np.pi
 
@@ -26,8 +25,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
 
     - `run`: a run of a scene file (`scene.run`, or a file of `wiperjax simulate`); its attributes
         tell the belt.
-    - `thresholds`: `labels.Thresholds`; None: the defaults, with a reversal window of twice the
-        time in which the glass carries the lip over (`spec.flip_time`), if that is longer.
+    - `thresholds`: `labels.Thresholds`; None: those stored with the run.
     - `transient`: time [s] that is left out; None: the first half on a steady belt, the first
         eighth on one that reverses.
 
@@ -39,7 +37,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     """
     if "belt_kind" not in run.attrs or "event_time" not in run:
         raise ValueError("run must be a run of a scene file, with its belt among the attributes")
-    limits = thresholds if thresholds is not None else _thresholds(run)
+    limits = thresholds if thresholds is not None else stored(run.attrs)
     kind, end = str(run.attrs["belt_kind"]), float(run["final_time"])
     if transient is None:
         transient = float(run.attrs["duration"]) / (2 if kind == "steady" else 8)
@@ -77,18 +75,6 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     return _named(columns | classify(columns, limits))
 
 
-def _thresholds(run: xr.Dataset) -> Thresholds:
-    """The defaults, with a reversal window that holds the flip and what it leaves."""
-    kind = str(run.attrs["belt_kind"])
-    if kind == "steady":
-        return Thresholds()
-    names = ("belt_frequency", "belt_ramp", "lip_length")
-    frequency, ramp, length = (float(run.attrs.get(name, 0.0)) for name in names)
-    time = flip_time(kind, abs(float(run.attrs["belt_speed"])), frequency, ramp, length)
-    longest = 0.1 / frequency  # the rest is the stroke
-    return Thresholds(reversal_window=min(max(2 * time, Thresholds.reversal_window), longest))
-
-
 def words(columns: Any) -> dict[str, str]:
     """Names of the codes `label`, `mechanism`, `band` and `settled` of one assessment."""
     flags = {"label": LABELS, "mechanism": MECHANISMS, "band": BANDS, "settled": SETTLED}
@@ -113,12 +99,15 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
     first = int(run["regime_before"][0]) if times.size else int(run["final_regime"])
     borders = np.clip(np.concatenate([[0.0], times, [end]]), start, None)
     regimes = [names[code] for code in (first, *after)]
+    caught = np.array([name == "stick" for name in regimes])
+    caught = caught[1:] & ~caught[:-1]
     impulse = np.where(times >= start, np.asarray(run["event_impulse"], dtype=float), 0.0)
     if window is None:
         length, suffix = np.diff(borders), ""
         found = {
             "impact_count": float(np.sum(impulse > 0)),
             "impact_impulse_max": impulse.max(initial=0.0),
+            "stick_count": float(np.sum(caught & (times >= start))),
         }
     else:
         # time outside the window: the integral of a function that is 1 on the strokes

@@ -111,7 +111,8 @@ _TABLE = (
     Column("flight_fraction_stroke", "float64", "1", "share of the strokes in flight"),
     Column(
         "dominant_frequency", "float64", "Hz", "frequency of the strongest line of tip velocity",
-        comment="Hann window, refined between bins; NaN where the velocity is constant",
+        comment="Hann window, refined between bins; NaN where all samples are equal; on a belt "
+        "that reverses of the strokes, or of a tone around V = 0 if they are quiet",
     ),
     Column("velocity_rms", "float64", "m/s", "standard deviation of the tip velocity"),
     Column(
@@ -122,6 +123,13 @@ _TABLE = (
         comment="faster than the upper end of class_chatter_band",
     ),
     Column("vibration_reversal", "float64", "m/s", "the same, just after reversal"),
+    Column("tone_time_before", "float64", "s", "longest tone before V = 0",
+        comment="faster than class_chatter_band, its level (rms over 5 ms) within 6 dB",
+    ),
+    Column("tone_time_after", "float64", "s", "longest tone after V = 0"),
+    Column("tone_frequency_before", "float64", "Hz", "frequency of the longest tone before V = 0"),
+    Column("tone_frequency_after", "float64", "Hz", "frequency of the longest tone after V = 0"),
+    Column("reversal_count", "int32", "1", "passages of V through zero in the settled window"),
     Column("velocity_mean", "float64", "m/s", "mean tip velocity"),
     Column("velocity_rms_reversal", "float64", "m/s", "the same, just after reversal"),
     Column("belt_speed_rms", "float64", "m/s", "root mean square of the belt speed"),

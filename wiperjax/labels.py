@@ -10,7 +10,7 @@ motion going, and the BAND of its frequency. `docs/classes.md` tells what each i
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ class Thresholds:
             if it starts a vibration.
         vibration_ratio: vibration (faster than `chatter_band`) just after V = 0 over that of the
             strokes, from which the reversal is what starts it.
+        tone_time: time [s] that a tone around the turn lasts at least (`turns.tones`); what is
+            shorter is a click, or rings down.
         stick_share: share of the time in stick from which an oscillation is stick-slip, and below
             which it is self-excited slip.
         settled_change: most that standard deviation and frequency may change from the first half
@@ -47,8 +49,19 @@ class Thresholds:
     reversal_window: float = 0.025
     reversal_ratio: float = 2.0
     vibration_ratio: float = 2.0
+    tone_time: float = 0.015
     stick_share: float = 0.01
     settled_change: float = 0.1
+
+
+def stored(attrs: Mapping[str, Any]) -> Thresholds:
+    """Thresholds in the attributes `class_...` of a map or run, else the defaults."""
+    found = {}
+    for field in fields(Thresholds):
+        if (value := attrs.get(f"class_{field.name}")) is not None:
+            pair = np.ndim(value) > 0
+            found[field.name] = tuple(float(x) for x in value) if pair else float(value)
+    return Thresholds(**found)
 
 
 def label(columns: Mapping[str, Any], thresholds: Any = None) -> np.ndarray:
@@ -57,7 +70,8 @@ def label(columns: Mapping[str, Any], thresholds: Any = None) -> np.ndarray:
 
 
 def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np.ndarray]:
-    """Codes `label`, `mechanism` and `band` of cells, int8, of the shape of the columns.
+    """Codes `label`, `mechanism` and `band` of cells, int8, of the shape of the columns; also
+    `settled` if it is among these.
 
     Arguments:
 
@@ -66,11 +80,14 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
         `flight_fraction`; and, for belts that reverse, NaN elsewhere, `normal_force_max_reversal`
         and `normal_force_mean_stroke` (N/m), `vibration_reversal`, `vibration_stroke` and
         `velocity_rms_stroke` (m/s), `stick_fraction_stroke`, `flight_fraction_stroke`,
-        `impact_impulse_reversal` and `impact_impulse_max` (N s/m).
+        `impact_impulse_reversal` and `impact_impulse_max` (N s/m), `tone_time_before` and
+        `tone_time_after` (s), `stick_count` and `reversal_count`.
     - `thresholds`: `Thresholds`, or anything with its attributes; the defaults if None.
 
     A finished cell with NaN among the columns its class rests on is `failed`, never silently
-    another class.
+    another class. One exception: stick and a slip so short that it falls between two samples. Its
+    shares and its standard deviation are exact, its frequency is not known (NaN, though `settled`
+    says that all samples are finite): `other`, without a band, and `settled` comes back `unknown`.
 
     A tip that rides on the belt for the whole window is neither quiet, though a steady belt gives
     it a constant velocity (the spring must pull it back sooner or later: the window is too short),
@@ -100,8 +117,14 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
     vibration, before = of("vibration_reversal"), of("vibration_stroke")
 
     carried = (stick >= 1.0) & (belt > 0.0)
-    quiet = (speed <= limits.quiet_velocity_ratio * belt) & ~carried
+    silent = (speed <= limits.quiet_velocity_ratio * belt) & ~carried
+    # silent strokes with a tone at the turn; `frequency` is then that of the tone
+    tone = np.fmax(of("tone_time_before"), of("tone_time_after"))
+    at_turn = silent & reverses & (tone >= limits.tone_time)
+    quiet = silent & ~at_turn
     sounds = ~quiet & ~carried
+    sampled = np.isin(of("settled"), [SETTLED["yes"], SETTLED["no"]])
+    unseen = sounds & np.isnan(frequency) & (stick > 0) & sampled
     low, high = limits.squeal_band
     squeal = sounds & (frequency >= low) & (frequency <= high)
     low, high = limits.chatter_band
@@ -112,7 +135,8 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
     reversal = pulse & started
 
     needed = np.isfinite(speed) & np.isfinite(belt) & np.isfinite(stick) & np.isfinite(flight)
-    needed &= np.isfinite(frequency) | quiet | carried  # a constant velocity has no line
+    # a constant velocity has no line
+    needed &= np.isfinite(frequency) | quiet | carried | unseen
     needed &= ~reverses | (np.isfinite(mean) & np.isfinite(vibration) & np.isfinite(before))
 
     label = np.select(
@@ -132,10 +156,14 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
     )
     impulse = of("impact_impulse_reversal")
     hit = (impulse > 0) & (impulse >= of("impact_impulse_max"))  # the hardest hit of all
+    # a tone that lasts for a part of the stroke: it sticks in every second period at least
+    cycles = of("reversal_count") * tone * frequency
+    again = (tone >= limits.tone_time) & (of("stick_count") >= 0.5 * cycles)
+    sticks = (stick >= limits.stick_share) & ~at_turn | reverses & again
     unheard = np.isin(label, [LABELS[name] for name in ("collapsed", "failed", "quiet")])
     reversal = label == LABELS["reversal"]
     mechanism = np.select(
-        [unheard, reversal & hit, reversal, carried, flight > 0, stick >= limits.stick_share],
+        [unheard, reversal & hit, reversal, carried, flight > 0, sticks],
         [
             MECHANISMS[name]
             for name in (
@@ -147,7 +175,7 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
     )
     band = np.select(
         [
-            unheard | reversal | carried,
+            unheard | reversal | carried | unseen,
             frequency < limits.chatter_band[1],
             frequency < limits.squeal_band[0],
             frequency <= limits.squeal_band[1],
@@ -156,6 +184,8 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
         default=BANDS["high"],
     )
     codes = {"label": label, "mechanism": mechanism, "band": band}
+    if "settled" in columns:
+        codes["settled"] = np.where(unseen, SETTLED["unknown"], np.asarray(columns["settled"]))
     return {name: values.astype(np.int8) for name, values in codes.items()}
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 
 from .dataset import flag_names
+from .labels import stored
 from .spectrum import dominant_frequency
 
-QUIET = 0.01  # of the belt speed: what oscillates less has no period
 FEWEST_PERIODS = 2  # in the settled half: less is no period
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
 
@@ -75,9 +75,11 @@ def between(ds: xr.Dataset, start: float | None = None, stop: float | None = Non
     high = time[-1] if stop is None else stop
     inside = (time >= low) & (time <= high)
     if inside.sum() < 8:
+        part = "" if start is None else f" from {start:g} s"
+        part += " on" if stop is None else f" up to {stop:g} s"
         raise ValueError(
-            f"at least 8 samples must lie between the times given, but {inside.sum()} lie in "
-            f"{low:g} ... {high:g} s of the run ({time[0]:g} ... {time[-1]:g} s)"
+            f"at least 8 samples must lie between the times given, but {inside.sum()} lie{part}; "
+            f"the run has {time.size} in {time[0]:g} ... {time[-1]:g} s"
         )
     chosen = {"time": np.flatnonzero(inside)}
     if ds.sizes.get("event", 0):
@@ -137,7 +139,7 @@ def pitch(ds: xr.Dataset) -> float:
     speed = np.asarray(signal(part), dtype=float)
     if "belt_velocity" in part:
         scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
-        if np.std(speed) <= QUIET * scale:
+        if np.std(speed) <= stored(ds.attrs).quiet_velocity_ratio * scale:
             return float("nan")
     step = sample_interval(part)
     frequency = float(dominant_frequency(speed, step))

@@ -69,6 +69,7 @@ def run(spec: SceneSpec) -> xr.Dataset:
         if spec.start.kind != "default"
         else dataset.DEFAULT_STARTS[spec.model],
         "parameter_units": units_text({name: PARAMETERS[name].edge_unit for name in stated}),
+        **{f"class_{key}": value for key, value in spec.thresholds()},
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
         **dataset.provenance(None, time.perf_counter() - begun),

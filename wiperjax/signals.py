@@ -14,6 +14,7 @@ import scipy.signal
 
 from .dataset import SETTLED
 from .spectrum import dominant_frequency
+from .turns import tones
 
 SLOW = 10.0  # multiples of the wiping frequency that are the stroke's own motion, not vibration
 FADE = 0.25  # of the window: length of the fade beside it
@@ -41,11 +42,13 @@ def signal_columns(
     - `wiping`: wiping frequency [Hz], a number or (cells,); None on a steady belt.
 
     Returns: `dominant_frequency` [Hz] of the stroke, `settled` (`SETTLED`); on a belt that
-    reverses also `velocity_rms_stroke`, `vibration_reversal` and `vibration_stroke` [m/s]. All
-    (cells,).
+    reverses also `velocity_rms_stroke`, `vibration_reversal` and `vibration_stroke` [m/s],
+    `reversal_count` and the results of `turns.tones`. Where the strokes are quiet and a tone
+    around the turn is not, the dominant frequency is that of the longest tone. All (cells,).
     """
     signal = np.atleast_2d(np.asarray(signal, dtype=float))
     found: dict[str, np.ndarray] = {}
+    quiet_below = np.broadcast_to(np.asarray(quiet_below, dtype=float), signal.shape[:1])
     halves_agree = None
     if since is not None:
         since = np.broadcast_to(since, signal.shape)
@@ -59,13 +62,24 @@ def signal_columns(
         found["velocity_rms_stroke"] = weighted_rms(signal, weight)
         found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), weight)
         # halves of a window compare if each holds whole periods
+        found |= tones(vibration, interval, since, quiet_below)
+        found["reversal_count"] = np.sum((since[:, :-1] < 0) & (since[:, 1:] >= 0), axis=1)
         periods = wiping * interval * signal.shape[1] / 2
         halves_agree = (np.round(periods) >= 1) & (np.abs(periods - np.round(periods)) < 1e-6)
     found["dominant_frequency"] = dominant_frequency(signal, interval)
     found["settled"] = settled(signal, interval, limits.settled_change, quiet_below)
     if halves_agree is not None:
+        _name_tones(found, limits.tone_time, quiet_below)
         found["settled"] = np.where(halves_agree, found["settled"], SETTLED["unknown"])
     return found
+
+
+def _name_tones(found: dict[str, np.ndarray], least: float, quiet_below: np.ndarray) -> None:
+    """Takes the frequency of the longest tone where it lasts `least` [s] and strokes are quiet."""
+    before, after = found["tone_time_before"], found["tone_time_after"]
+    heard = (np.fmax(before, after) >= least) & (found["velocity_rms_stroke"] <= quiet_below)
+    pitch = np.where(after >= before, found["tone_frequency_after"], found["tone_frequency_before"])
+    found["dominant_frequency"] = np.where(heard, pitch, found["dominant_frequency"])
 
 
 def settled(

@@ -260,6 +260,7 @@ class Classes(Table):
         reversal_ratio: largest normal force there over the mean outside, above which it is noise.
         vibration_ratio: vibration just after V = 0 over that of the stroke, above which the
             reversal starts it.
+        tone_time: time [s] that a tone around V = 0 lasts at least; shorter is a click.
         stick_share: share of time in stick from which an oscillation is stick-slip.
         settled_change: most that standard deviation and frequency may change from the first half
             of the window to the second.
@@ -271,6 +272,7 @@ class Classes(Table):
     reversal_window: Positive = 0.025
     reversal_ratio: Positive = 2.0
     vibration_ratio: Positive = 2.0
+    tone_time: Positive = 0.015
     stick_share: Positive = 0.01
     settled_change: Positive = 0.1
 

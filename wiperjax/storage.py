@@ -140,7 +140,9 @@ def open_map(path: str | Path, variables: Sequence[str] | None = None) -> xr.Dat
     try:
         return xr.open_dataset(path, engine="h5netcdf")
     except (OSError, ValueError, KeyError) as error:
-        raise StoreError(f"{path}: is not a readable map: {str(error).splitlines()[0]}") from error
+        raise StoreError(
+            f"{path}: is not a readable map or run: {str(error).splitlines()[0]}"
+        ) from error
 
 
 def parts_of(output: str | Path) -> Path:

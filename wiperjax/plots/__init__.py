@@ -7,11 +7,11 @@ there. Angles are degrees, positions millimetres. No jax here.
 from .animation import animate as animate
 from .branches import bifurcation_diagram as bifurcation_diagram
 from .branches import remedy_bars as remedy_bars
+from .catalogue import PICTURES as PICTURES
 from .classes import class_map as class_map
 from .classes import mechanism_map as mechanism_map
 from .classes import motion as motion
 from .classes import regime_map as regime_map
-from .files import PICTURES as PICTURES
 from .files import plot_all as plot_all
 from .files import plot_file as plot_file
 from .friction import friction_curve as friction_curve

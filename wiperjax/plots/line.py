@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ..dataset import LABELS, flag_names
-from .axes import edges, page, set_axis, shown
+from .axes import edges, page, plain_log, set_axis, shown
 from .caption import set_caption
 from .palette import BOUNDARY, CLASSES, REGIMES, UNKNOWN, readable
 from .planes import At, check_dim, class_names, cut, map_dims
@@ -105,7 +105,7 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
     silent = np.isin(line["label"], [LABELS[n] for n in ("quiet", "collapsed", "failed")])
     frequency = np.where(silent, np.nan, frequency)
     _marks(ax, across, frequency, names)
-    ax.set_yscale("log")
+    plain_log(ax, "y")
     ax.set_ylabel("dominant\nfrequency (Hz)")
     handles = [
         Line2D(

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 from .axes import page
 from .caption import footnote, set_caption
-from .classes import category_legend, category_panels, class_bars, panel_dim
+from .categories import category_legend, category_panels, panel_dim
+from .classes import class_bars
 from .planes import At, choose_plane, cut, fraction_map, frequency_map, value_map
 
 

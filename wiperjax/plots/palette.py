@@ -50,6 +50,8 @@ NAMES = {
     "none": "quiet",
     "slip_pos": "slip forward",
     "slip_neg": "slip backward",
+    "stick_slip": "stick-slip",
+    "self_excited_slip": "self-excited slip",
     "stick_slip_and_flight": "stick, slip and flight",
 }
 UNKNOWN = "#999999"  # what has no name, and cells without a number

@@ -8,8 +8,8 @@ import scipy.signal.windows as windows
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ..labels import Thresholds
-from ..runs import pitch, sample_interval, signal
+from ..labels import stored
+from ..runs import is_steady, pitch, sample_interval, signal
 from ..spectrum import dominant_frequency
 from .axes import label, long_name, page, plain_log, shown_unit
 from .caption import set_caption
@@ -18,6 +18,7 @@ from .palette import CLASSES, EVENT_NAMES
 
 HIGHEST = 20_000.0  # Hz: what is heard
 DECADES = 5  # of amplitude that are shown
+TURNING = 0.02  # s, of the spectrogram's window: what happens around V = 0 lasts some tens of ms
 LEVELS = 70.0  # dB that the spectrogram shows
 
 
@@ -31,9 +32,10 @@ def spectrum(
     - `ds`: a run, or its settled part (`runs.settled`).
     - `quantity`, `component`: `velocity` along the glass (component 0) by default.
 
-    The bands of squeal and chattering have the colours of these classes; the strongest line is
-    named, unless the run is quiet or its belt not steady: there it is the stroke. Amplitudes are in
-    the unit of the quantity: rms of a sine, so 1 m/s peak shows as 0.707.
+    The bands of squeal and chattering (those stored with the run) have the colours of these
+    classes; the strongest line is named, unless the run is quiet or its belt not steady: there it
+    is the stroke. Amplitudes are in the unit of the quantity: rms of a sine, so 1 m/s peak shows as
+    0.707.
     """
     values = signal(ds, quantity, component)
     factor, unit = shown_unit(values)
@@ -50,7 +52,7 @@ def spectrum(
     heard = np.isfinite(pitch(ds))  # rounding noise has a strongest line too
     line = float(dominant_frequency(numbers, step)) if heard else float("nan")
     low = max(frequency[2], min(20.0, 0.5 * line if line > 0 else 20.0))
-    bands = Thresholds()
+    bands = stored(ds.attrs)
     for name, (left, right) in {
         "squeal": bands.squeal_band, "chattering": bands.chatter_band
     }.items():  # fmt: skip
@@ -102,7 +104,7 @@ def spectrogram(
     - `axes`: two axes, below each other; a page of its own if None.
     - `quantity`, `component`: `velocity` along the glass (component 0) by default.
     - `window`: length of the Hann window (s); 1/25 of the run by default, but at least four
-        periods of a tone above the band of chattering.
+        periods of a tone above the band of chattering, and at most `TURNING` on a belt that turns.
     - `highest`: frequency (Hz) at the top; eight times the dominant one by default, 2000 at least.
 
     Levels are in dB relative to one unit of the quantity (1 m/s rms), not a sound pressure.
@@ -116,8 +118,9 @@ def spectrogram(
     tone = pitch(ds)
     span = step * numbers.size
     if window is None:
-        fast = np.isfinite(tone) and tone >= Thresholds().chatter_band[1]
+        fast = np.isfinite(tone) and tone >= stored(ds.attrs).chatter_band[1]
         window = min(max(span / 25, 4 / tone if fast else 0.0), span / 4)
+        window = window if is_steady(ds) else min(window, TURNING)
     samples = int(np.clip(round(window / step), 8, numbers.size))
     top = highest or max(2000.0, 8 * tone if np.isfinite(tone) else 0.0)
     top = min(top, 0.5 / step)
