@@ -49,10 +49,10 @@ def chart(
     from wiperjax_bench import chart, pictures, report
 
     dataset = chart.run(output, quick=quick, only_scenes=scene, methods=method, repeats=repeats)
-    png, svg = pictures.save(dataset, output.with_suffix(""), clock)
+    files = pictures.save(dataset, output.with_suffix(""), clock)
     text = output.with_suffix(".md")
-    text.write_text(report.chart_text(dataset, png.name, clock))
-    print(f"dataset  {output}\npicture  {png}, {svg}\ntext     {text}")
+    text.write_text(report.chart_text(dataset, files[0].name, clock, files[2].name))
+    print(f"dataset  {output}\npicture  {', '.join(map(str, files))}\ntext     {text}")
 
 
 @app.command()
@@ -73,6 +73,8 @@ def failures(
     dataset = failures.run(quick, method, print)
     dataset.to_netcdf(output, engine="h5netcdf")
     pictures = _save(failures_plot.draw(dataset), output)
+    beside = output.with_stem(output.stem + "_short")
+    pictures += ", " + _save(failures_plot.short(dataset), beside)
     text = output.with_suffix(".md")
     text.write_text(failures_report.failures_text(dataset, output.with_suffix(".png").name))
     print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
@@ -99,7 +101,7 @@ def _save(figure, output: Path) -> str:
     """Write a figure beside ``output`` as .png and .svg, and return their names."""
     files = [output.with_suffix(end) for end in (".png", ".svg")]
     for file in files:
-        figure.savefig(file, dpi=150)
+        figure.savefig(file, dpi=120, metadata={"Date": None} if file.suffix == ".svg" else None)
     return ", ".join(map(str, files))
 
 
@@ -107,24 +109,20 @@ def _save(figure, output: Path) -> str:
 def speed(
     output: Output = Path("speed.h5"),
     quick: Quick = False,
-    trajectories: Annotated[int, typer.Option(min=64, help="Of the engine, at most.")] = 100_000,
-    repeats: Annotated[int, typer.Option(min=1)] = 3,
-    scaling: Annotated[
-        bool, typer.Option("--scaling", help="Also batches of 1e4, 1e5 and 1e6 (long).")
-    ] = False,
+    trajectories: Annotated[int, typer.Option(min=64, help="Of the engine.")] = 100_000,
+    repeats: Annotated[int, typer.Option(min=1, help="Interleaved.")] = 3,
 ) -> None:
     """Trajectories per second of the engine and its peers, on one core and on all.
 
-    Writes the dataset and its table (.md): errors, occupancy, start-up, memory.
+    Writes the dataset and its text (.md): what was asked and what was measured, errors, occupancy,
+    cost over the size of the batch, start-up, memory; and, where chart.h5 and maps.h5 lie beside,
+    the precision of every variant. A run that was stopped goes on where it was.
     """
     _begin(output, None)
-    from wiperjax_bench import speed
+    from wiperjax_bench import speed, speed_report
 
-    sizes = (10_000, 100_000, 1_000_000) if scaling else ()
-    dataset = speed.run(
-        output, quick=quick, trajectories=trajectories, repeats=repeats, scaling=sizes
-    )
-    text = speed.text(dataset)
+    dataset = speed.run(output, quick=quick, trajectories=trajectories, repeats=repeats)
+    text = speed_report.text(dataset, output.parent)
     output.with_suffix(".md").write_text(text)
     print(text)
 
@@ -134,16 +132,20 @@ def profile(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE.md", help="Text to write.")
     ] = Path("profile.md"),
-    precision: Annotated[str, typer.Option(help="float64 or float32.")] = "float64",
+    precision: Annotated[
+        list[str] | None, typer.Option(help="float64 or float32 (repeatable; default: both).")
+    ] = None,
     quick: Quick = False,
 ) -> None:
-    """Where a lane-turn goes, and a rough roofline: operations against the processor's peak."""
-    if precision not in ("float64", "float32"):
-        raise ValueError(f"precision must be float64 or float32, but was {precision!r}")
+    """Where a lane-turn goes, and a roofline: operations and bytes against measured limits."""
+    wanted = precision or (["float64"] if quick else ["float64", "float32"])
+    for name in wanted:
+        if name not in ("float64", "float32"):
+            raise ValueError(f"precision must be float64 or float32, but was {name!r}")
     _begin(output, 1, (".md", ".txt"))
     from wiperjax_bench import profile
 
-    text = profile.run(precision, quick)
+    text = "\n".join(profile.run(name, quick) for name in wanted)
     output.write_text(text)
     print(text)
 
@@ -177,9 +179,12 @@ def rule(
 def maps(
     output: Output = Path("maps.h5"),
     quick: Quick = False,
-    cells: Annotated[int, typer.Option(min=16, help="Random cells of the reference sweep.")] = 512,
+    cells: Annotated[int, typer.Option(min=16, help="Random cells of the reference sweep.")] = 4096,
 ) -> None:
-    """Share of cells whose class differs, and errors of map variables, by setting."""
+    """Share of cells whose class differs, and errors of map variables, by setting.
+
+    Writes the dataset and its text (.md). A run that was stopped goes on where it was.
+    """
     _begin(output, None)
     from wiperjax_bench import maps
 
@@ -196,18 +201,30 @@ def everything(
 ) -> None:
     """Everything, one part after the other, each in a process of its own.
 
-    A part whose dataset is there is kept: a run that was stopped goes on where it was.
+    A part whose text is there is kept: a run that was stopped goes on where it was.
     """
+    import os
     import subprocess
     import sys
+    import time
 
     folder.mkdir(parents=True, exist_ok=True)
+    begun = time.perf_counter()
     for name in ("chart", "failures", "limits", "maps", "speed", "profile"):
-        output = folder / (f"{name}.md" if name == "profile" else f"{name}.h5")
-        if output.exists() and not again:
-            print(f"{name}: kept {output}")
+        text = folder / f"{name}.md"
+        if text.exists() and not again:
+            print(f"{name}: kept {text}", flush=True)
             continue
+        output = text if name == "profile" else text.with_suffix(".h5")
         command = [sys.executable, "-m", "wiperjax", "bench", name, "-o", str(output)]
-        status = subprocess.run([*command, *(["--quick"] if quick else [])], check=False).returncode
+        command += ["--quick"] if quick else []
+        started = time.perf_counter()
+        print(f"--- {name}", flush=True)
+        status = subprocess.run(
+            command, check=False, env=os.environ | {"PYTHONUNBUFFERED": "1"}
+        ).returncode
         if status:
             raise typer.Exit(status)
+        print(f"--- {name}: {time.perf_counter() - started:.0f} s", flush=True)
+    print(f"everything in {folder}: {(time.perf_counter() - begun) / 60:.1f} minutes")
+    print(f"next: wiperjax bench rule {folder / 'chart.h5'}")

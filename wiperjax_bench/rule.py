@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from wiperjax.scene import SOLVERS
+
 SCENES = ("squeal", "chatter", "reversal", "zeno", "batch")  # blades; grazing is no sweep's norm
 WRONG = 0.02  # share of cells with another sequence of events, at most
 
@@ -18,8 +20,13 @@ def rows(dataset: xr.Dataset, clock: str = "wall") -> list[dict]:
     """
     scenes = [s for s in SCENES if s in dataset.scene.values]
     found = []
-    for name in (str(n) for n in dataset.solver.values if str(n).startswith("engine")):
-        words = name.split()
+    known = {
+        " ".join(["engine", solver.__name__, *mark]): (name, precision)
+        for name, solver in SOLVERS.items()
+        for precision, mark in (("float64", ()), ("float32", ("float32",)))
+    }  # what a sweep file can ask for; the chart has other variants beside
+    for name in known.keys() & set(map(str, dataset.solver.values)):
+        solver, precision = known[name]
         part = dataset.sel(solver=name, scene=scenes)
         for step in range(dataset.sizes["step"]):
             one = part.isel(step=step)
@@ -30,8 +37,8 @@ def rows(dataset: xr.Dataset, clock: str = "wall") -> list[dict]:
                 continue
             found.append(
                 {
-                    "solver": words[1].lower(),
-                    "precision": words[2] if len(words) > 2 else "float64",
+                    "solver": solver,
+                    "precision": precision,
                     "rtol": float(one.setting.values[0]),
                     "error": float(f"{error.max():.2g}"),
                     "cost": float(np.exp(np.mean(np.log(cost)))),
