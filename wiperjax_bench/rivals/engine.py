@@ -166,12 +166,10 @@ class Engine:
             wiper, position, velocity, scales = eqx.combine(mine, shared)
             count = position[0].shape[0]
             lanes = lanes_for(self.precision, count)
+            fixed = (duration, control, scales, self.solver, self.precision, lanes)
             return lambda most: jax.block_until_ready(
-                batch(
-                    wiper, position, velocity, jnp.asarray(most, jnp.int32), duration, control, scales,
-                    self.solver, self.precision, lanes,
-                )
-            )  # fmt: skip
+                batch(wiper, position, velocity, jnp.asarray(most, jnp.int32), *fixed)
+            )
 
         shares = [share(i) for i in range(self.cores)]
 
