@@ -121,6 +121,8 @@ def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
     plt.close(figure)
     assert words.count("not run") == 4 and words.count("never right") == 3
     text = failures_report.failures_text(chart, "f.png")
+    assert "near Painleve, Moreau-Jean: error" in text and "Newton's impact law" in text
+    assert "- large step, still: error" in text
     assert "| absent | not run |" in text and "| Moreau-Jean | 2 of 3 | 4 | 5 | 0 |" in text
 
 

@@ -18,7 +18,8 @@ class Parts:
     """
 
     def __init__(self, output: Path, settings: dict[str, Any]):
-        key = {"format": FORMAT, "versions": measure.versions(), "machine": measure.machine()}
+        versions = {k: v for k, v in measure.versions().items() if k != "commit"}
+        key = {"format": FORMAT, "versions": versions, "machine": measure.machine()}
         text = json.dumps(key | settings, sort_keys=True, default=str)
         self.digest = hashlib.sha256(text.encode()).hexdigest()[:12]
         self.folder = output.with_name(output.name + ".parts")

@@ -1,5 +1,6 @@
 """Our engine: its batch with refill is timed; events and samples come from its single solve."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
@@ -150,6 +151,12 @@ class Engine:
         else:
             numbers = setting, 0.01 if self.control == "relative" else 1.0, np.inf
         return Control(*map(jnp.asarray, numbers))
+
+    def compile(self, scene: Scene) -> float:
+        """Compile what `prepare` of this scene would, at any setting; return the seconds."""
+        started = time.perf_counter()
+        self.prepare(scene, self.settings[0]).warm()
+        return time.perf_counter() - started
 
     def prepare(self, scene: Scene, setting: float):
         """Return a call whose result is [(outcome, effort) of each core]; see ``answer``."""
