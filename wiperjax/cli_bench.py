@@ -65,13 +65,17 @@ def failures(
 ) -> None:
     """Where each method fails: all methods on hard scenes, at all their settings, on one core.
 
-    Writes the dataset, its picture (.png, .svg) and the text under it (.md).
+    Writes the dataset, its picture (.png, .svg; a narrow one beside) and the text under it (.md).
+    A run that was stopped goes on where it was.
     """
     _begin(output, 1)
     from wiperjax_bench import failures, failures_plot, failures_report
+    from wiperjax_bench.keep import Parts
 
-    dataset = failures.run(quick, method, print)
+    parts = Parts(output, {"quick": quick})
+    dataset = failures.run(quick, method, print, parts)
     dataset.to_netcdf(output, engine="h5netcdf")
+    parts.clear()
     pictures = _save(failures_plot.draw(dataset), output)
     beside = output.with_stem(output.stem + "_short")
     pictures += ", " + _save(failures_plot.short(dataset), beside)
@@ -84,12 +88,14 @@ def failures(
 def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     """Largest stable step of each method against stiffness, measured and in theory.
 
-    Writes the dataset, its picture (.png, .svg) and the text under it (.md).
+    Writes the dataset, its picture (.png, .svg; a narrow one beside) and the text under it (.md).
+    A run that was stopped goes on where it was.
     """
     _begin(output, 1)
     from wiperjax_bench import failures_report, limits_plot, stability_limits
 
-    dataset = stability_limits.measure(2 if quick else None, print)
+    few = (2, print, ("Tsit5", "Moreau-Jean")) if quick else (None, print)
+    dataset = stability_limits.measure(*few)
     dataset.to_netcdf(output, engine="h5netcdf")
     pictures = _save(limits_plot.draw(dataset), output)
     text = output.with_suffix(".md")

@@ -43,8 +43,8 @@ def failures_text(dataset: xr.Dataset, picture: str) -> str:
         "",
         f"One core of {dataset.attrs['machine']}, {dataset.attrs['created']}, load average "
         f"{float(dataset.attrs['load_average']):.1f} at the end; wall time of a call over its "
-        "cells. Four cells are few: the times are for orders of magnitude, `wiperjax bench chart` "
-        "is for ratios. " + _versions(dataset),
+        "cells, of the engine its single solve. Four cells are few: the times are for orders of "
+        "magnitude, `wiperjax bench chart` is for ratios. " + _versions(dataset),
         "",
     ]
     notes = _notes(dataset)

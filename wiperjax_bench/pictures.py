@@ -109,12 +109,13 @@ def work_precision(dataset: xr.Dataset, clock: str = "wall", error: str = "state
 def short(dataset: xr.Dataset, clock: str = "wall"):
     """Return the figure for a narrow page: four scenes, one method of each kind."""
     scenes = [s for s in SHORT_SCENES if s in dataset.scene.values]
-    scenes = scenes or [str(s) for s in dataset.scene.values[:4]]
+    if len(scenes) < 2:
+        scenes = [str(s) for s in dataset.scene.values[:4]]
     methods = [m for m in SHORT if m in dataset.solver.values]
     columns = min(2, len(scenes))
     rows = -(-len(scenes) // columns)
     figure, axes = plt.subplots(
-        rows, columns, figsize=(4.5 * columns, 3.1 * rows + 0.8), squeeze=False,
+        rows, columns, figsize=(9, 3.1 * rows + 0.8), squeeze=False,
         layout="constrained", sharey=True,
     )  # fmt: skip
     handles = {}

@@ -53,6 +53,7 @@ class Blade(NamedTuple):
     x_high: float  # where theta = +phi_s, -phi_s; beyond the lip if there is no such place
     x_low: float
     x_max: float
+    weight: float  # of the tip mass
 
 
 class Motion(NamedTuple):
@@ -119,9 +120,11 @@ def slip_rate(p, kz, mz, sign, x, phi, w, speed, pull):
     s, inv, cos = lean(p, x)
     tau, u = s * inv, w + speed
     n = p.load + p.k * (p.length * cos - p.rest) - p.c * tau * u
+    force = n + p.weight
     mu = friction(p, sign * w)
     turn = inv / p.length
-    return u, u * turn, (n * (tau - sign * mu) - (kz * phi + mz) * turn) / p.m - pull, n
+    pushed = n * tau - sign * mu * force - (kz * phi + mz) * turn
+    return u, u * turn, pushed / p.m - pull, force
 
 
 @njit_
@@ -131,7 +134,7 @@ def flight_rate(p, kz, mz, x, phi, y, u, vy):
     tau = s * inv
     n = p.load + p.k * (y + p.length * cos - p.rest) + p.c * (vy - tau * u)
     turn = inv / p.length
-    return u * turn, (n * tau - (kz * phi + mz) * turn) / p.m, -n / p.m
+    return u * turn, (n * tau - (kz * phi + mz) * turn) / p.m, -(n + p.weight) / p.m
 
 
 @njit_
@@ -147,12 +150,13 @@ def cone(p, kz, mz, x, speed, pull, jerk):
     n_rate = -p.k * tau * speed - p.c * (tau_x * speed * speed + tau * pull)
     l_rate = p.m * jerk - n * tau_x * speed - n_rate * tau
     l_rate += speed * turn * (kz * turn + moment * tau * turn)
+    force = n + p.weight
     return (
-        p.mu_s * n - l_t,
-        p.mu_s * n + l_t,
+        p.mu_s * force - l_t,
+        p.mu_s * force + l_t,
         p.mu_s * n_rate - l_rate,
         p.mu_s * n_rate + l_rate,
-        n,
+        force,
     )
 
 
@@ -533,7 +537,7 @@ def run(
                 z, place = first_zero_of_x(p, zone, kinked, x, x1, xe, x7, h)
                 if z < theta:
                     theta, hit = z, place
-                if min(n1, n7) < 0.3 * p.load:
+                if min(n1, n7) < 0.3 * (p.load + abs(p.weight)):
                     s, inv, _ = lean(p, x)
                     b = -p.k * s * inv * x1 - p.c * (
                         inv * inv * inv / p.length * x1 * x1 + s * inv * (w1 + a)
@@ -843,7 +847,7 @@ def _cell(
     b = blades[i]
     p = Blade(
         b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], b[13],
-        b[14], b[15], b[16], b[17], b[18],
+        b[14], b[15], b[16], b[17], b[18], b[19],
     )  # fmt: skip
     code, events, attempts, t, x, y, u, vy, rejected = run(
         p, motions[i], breaks[i], kinds, start[i], end, rtol, sx[i], sv[i], zeno, budget, times,

@@ -15,8 +15,8 @@ FAILED = 2  # result codes from here on are failures
 def cells_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (blades, motions, breaks, kinds of breaks) as `scalar.run` wants them."""
     p = scene.parameters()
-    if np.any(p["hinge_mass"]) or np.any(p["hinge_damping"]) or np.any(p["gravity"]):
-        raise NotForThisScene("the scalar loop is written for hinge_mass = gravity = 0")
+    if np.any(p["hinge_mass"]) or np.any(p["hinge_damping"]):
+        raise NotForThisScene("the compiled equations are those without hinge_mass and its damping")
     length, alpha = p["lip_length"], p["attack_angle"]
 
     def place(angle, beyond):
@@ -44,6 +44,7 @@ def cells_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
             place(alpha + p["shoulder_angle"], 2 * length),
             place(alpha - p["shoulder_angle"], -2 * length),
             length * np.sin(p["collapse_angle"]),
+            p["tip_mass"] * p["gravity"],
         ],
         axis=1,
     )

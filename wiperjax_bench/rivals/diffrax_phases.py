@@ -44,11 +44,12 @@ def spring_moment(w, zone, phi):
 
 
 def free(w, zone, x, y, u, vy):
-    """Return (force along x, downward force F, lever tau) without contact forces."""
+    """Return (force along x, force onto the glass, lever tau) without contact forces."""
     sin, cos, phi = w.lean((x, y))
     down = w.support_force((x, y), (u, vy), sin, cos)
     tau = sin / cos
-    return down * tau - spring_moment(w, zone, phi) / (w.lip_length * cos), down, tau
+    along = down * tau - spring_moment(w, zone, phi) / (w.lip_length * cos)
+    return along, down + w.tip_mass * w.gravity, tau
 
 
 def belt(w, t):
