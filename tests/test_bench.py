@@ -205,7 +205,7 @@ def test_what_is_against_us_is_written_under_the_chart(tmp_path):
     against = compare.against_us(toy(4.0))
     assert len(against) == 1 and "numba scalar loop leads 4.0 x" in against[0]
     assert compare.against_us(toy(0.5)) == []
-    assert "(at 1e-02 ours takes 100 steps of 2512 ns, it 100 steps of 628 ns)" in against[0]
+    assert "(at 1e-03 ours takes 141 steps of 2815 ns, it 141 steps of 704 ns)" in against[0]
     assert "leads 4.0 x" in report.chart_text(toy(4.0), "x.png")
     for file in pictures.save(toy(4.0), tmp_path / "picture"):
         assert file.stat().st_size > 5000

@@ -57,7 +57,8 @@ def _kernels(digest: str):
         blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r
     ):
         """Run all cells on this thread."""
-        for i in range(len(blades) if len(digest) else 0):
+        assert digest
+        for i in range(len(blades)):
             _cell(
                 i, blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times,
                 mark, dt, r,
@@ -68,7 +69,8 @@ def _kernels(digest: str):
         blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r
     ):
         """Run all cells on numba's threads."""
-        for i in prange(len(blades) if len(digest) else 0):
+        assert digest
+        for i in prange(len(blades)):
             _cell(
                 i, blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times,
                 mark, dt, r,
