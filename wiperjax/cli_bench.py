@@ -94,7 +94,7 @@ def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     _begin(output, 1)
     from wiperjax_bench import failures_report, limits_plot, stability_limits
 
-    few = (2, print, ("Tsit5", "Moreau-Jean")) if quick else (None, print)
+    few = (1, print, ("Tsit5", "Moreau-Jean")) if quick else (None, print)
     dataset = stability_limits.measure(*few)
     dataset.to_netcdf(output, engine="h5netcdf")
     pictures = _save(limits_plot.draw(dataset), output)

@@ -181,8 +181,9 @@ def text(dataset: xr.Dataset) -> str:
         "",
         f"{dataset.attrs['cells']} random cells of the reference sweep, 0.8 s each. On "
         f"{dataset.attrs['undecided']:.2%} of them the two references "
-        f"({dataset.attrs['references']}) give different classes (chaos, or an edge "
-        "between classes); all columns but the first share leave those out. The first is what errors are taken against: 90th percentile over "
+        f"({dataset.attrs['references']}) give different classes (chaos, or an edge between "
+        "classes); all columns but the first share leave those out. The first reference is what "
+        "errors are taken against: 90th percentile over "
         "the cells, relative to the variable's 90th percentile.",
         "",
         "| code | solver | precision | rtol | class differs | of decided cells | failed | "

@@ -27,7 +27,7 @@ from .rivals.diffrax_phases import PerPhase
 from .rivals.engine import Engine
 from .rivals.scipy_phases import Phases
 
-RTOLS = (1e-5, 1e-6, 1e-7)  # of the peers: their cost is read off at the engine's error
+RTOLS = (1e-6, 1e-7, 1e-8)  # of the peers: their cost is read off at the engine's error
 ACCURACY = 0.02  # s, at which accuracy is judged
 PATIENCE = 5.0  # s: the trajectories of a peer are cut so that one call takes no longer
 SIZES = (10_000, 100_000, 1_000_000)
