@@ -402,6 +402,24 @@ def test_the_rule_takes_the_cheapest_that_is_good_enough():
     assert [r["rtol"] for r in rule.rows(toy(4.0))] == [1e-3, 1e-4, 1e-5, 1e-6]
 
 
+def test_the_rule_leaves_out_what_a_sweep_cannot_ask_for_or_did_not_finish(tmp_path):
+    names = {"engine Tsit5": "engine Tsit5, fixed steps", "numba scalar loop": "engine Dopri8"}
+    dataset = toy(4.0)
+    dataset = dataset.assign_coords(solver=[names[s] for s in dataset.solver.values])
+    dataset.state_error_p90.loc[{"solver": "engine Dopri8", "step": 3}] = np.inf
+    dataset.wrong_events.loc[{"solver": "engine Dopri8", "step": 0}] = 0.5
+    found = rule.rows(dataset)
+    assert {(r["solver"], r["precision"]) for r in found} == {("dopri8", "float64")}
+    assert [r["rtol"] for r in found] == [1e-4, 1e-5]
+    rule.write(dataset, tmp_path / "table.json")
+    kept = json.loads((tmp_path / "table.json").read_text())
+    assert [accuracy.Choice(**row).rtol for row in kept["rows"]] == [1e-4, 1e-5]
+    with pytest.raises(ValueError, match="full chart, but this one lacks chatter"):
+        rule.check(dataset)
+    with pytest.raises(ValueError, match="not a chart"):
+        rule.rows(xr.Dataset())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("target", [1e-3, 1e-5])
 def test_the_error_asked_for_is_met_on_blades_never_seen(target):

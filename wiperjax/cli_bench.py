@@ -171,7 +171,11 @@ def rule(
     from wiperjax_bench import rule
 
     target = output or Path(wiperjax.__file__).with_name("accuracy_table.json")
+    if not file.is_file():
+        raise ValueError(f"{file}: does not exist (`wiperjax bench chart` makes it)")
     with xr.open_dataset(file, engine="h5netcdf") as dataset:
+        if output is None:
+            rule.check(dataset)
         rows = rule.write(dataset, target, clock)
     print(f"{'solver':<8}{'precision':<10}{'rtol':>8}{'error':>10}{'cost':>8}")
     for r in rows:
@@ -210,6 +214,7 @@ def everything(
     A part whose text is there is kept: a run that was stopped goes on where it was.
     """
     import os
+    import resource
     import subprocess
     import sys
     import tempfile
@@ -231,12 +236,17 @@ def everything(
         output = text if name == "profile" else text.with_suffix(".h5")
         command = [sys.executable, "-m", "wiperjax", "bench", name, "-o", str(output)]
         command += ["--quick"] if quick else []
-        started = time.perf_counter()
+        started, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
         print(f"--- {name}", flush=True)
         status = subprocess.run(command, check=False, env=environment).returncode
         if status:
             raise typer.Exit(status)
-        print(f"--- {name}: {time.perf_counter() - started:.0f} s", flush=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+        print(
+            f"--- {name}: {time.perf_counter() - started:.0f} s, {spent:.0f} s of processor time",
+            flush=True,
+        )
     cache.cleanup()
     print(f"everything in {folder}: {(time.perf_counter() - begun) / 60:.1f} minutes")
     print(f"next: wiperjax bench rule {folder / 'chart.h5'}")
