@@ -94,12 +94,28 @@ def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     _begin(output, 1)
     from wiperjax_bench import failures_report, limits_plot, stability_limits
 
-    few = (1, print, ("Tsit5", "Moreau-Jean")) if quick else (None, print)
-    dataset = stability_limits.measure(*few)
+    only = ("Tsit5", "Moreau-Jean") if quick else ("",)
+    dataset = stability_limits.measure(1 if quick else None, print, only)
     dataset.to_netcdf(output, engine="h5netcdf")
     pictures = _save(limits_plot.draw(dataset), output)
     text = output.with_suffix(".md")
     text.write_text(failures_report.limits_text(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
+
+
+@app.command()
+def smoothing(output: Output = Path("smoothing.h5"), quick: Quick = False) -> None:
+    """Error and cost of smoothed friction and contact over a grid of widths and stiffnesses.
+
+    Writes the dataset, its picture (.png, .svg) and the text under it (.md).
+    """
+    _begin(output, 1)
+    from wiperjax_bench import smoothing
+
+    dataset = smoothing.run(output, quick=quick)
+    pictures = _save(smoothing.draw(dataset), output)
+    text = output.with_suffix(".md")
+    text.write_text(smoothing.text(dataset, output.with_suffix(".png").name))
     print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
 
 
@@ -228,7 +244,7 @@ def everything(
     cache = tempfile.TemporaryDirectory()
     if quick:
         environment["JAX_COMPILATION_CACHE_DIR"] = cache.name
-    for name in ("chart", "failures", "limits", "maps", "speed", "profile"):
+    for name in ("chart", "failures", "limits", "smoothing", "maps", "speed", "profile"):
         text = folder / f"{name}.md"
         if text.exists() and not again:
             print(f"{name}: kept {text}", flush=True)

@@ -112,11 +112,17 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
         scene = scenes.workload(cells * (used if quick and ours else 1), duration)
         for rtol in (1e-6,) if quick or ours else RTOLS:
             started = time.perf_counter()
-            call = method.prepare(scene, rtol)
-            getattr(call, "warm", call)()
-            compiled = time.perf_counter() - started
-            small = method.prepare(judged.head(min(method.cells, judged.cells)), rtol)
-            answer: Any = getattr(small, "answer", small)()
+            try:
+                call = method.prepare(scene, rtol)
+                getattr(call, "warm", call)()
+                compiled = time.perf_counter() - started
+                small = method.prepare(judged.head(min(method.cells, judged.cells)), rtol)
+                answer: Any = getattr(small, "answer", small)()
+            except Exception as error:  # a rival that breaks is a result, not the end of the run
+                if ours:
+                    raise
+                say(f"{method.name} rtol {rtol:g}: stopped with {type(error).__name__}")
+                continue
             found = errors.judge(judged, true, answer)
             rows.append(
                 {
