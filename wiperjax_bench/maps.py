@@ -1,4 +1,4 @@
-"""`wiperjax bench maps`: how many cells of a map get another class, at which cost.
+"""`wiperjax bench maps`: how many cells of a map get another class, in how many steps.
 
 Random cells of the reference sweep go through the sweep's own path (statistics, spectrum, class)
 with the engine at several settings and with the scalar loop in its place. The reference is the
@@ -69,6 +69,7 @@ def scalar_evaluate(spec, index: np.ndarray) -> dict:
     variance = total[:, statistics.UU] / run.window - mean**2
     return {
         "result": result,
+        "attempts": r.attempts,
         "stick_fraction": total[:, statistics.STICK_TIME] / run.window,
         "slip_fraction": total[:, statistics.SLIP_TIME] / run.window,
         "flight_fraction": total[:, statistics.FLIGHT_TIME] / run.window,
@@ -82,20 +83,19 @@ def scalar_evaluate(spec, index: np.ndarray) -> dict:
     }
 
 
-def evaluate(code: str, changes: dict, index: np.ndarray) -> tuple[dict, float]:
-    """Return (columns with class and frequency, processor time a cell [s])."""
+def evaluate(code: str, changes: dict, index: np.ndarray) -> dict:
+    """Return the columns with class, frequency, and trial steps (``attempts``)."""
     spec = parse_sweep(SWEEP | {"run": SWEEP["run"] | changes}, "bench maps")
     how = cells.evaluate if code == "engine" else scalar_evaluate
-    how(spec, index)  # compiles
-    started = time.process_time()
     columns = dict(how(spec, index))
-    cost = (time.process_time() - started) / len(index)
+    if code == "engine":
+        columns["attempts"] = columns["steps"] + columns["rejected_steps"]
     finished = columns["result"] == Result.FINISHED
     with np.errstate(invalid="ignore"):
         frequency = dominant_frequency(columns.pop("signal"), float(columns["sample_interval"]))
     columns["dominant_frequency"] = np.where(finished, frequency, np.nan)
     columns["label"] = label(columns, spec.classes)
-    return columns, cost
+    return columns
 
 
 def run(output: Path, *, quick: bool = False, count: int = 4096, seed: int = 5, say=print):
@@ -109,14 +109,14 @@ def run(output: Path, *, quick: bool = False, count: int = 4096, seed: int = 5, 
     parts = Parts(output, {"count": count, "seed": seed, "sweep": SWEEP})
 
     def columns(code, changes):
-        """Plain numbers: the class, the variables that are compared, the result, the cost."""
+        """Plain numbers: the class, the variables that are compared, the result, the steps."""
         name = "-".join([code, *(f"{v:.0e}" if isinstance(v, float) else v
                                  for v in changes.values())])  # fmt: skip
 
         def make():
-            found, cost = evaluate(code, changes, index)
-            kept = {k: np.asarray(found[k], float).tolist() for k in ("label", "result", *COMPARED)}
-            return kept | {"cost": cost}
+            found = evaluate(code, changes, index)
+            names = ("label", "result", "attempts", *COMPARED)
+            return {k: np.asarray(found[k], float).tolist() for k in names}
 
         return {k: np.array(v) for k, v in parts.once(name, make, say).items()}
 
@@ -132,7 +132,7 @@ def run(output: Path, *, quick: bool = False, count: int = 4096, seed: int = 5, 
             "solver": changes.get("solver", "tsit5"),
             "precision": changes.get("precision", "float64"),
             "rtol": changes["rtol"],
-            "cpu": float(found["cost"]),
+            "steps": float(np.mean(found["attempts"])),
             "wrong": float(np.mean(found["label"] != true["label"])),
             "wrong_settled": float(np.mean((found["label"] != true["label"])[settled])),
             "failed": float(np.mean(found["result"] > 1)),
@@ -145,11 +145,9 @@ def run(output: Path, *, quick: bool = False, count: int = 4096, seed: int = 5, 
         rows.append(row)
         say(
             f"  {code} {row['solver']} {row['precision']} rtol {row['rtol']:.0e}: "
-            f"{row['wrong']:.2%} of classes differ, {row['cpu'] * 1e3:.2f} ms a cell"
+            f"{row['wrong']:.2%} of classes differ, {row['steps']:.0f} steps a cell"
         )
-    data = {
-        k: ("row", [r[k] for r in rows], {"units": "s" if k == "cpu" else "1"}) for k in rows[0]
-    }
+    data = {k: ("row", [r[k] for r in rows], {"units": "1"}) for k in rows[0]}
     dataset = xr.Dataset(
         data,
         attrs={
@@ -188,7 +186,7 @@ def text(dataset: xr.Dataset) -> str:
         "",
         "| code | solver | precision | rtol | class differs | of decided cells | failed | "
         + " | ".join(SHORT.values())
-        + " | CPU ms a cell |",
+        + " | trial steps |",
         "|---" * (8 + len(SHORT)) + "|",
     ]
     for i in range(dataset.sizes["row"]):
@@ -197,7 +195,7 @@ def text(dataset: xr.Dataset) -> str:
         lines.append(
             f"| {r['code']} | {r['solver']} | {r['precision']} | {r['rtol']:.0e} | "
             f"{r['wrong']:.2%} | {r['wrong_settled']:.2%} | {r['failed']:.2%} | {errors} | "
-            f"{r['cpu'] * 1e3:.3g} |"
+            f"{r['steps']:.0f} |"
         )
     versions = json.loads(dataset.attrs["versions"])
     return "\n".join(

@@ -87,12 +87,13 @@ def draw(dataset: xr.Dataset):
         layout="constrained",
     )  # fmt: skip
     size = np.log10(dataset.error.where(np.isfinite(dataset.error)))
-    low, high = float(size.min()), float(size.max())
+    low = float(size.min())
+    high = max(float(size.max()), low + 1)
     image = None
     for i, j in np.ndindex(rows, columns):
         ax, part = axes[i, j], dataset.isel(scene=i, solver=j)
         shown = np.ma.masked_invalid(size.isel(scene=i, solver=j).values)
-        image = ax.imshow(shown, cmap="cividis", vmin=low, vmax=max(high, low + 1), aspect="auto")
+        image = ax.imshow(shown, cmap="cividis", vmin=low, vmax=high, aspect="auto")
         for a, b in np.ndindex(part.error.shape):
             error, seconds = float(part.error[a, b]), float(part.seconds[a, b])
             text = f"{error:.0e}\n{duration(seconds)}" if np.isfinite(seconds) else "not run"

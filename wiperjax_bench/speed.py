@@ -75,7 +75,7 @@ def run(
     parts = Parts(output, {"quick": quick, "trajectories": trajectories, "repeats": repeats,
                            "sizes": sizes, "cores": cores})  # fmt: skip
     rows = parts.once("rows", lambda: compare(cores, duration, trajectories, repeats, quick, say))
-    facts = parts.once("sizes", lambda: scaling(cores, duration, sizes, min(repeats, 2), say))
+    facts = parts.once("sizes", lambda: scaling(cores, ACCURACY, sizes, min(repeats, 2), say))
     facts |= parts.once("fresh", lambda: fresh_processes(quick, say))
     dataset = table(rows)
     dataset.attrs |= {
@@ -85,6 +85,7 @@ def run(
         "versions": json.dumps(measure.versions(), sort_keys=True),
         "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "duration": duration,
+        "duration_sizes": ACCURACY,
         "repeats": repeats,
         **facts,
     }

@@ -86,6 +86,7 @@ def costs(dataset: xr.Dataset) -> list[tuple[str, float, str, str]]:
     if sizes:
         each = [float(facts[f"wall_{n}"]) * 1e6 for n in sizes]
         text = ", ".join(f"{n}: {e:.1f} us" for n, e in zip(sizes, each, strict=True))
+        text += f"; {facts['duration_sizes']:g} s of motion each, all cores"
         rows.append((f"cost per trajectory, {sizes[0]} to {sizes[-1]}: most over least, less 1 [%]",
                      100 * (max(each) / min(each) - 1), "10", text))  # fmt: skip
     rows.append(("cold: a sweep's first block [s]", float(facts["compile_cold"]), "20", ""))

@@ -94,7 +94,7 @@ class Regularised:
     """One smoothing with one solver; the setting is the width as a share of the scene's speed."""
 
     setting_name = "width / speed"
-    cells = 64
+    cells = 16
 
     def __init__(self, name: str, smoothing: Smoothing, solver, settings):
         self.name, self.smoothing, self.solver, self.settings = name, smoothing, solver, settings
