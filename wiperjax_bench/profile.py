@@ -356,10 +356,10 @@ def shares(found: dict, lane_turn: float, flows: int) -> list[str]:
             name, cost = f"{name} ({flows} flows share one)", cost / flows
         left -= cost
         rows.append(f"| {name} | {cost * 1e9:.1f} | {cost / lane_turn:.0%} |")
-    rows.append(
-        f"| bookkeeping: refill, outcomes, and the error of this sum | {left * 1e9:.1f} | "
-        f"{left / lane_turn:.0%} |"
-    )
+    rest = "bookkeeping: refill, outcomes, and the error of this sum"
+    if len(found) < len(LADDER):
+        rest = "everything that was not measured by itself"
+    rows.append(f"| {rest} | {left * 1e9:.1f} | {left / lane_turn:.0%} |")
     rows.append(f"| all | {lane_turn * 1e9:.1f} | 100% |")
     return [*rows, ""]
 

@@ -7,6 +7,7 @@ that it shows which of the two is to blame for an error, and what each costs, ex
 import json
 import time
 from functools import partial
+from typing import Any
 
 import diffrax
 import matplotlib.pyplot as plt
@@ -91,7 +92,8 @@ def draw(dataset: xr.Dataset):
     high = max(float(size.max()), low + 1)
     image = None
     for i, j in np.ndindex(rows, columns):
-        ax, part = axes[i, j], dataset.isel(scene=i, solver=j)
+        ax: Any = axes[i, j]
+        part = dataset.isel(scene=i, solver=j)
         shown = np.ma.masked_invalid(size.isel(scene=i, solver=j).values)
         image = ax.imshow(shown, cmap="cividis", vmin=low, vmax=high, aspect="auto")
         for a, b in np.ndindex(part.error.shape):
