@@ -13,7 +13,7 @@ from wiperjax_bench import failures, failures_plot, failures_report, hard_scenes
 from wiperjax_bench import stability_limits as limits
 from wiperjax_bench.failures import Outcome
 from wiperjax_bench.interface import Answer, NotForThisScene
-from wiperjax_bench.rivals import moreau_jean
+from wiperjax_bench.rivals import compiled, moreau_jean
 
 (MOREAU,) = moreau_jean.RIVALS
 
@@ -95,7 +95,9 @@ def chart():
     few = {name: hard_scenes.SCENES[name] for name in ("grazing", "near_painleve", "large_step")}
     coarse = dataclasses.make_dataclass("Coarse", [], bases=(moreau_jean.MoreauJean,))()
     coarse.settings = (1e-2, 1e-3, 3e-4)
-    return failures.measure([coarse, Still(), Absent()], few)
+    loop = compiled.Compiled("numba scalar loop", 1)
+    loop.settings = (1e-4, 1e-6, 1e-8)
+    return failures.measure([coarse, loop, Still(), Absent()], few)
 
 
 def test_a_chart_tells_right_from_wrong_and_from_not_run(chart):
@@ -104,6 +106,9 @@ def test_a_chart_tells_right_from_wrong_and_from_not_run(chart):
     assert code("Moreau-Jean", "large step") == [Outcome.WRONG, Outcome.RIGHT, Outcome.RIGHT]
     # it converges on Newton's impact law: no rebound from an impact without collision
     assert code("Moreau-Jean", "near Painleve") == [Outcome.WRONG] * 3
+    # the parabola through the glass: gravity is in the scalar loop too
+    assert code("numba scalar loop", "large step") == [Outcome.RIGHT] * 3
+    assert float(chart.error.sel(solver="numba scalar loop", scene="large step", level=2)) < 1e-6
     none = Outcome.NOT_RUN
     assert code("still", "grazing") == [Outcome.WRONG, none, none]
     assert code("still", "near Painleve") == [none] * 3
@@ -111,7 +116,7 @@ def test_a_chart_tells_right_from_wrong_and_from_not_run(chart):
     assert chart.reason.sel(solver="absent", scene="grazing").item() == "not installed"
     assert chart.reason.sel(solver="still", scene="near Painleve").item() == "no hinge mass"
     first = failures.loosest(chart)
-    assert first[0].tolist() == [1, -1, 1] and first[1].tolist() == [-1, -1, -1]
+    assert first[0].tolist() == [1, -1, 1] and first[2].tolist() == [-1, -1, -1]
 
 
 def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
@@ -119,8 +124,10 @@ def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
     figure = failures_plot.draw(chart)
     words = [text.get_text() for text in figure.axes[0].texts]
     plt.close(figure)
-    assert words.count("not run") == 4 and words.count("never right") == 3
+    assert words.count("not run") == 5 and words.count("never right") == 3
     text = failures_report.failures_text(chart, "f.png")
+    assert "near Painleve, Moreau-Jean: error" in text and "Newton's impact law" in text
+    assert "- large step, still: error" in text
     assert "| absent | not run |" in text and "| Moreau-Jean | 2 of 3 | 4 | 5 | 0 |" in text
 
 

@@ -49,10 +49,10 @@ def chart(
     from wiperjax_bench import chart, pictures, report
 
     dataset = chart.run(output, quick=quick, only_scenes=scene, methods=method, repeats=repeats)
-    png, svg = pictures.save(dataset, output.with_suffix(""), clock)
+    files = pictures.save(dataset, output.with_suffix(""), clock)
     text = output.with_suffix(".md")
-    text.write_text(report.chart_text(dataset, png.name, clock))
-    print(f"dataset  {output}\npicture  {png}, {svg}\ntext     {text}")
+    text.write_text(report.chart_text(dataset, files[0].name, clock, files[2].name))
+    print(f"dataset  {output}\npicture  {', '.join(map(str, files))}\ntext     {text}")
 
 
 @app.command()
@@ -65,14 +65,20 @@ def failures(
 ) -> None:
     """Where each method fails: all methods on hard scenes, at all their settings, on one core.
 
-    Writes the dataset, its picture (.png, .svg) and the text under it (.md).
+    Writes the dataset, its picture (.png, .svg; a narrow one beside) and the text under it (.md).
+    A run that was stopped goes on where it was.
     """
     _begin(output, 1)
     from wiperjax_bench import failures, failures_plot, failures_report
+    from wiperjax_bench.keep import Parts
 
-    dataset = failures.run(quick, method, print)
+    parts = Parts(output, {"quick": quick})
+    dataset = failures.run(quick, method, print, parts)
     dataset.to_netcdf(output, engine="h5netcdf")
+    parts.clear()
     pictures = _save(failures_plot.draw(dataset), output)
+    beside = output.with_stem(output.stem + "_short")
+    pictures += ", " + _save(failures_plot.short(dataset), beside)
     text = output.with_suffix(".md")
     text.write_text(failures_report.failures_text(dataset, output.with_suffix(".png").name))
     print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
@@ -82,12 +88,14 @@ def failures(
 def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     """Largest stable step of each method against stiffness, measured and in theory.
 
-    Writes the dataset, its picture (.png, .svg) and the text under it (.md).
+    Writes the dataset, its picture (.png, .svg; a narrow one beside) and the text under it (.md).
+    A run that was stopped goes on where it was.
     """
     _begin(output, 1)
     from wiperjax_bench import failures_report, limits_plot, stability_limits
 
-    dataset = stability_limits.measure(2 if quick else None, print)
+    only = ("Tsit5", "Moreau-Jean") if quick else ("",)
+    dataset = stability_limits.measure(1 if quick else None, print, only)
     dataset.to_netcdf(output, engine="h5netcdf")
     pictures = _save(limits_plot.draw(dataset), output)
     text = output.with_suffix(".md")
@@ -95,11 +103,27 @@ def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
 
 
+@app.command()
+def smoothing(output: Output = Path("smoothing.h5"), quick: Quick = False) -> None:
+    """Error and cost of smoothed friction and contact over a grid of widths and stiffnesses.
+
+    Writes the dataset, its picture (.png, .svg) and the text under it (.md).
+    """
+    _begin(output, 1)
+    from wiperjax_bench import smoothing
+
+    dataset = smoothing.run(output, quick=quick)
+    pictures = _save(smoothing.draw(dataset), output)
+    text = output.with_suffix(".md")
+    text.write_text(smoothing.text(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
+
+
 def _save(figure, output: Path) -> str:
     """Write a figure beside ``output`` as .png and .svg, and return their names."""
     files = [output.with_suffix(end) for end in (".png", ".svg")]
     for file in files:
-        figure.savefig(file, dpi=150)
+        figure.savefig(file, dpi=120, metadata={"Date": None} if file.suffix == ".svg" else None)
     return ", ".join(map(str, files))
 
 
@@ -107,24 +131,20 @@ def _save(figure, output: Path) -> str:
 def speed(
     output: Output = Path("speed.h5"),
     quick: Quick = False,
-    trajectories: Annotated[int, typer.Option(min=64, help="Of the engine, at most.")] = 100_000,
-    repeats: Annotated[int, typer.Option(min=1)] = 3,
-    scaling: Annotated[
-        bool, typer.Option("--scaling", help="Also batches of 1e4, 1e5 and 1e6 (long).")
-    ] = False,
+    trajectories: Annotated[int, typer.Option(min=64, help="Of the engine.")] = 100_000,
+    repeats: Annotated[int, typer.Option(min=1, help="Interleaved.")] = 3,
 ) -> None:
     """Trajectories per second of the engine and its peers, on one core and on all.
 
-    Writes the dataset and its table (.md): errors, occupancy, start-up, memory.
+    Writes the dataset and its text (.md): what was asked and what was measured, errors, occupancy,
+    cost over the size of the batch, start-up, memory; and, where chart.h5 and maps.h5 lie beside,
+    the precision of every variant. A run that was stopped goes on where it was.
     """
     _begin(output, None)
-    from wiperjax_bench import speed
+    from wiperjax_bench import speed, speed_report
 
-    sizes = (10_000, 100_000, 1_000_000) if scaling else ()
-    dataset = speed.run(
-        output, quick=quick, trajectories=trajectories, repeats=repeats, scaling=sizes
-    )
-    text = speed.text(dataset)
+    dataset = speed.run(output, quick=quick, trajectories=trajectories, repeats=repeats)
+    text = speed_report.text(dataset, output.parent)
     output.with_suffix(".md").write_text(text)
     print(text)
 
@@ -134,16 +154,20 @@ def profile(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE.md", help="Text to write.")
     ] = Path("profile.md"),
-    precision: Annotated[str, typer.Option(help="float64 or float32.")] = "float64",
+    precision: Annotated[
+        list[str] | None, typer.Option(help="float64 or float32 (repeatable; default: both).")
+    ] = None,
     quick: Quick = False,
 ) -> None:
-    """Where a lane-turn goes, and a rough roofline: operations against the processor's peak."""
-    if precision not in ("float64", "float32"):
-        raise ValueError(f"precision must be float64 or float32, but was {precision!r}")
+    """Where a lane-turn goes, and a roofline: operations and bytes against measured limits."""
+    wanted = precision or (["float64"] if quick else ["float64", "float32"])
+    for name in wanted:
+        if name not in ("float64", "float32"):
+            raise ValueError(f"precision must be float64 or float32, but was {name!r}")
     _begin(output, 1, (".md", ".txt"))
     from wiperjax_bench import profile
 
-    text = profile.run(precision, quick)
+    text = "\n".join(profile.run(name, quick) for name in wanted)
     output.write_text(text)
     print(text)
 
@@ -163,7 +187,11 @@ def rule(
     from wiperjax_bench import rule
 
     target = output or Path(wiperjax.__file__).with_name("accuracy_table.json")
+    if not file.is_file():
+        raise ValueError(f"{file}: does not exist (`wiperjax bench chart` makes it)")
     with xr.open_dataset(file, engine="h5netcdf") as dataset:
+        if output is None:
+            rule.check(dataset)
         rows = rule.write(dataset, target, clock)
     print(f"{'solver':<8}{'precision':<10}{'rtol':>8}{'error':>10}{'cost':>8}")
     for r in rows:
@@ -177,9 +205,12 @@ def rule(
 def maps(
     output: Output = Path("maps.h5"),
     quick: Quick = False,
-    cells: Annotated[int, typer.Option(min=16, help="Random cells of the reference sweep.")] = 512,
+    cells: Annotated[int, typer.Option(min=16, help="Random cells of the reference sweep.")] = 4096,
 ) -> None:
-    """Share of cells whose class differs, and errors of map variables, by setting."""
+    """Share of cells whose class differs, and errors of map variables, by setting.
+
+    Writes the dataset and its text (.md). A run that was stopped goes on where it was.
+    """
     _begin(output, None)
     from wiperjax_bench import maps
 
@@ -196,18 +227,42 @@ def everything(
 ) -> None:
     """Everything, one part after the other, each in a process of its own.
 
-    A part whose dataset is there is kept: a run that was stopped goes on where it was.
+    A part whose text is there is kept: a run that was stopped goes on where it was.
     """
+    import os
+    import resource
     import subprocess
     import sys
+    import tempfile
+    import time
 
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("chart", "failures", "limits", "maps", "speed", "profile"):
-        output = folder / (f"{name}.md" if name == "profile" else f"{name}.h5")
-        if output.exists() and not again:
-            print(f"{name}: kept {output}")
+    begun = time.perf_counter()
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    # compilations are measured, and none may come from a cache; only the quick run saves its time
+    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+    cache = tempfile.TemporaryDirectory()
+    if quick:
+        environment["JAX_COMPILATION_CACHE_DIR"] = cache.name
+    for name in ("chart", "failures", "limits", "smoothing", "maps", "speed", "profile"):
+        text = folder / f"{name}.md"
+        if text.exists() and not again:
+            print(f"{name}: kept {text}", flush=True)
             continue
+        output = text if name == "profile" else text.with_suffix(".h5")
         command = [sys.executable, "-m", "wiperjax", "bench", name, "-o", str(output)]
-        status = subprocess.run([*command, *(["--quick"] if quick else [])], check=False).returncode
+        command += ["--quick"] if quick else []
+        started, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+        print(f"--- {name}", flush=True)
+        status = subprocess.run(command, check=False, env=environment).returncode
         if status:
             raise typer.Exit(status)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+        print(
+            f"--- {name}: {time.perf_counter() - started:.0f} s, {spent:.0f} s of processor time",
+            flush=True,
+        )
+    cache.cleanup()
+    print(f"everything in {folder}: {(time.perf_counter() - begun) / 60:.1f} minutes")
+    print(f"next: wiperjax bench rule {folder / 'chart.h5'}")

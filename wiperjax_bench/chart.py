@@ -5,23 +5,25 @@ in interleaved repeats. A finished scene is kept at once in `<output>.parts/`, s
 stopped goes on where it was.
 """
 
-import hashlib
 import json
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from . import errors, measure, rivals, scenes
-from .interface import NotForThisScene, Rival
+from . import errors, exact, measure, rivals, scenes
+from .interface import Answer, NotForThisScene, Rival
+from .keep import Parts
 from .scenes import Scene
 
-FORMAT = 1
 JUDGED = 128  # cells whose motion is compared
 BATCH = 4096  # cells of the random batch
+PATIENCE = 1.5  # s of processor time: after a call that takes longer finer settings are left out
 VALUES = {  # name: (unit, meaning)
     "wall": ("s", "wall time per trajectory, median of interleaved repeats"),
     "wall_low": ("s", "10th percentile of the repeats"),
@@ -30,7 +32,7 @@ VALUES = {  # name: (unit, meaning)
     "repeats": ("1", "repeats"),
     "cells": ("1", "trajectories per call"),
     "steps": ("1", "steps, evaluations for scipy, mean of the judged cells"),
-    "compile": ("s", "wall time of the first preparation with this method, compilation included"),
+    "compile": ("s", "wall time of the first call with this method, less that of the second"),
     "state_error": ("1", "median over cells of the largest position error over the length scale"),
     "state_error_p90": ("1", "the same, 90th percentile"),
     "velocity_error": ("1", "median over cells of the largest velocity error over the speed scale"),
@@ -44,7 +46,7 @@ def select(names: list[str] | None, quick: bool) -> list[Rival]:
     """Return the methods to run; the quick run leaves out what needs long compilations."""
     chosen = [r for r in rivals.every() if names is None or any(n in r.name for n in names)]
     if quick and names is None:
-        keep = ("engine Tsit5", "numba scalar loop", "scipy solve_ivp RK45")
+        keep = ("engine Tsit5", "numba scalar loop", "scipy solve_ivp RK45")  # few compilations
         chosen = [r for r in chosen if r.name in keep]
     return chosen
 
@@ -71,39 +73,26 @@ def run(
     if not chosen:
         raise ValueError(f"no method has {methods} in its name")
     repeats = repeats or 3
-    versions = measure.versions()
-    key = {"format": FORMAT, "quick": quick, "repeats": repeats, "versions": versions,
-           "machine": measure.machine(), "methods": [r.name for r in chosen]}  # fmt: skip
-    digest = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:12]
-    parts = output.with_name(output.name + ".parts")
-    parts.mkdir(parents=True, exist_ok=True)
-    tables = []
-    for name in names:
-        kept = parts / f"{name}-{digest}.json"
-        if kept.exists():
-            say(f"{name}: kept from a run that was stopped")
-        else:
-            table = measure_scene(name, chosen, quick, repeats, say)
-            text = json.dumps(table)
-            temporary = kept.with_suffix(".tmp")
-            temporary.write_text(text)
-            temporary.replace(kept)
-        tables.append(json.loads(kept.read_text()))
+    parts = Parts(output, {"quick": quick, "repeats": repeats,
+                           "methods": [(r.name, r.settings) for r in chosen]})  # fmt: skip
+    tables = [
+        parts.once(name, partial(measure_scene, name, chosen, quick, repeats, say), say)
+        for name in names
+    ]
     dataset = assemble(tables, chosen)
     dataset.attrs |= {
         "title": "speed against accuracy of stick, slip and flight trajectories",
         "machine": measure.machine(),
-        "versions": json.dumps(versions, sort_keys=True),
+        "versions": json.dumps(measure.versions(), sort_keys=True),
         "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "quick": int(quick),
         "repeats": repeats,
         "cores": 1,
-        "reference": "numba scalar loop at rtol 1e-12, confirmed by engine Dopri8 at 1e-10",
+        "reference": "the numba scalar loop at rtol 1e-12",
+        "second": f"{SECOND[quick]} (block: the exact answer)",
     }
     dataset.to_netcdf(output, engine="h5netcdf")
-    for file in parts.iterdir():
-        file.unlink()
-    parts.rmdir()
+    parts.clear()
     return dataset
 
 
@@ -114,61 +103,24 @@ def measure_scene(name: str, chosen: list[Rival], quick: bool, repeats: int, say
     scene: Scene = getattr(scenes, name)(cells)
     part = scene.head(judged)
     true = errors.truth(part)
-    second = confirm(part, true) if not quick else np.nan
+    second = confirm(part, true, quick)
     say(
         f"{name}: {cells} cells, horizon {np.median(true.horizon):g} of {scene.duration:g} s, "
-        f"reference confirmed to {second:.1e}"
+        f"reference confirmed to {second.state_p90:.1e}, other events in {second.wrong:.0%}"
     )
     rows, calls = [], []
+    compiled = compile_ahead(chosen, scene, part)
     for method in chosen:
-        reason = method.available()
-        if reason is not None:
-            rows.append({"method": method.name, "note": f"not run: {reason}"})
-            continue
-        started, first = time.perf_counter(), True
-        settings = method.settings[1:6:2] if quick else method.settings
-        note = ""
-        for index, setting in enumerate(method.settings):
-            if setting not in settings:
-                continue
-            try:
-                timed = scene.head(min(method.cells, cells))
-                call = method.prepare(timed, setting)
-                call()  # compiles
-                small = part.head(min(method.cells, judged))
-                if hasattr(call, "answer"):
-                    answer = method.prepare(small, setting).answer()  # type: ignore[attr-defined]
-                else:
-                    answer = method.prepare(small, setting)()
-            except NotForThisScene as why:
-                note = f"not for this scene: {why}"
-                break
-            except Exception as error:  # a rival that breaks is a result, not the end of the run
-                note = f"stopped with {type(error).__name__}: {str(error).splitlines()[0][:120]}"
-                continue
-            found = errors.judge(part, true, answer)
-            rows.append(
-                {
-                    "method": method.name,
-                    "index": index,
-                    "setting": setting,
-                    "cells": timed.cells,
-                    "steps": float(np.mean(answer.steps)),
-                    "compile": time.perf_counter() - started if first else np.nan,
-                    "state_error": found.state,
-                    "state_error_p90": found.state_p90,
-                    "velocity_error": found.velocity,
-                    "event_time_error": found.event_time,
-                    "wrong_events": found.wrong,
-                    "stopped": found.stopped,
-                }
-            )
-            calls.append((rows[-1], call))
-            first = False
+        started = time.process_time()
+        found, timed, note = try_method(method, scene, part, true, quick)
+        if found and method.name in compiled:
+            found[0]["compile"] = compiled[method.name]
+        rows += found
+        calls += list(zip(found, timed, strict=True))
         if note:
             rows.append({"method": method.name, "note": note})
-        say(f"  {method.name}: prepared in {time.perf_counter() - started:.1f} s {note}")
-    costs = measure.interleaved([c for _, c in calls], repeats, patience=2.0)
+        say(f"  {method.name}: {time.process_time() - started:.1f} s of processor time {note}")
+    costs = measure.interleaved([c for _, c in calls], repeats, patience=3 * PATIENCE)
     for (row, _), cost in zip(calls, costs, strict=True):
         row["wall"], row["cpu"] = cost.wall / row["cells"], cost.cpu / row["cells"]
         row["wall_low"], row["wall_high"] = cost.low / row["cells"], cost.high / row["cells"]
@@ -176,23 +128,119 @@ def measure_scene(name: str, chosen: list[Rival], quick: bool, repeats: int, say
     return {
         "scene": name,
         "about": scene.about,
-        "confirmed": second,
+        "confirmed": second.state_p90,
+        "confirmed_time": second.event_time,
+        "confirmed_wrong": second.wrong,
         "horizon": float(np.median(true.horizon)),
         "load": measure.load(),
         "rows": rows,
     }
 
 
-def confirm(scene: Scene, true: errors.Truth) -> float:
-    """Return the state error of a second method at high accuracy: what the reference is worth."""
+def compile_ahead(chosen: list[Rival], scene: Scene, part: Scene) -> dict[str, float]:
+    """Compile what can be compiled without being run, two at a time; return method -> seconds.
+
+    It is most of the time a chart takes. Seconds are of the program that is timed.
+    """
+    ready = [r for r in chosen if hasattr(r, "compile")]
+
+    def one(method: Any) -> float:
+        spent = method.compile(scene.head(min(method.cells, scene.cells)))
+        judged = part.head(min(method.cells, part.cells))
+        method.prepare(judged, method.settings[0]).answer()  # what answers is compiled, too
+        return spent
+
+    with ThreadPoolExecutor(2) as pool:
+        spent = list(pool.map(one, ready))
+    return {r.name: t for r, t in zip(ready, spent, strict=True)}
+
+
+def try_method(method: Rival, scene: Scene, part: Scene, true: errors.Truth, quick: bool):
+    """Return (rows, calls to be timed, note) of a method at its settings, coarse to fine.
+
+    ``part``: the cells that are judged. A setting that takes longer than `PATIENCE` is the last.
+    """
+    rows, calls = [], []
+    reason = method.available()
+    if reason is not None:
+        return rows, calls, f"not run: {reason}"
+    note = ""
+    settings = method.settings[1:6:2] if quick else method.settings
+    for index, setting in enumerate(method.settings):
+        if setting not in settings:
+            continue
+        try:
+            timed = scene.head(min(method.cells, scene.cells))
+            started = time.perf_counter()
+            call = method.prepare(timed, setting)
+            if not hasattr(method, "compile"):  # else it is compiled already
+                call()
+            first = time.perf_counter() - started
+            small = method.prepare(part.head(min(method.cells, part.cells)), setting)
+            answer = getattr(small, "answer", small)()
+            wall, cpu = time.perf_counter(), time.process_time()
+            call()
+            once, spent = time.perf_counter() - wall, time.process_time() - cpu
+        except NotForThisScene as why:
+            return rows, calls, f"not for this scene: {why}"
+        except Exception as error:  # a rival that breaks is a result, not the end of the run
+            text = (str(error).splitlines() or [""])[0][:120]
+            note = f"stopped with {type(error).__name__} at {setting:.0e}: {text}"
+            continue
+        found = errors.judge(part, true, answer)
+        rows.append(
+            {
+                "method": method.name,
+                "index": index,
+                "setting": setting,
+                "cells": timed.cells,
+                "steps": float(np.mean(answer.steps)),
+                "compile": np.nan if rows else max(first - once, 0.0),
+                "state_error": found.state,
+                "state_error_p90": found.state_p90,
+                "velocity_error": found.velocity,
+                "event_time_error": found.event_time,
+                "wrong_events": found.wrong,
+                "stopped": found.stopped,
+            }
+        )
+        calls.append(call)
+        if spent > PATIENCE and setting != settings[-1]:
+            note = f"finer settings left out: {setting:.0e} took {spent:.0f} s"
+            break
+    return rows, calls, note
+
+
+SECOND = ("engine Dopri8 at rtol 1e-10", "scipy DOP853 at rtol 1e-11")  # in full, and quick
+
+
+def confirm(scene: Scene, true: errors.Truth, quick: bool) -> errors.Errors:
+    """Return the errors of a second method at high accuracy: what the reference is worth.
+
+    For the block that is its exact answer, else `SECOND` on some of the cells.
+    """
+    if scene.name == "block":
+        return errors.judge(scene, true, exact_block(scene))
+    if quick:  # compiles nothing
+        from .rivals.scipy_phases import Phases
+
+        return errors.judge(scene, true, Phases("DOP853").prepare(scene.head(2), 1e-11)())
     import diffrax
 
     from .rivals.engine import Engine
 
-    few = scene.head(32)
-    answer = Engine(diffrax.Dopri8).prepare(few, 1e-10).answer()  # type: ignore[attr-defined]
-    found = errors.judge(scene, true, answer)
-    return found.state_p90
+    answer = Engine(diffrax.Dopri8).prepare(scene.head(32), 1e-10).answer()  # type: ignore
+    return errors.judge(scene, true, answer)
+
+
+def exact_block(scene: Scene) -> Answer:
+    """Return the closed form of `scenes.block` as an answer."""
+    speeds = scene.parameters()["belt_speed"]
+    found = [exact.block(scenes.BLOCK_START, v, 0.5, scene.sample_times) for v in speeds]
+    x, v, times, kinds = zip(*found, strict=True)
+    along = lambda rows: np.stack([np.stack(rows), np.zeros((len(rows), len(rows[0])))], axis=-1)
+    zero = np.zeros(scene.cells)
+    return Answer(scene.sample_times, along(x), along(v), list(times), list(kinds), zero > 0, zero)
 
 
 def assemble(tables: list[dict], chosen: list[Rival]) -> xr.Dataset:
@@ -223,6 +271,10 @@ def assemble(tables: list[dict], chosen: list[Rival]) -> xr.Dataset:
             "note": (dims[:2], notes.astype(str), {"long_name": "why something was not run"}),
             "confirmed": ("scene", [t["confirmed"] for t in tables],
                           {"long_name": "state error of the second reference method, p90"}),
+            "confirmed_time": ("scene", [t["confirmed_time"] for t in tables],
+                {"units": "s", "long_name": "event time error of the second reference method"}),
+            "confirmed_wrong": ("scene", [t["confirmed_wrong"] for t in tables],
+                {"long_name": "cells in which the two references have other events"}),
             "horizon": ("scene", [t["horizon"] for t in tables],
                         {"units": "s", "long_name": "median time up to which cells are judged"}),
             "load_average": ("scene", [t["load"] for t in tables],

@@ -23,6 +23,26 @@ WORDS = {
 }
 
 
+# one method of each kind, for a narrow page
+SHORT = (
+    "engine Tsit5",
+    "engine Tsit5 float32",
+    "numba scalar loop",
+    "diffrax Event per phase, lax.map",
+    "scipy solve_ivp RK45",
+    "scipy solve_ivp DOP853",
+    "Moreau-Jean",
+    "tanh, penalty, Tsit5",
+    "tanh, penalty, Kvaerno5",
+)
+
+
+def short(dataset: xr.Dataset):
+    """Return `draw` of one method of each kind, as far as they are there."""
+    names = [n for n in SHORT if n in dataset.solver.values]
+    return draw(dataset.sel(solver=names)) if names else draw(dataset)
+
+
 def draw(dataset: xr.Dataset):
     """Return the figure: methods by scenes, each cell a strip of settings from coarse to fine.
 
@@ -32,7 +52,7 @@ def draw(dataset: xr.Dataset):
     methods, scenes = dataset.sizes["solver"], dataset.sizes["scene"]
     first = loosest(dataset)
     figure, axes = plt.subplots(
-        figsize=(3.4 + 1.5 * scenes, 1.5 + 0.52 * methods), layout="constrained"
+        figsize=(2.6 + 1.12 * scenes, 1.5 + 0.52 * methods), layout="constrained"
     )
     for i in range(methods):
         ran = np.isfinite(dataset.setting.values[i]).any(axis=0)
@@ -58,9 +78,9 @@ def draw(dataset: xr.Dataset):
     ]
     figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     figure.suptitle(
-        "Where each method fails: settings from coarse (left) to fine (right); below, the loosest "
+        "Where each method fails: settings from coarse (left) to fine (right); below, the loosest\n"
         "setting from which all are right, and its time per trajectory",
-        fontsize=9,
+        fontsize=10,
     )
     return figure
 

@@ -8,26 +8,26 @@ import xarray as xr
 from .failures import STILL, TOLERANCE, Outcome, loosest
 from .failures_plot import WORDS, duration
 
-KNOWN = """\
-- **near Painleve, Moreau-Jean**: converges, but to Newton's impact law: an impact without collision
-  begins at zero normal speed and so gives back none, while Poisson's law (MODEL.md section 6)
-  gives back e times the impulse of compression. With no hinge mass the two laws agree.
-- **Zeno landing, smoothed contact**: converges, but to a friction that follows the Stribeck curve
-  *during* an impact, while the model holds mu at its value before. With constant mu it converges
-  on the reference (`tests/test_bench_smooth.py`).
-- **steep Stribeck, smoothed contact**: the peak of the curve is cut off until the width is far
-  below the Stribeck speed (1 mm/s), and then each step is far below a microsecond.
-- **large step**: the free fall is a polynomial, so a method of order 2 or more has no error to
-  shorten its step by, at any tolerance. One that looks for events at the ends of steps, or for a
-  spring force at its stages, passes through the glass and does not notice.
-"""
+LEVEL = 0.6  # an error that is still above this share of the one before has stopped falling
+# what is known of a method that levels off on a scene: (part of its name, scene, reason)
+REASONS = (
+    ("Moreau-Jean", "near Painleve",
+     "Newton's impact law: an impact without collision begins at zero normal speed and so gives "
+     "back none, while Poisson's law (MODEL.md section 6) gives back e times the impulse of "
+     "compression; without a hinge mass the two agree"),
+    ("penalty", "Zeno landing",
+     "its friction follows the Stribeck curve during an impact, while the model holds mu at its "
+     "value before; with constant mu it converges on the reference (`tests/test_bench_smooth.py`)"),
+)  # fmt: skip
 
 
 def failures_text(dataset: xr.Dataset, picture: str) -> str:
     """Return Markdown: the picture, what it shows, also against us, and how it was measured."""
     first = loosest(dataset)
     lines = ["# Where each method fails", "", f"![methods by hard scenes]({picture})", ""]
-    lines += ["## What it shows", "", *_counts(dataset, first), "", KNOWN]
+    lines += ["## What it shows", "", *_counts(dataset, first), ""]
+    lines += ["Never right, at any setting that ran:", "", *_never_right(dataset, first), ""]
+    lines += ["Right at a setting, and wrong again at a finer one:", "", *_relapses(dataset), ""]
     lines += ["## Against us", "", *_against_us(dataset, first), ""]
     lines += ["## What was asked", ""]
     lines += [
@@ -43,8 +43,8 @@ def failures_text(dataset: xr.Dataset, picture: str) -> str:
         "",
         f"One core of {dataset.attrs['machine']}, {dataset.attrs['created']}, load average "
         f"{float(dataset.attrs['load_average']):.1f} at the end; wall time of a call over its "
-        "cells. Four cells are few: the times are for orders of magnitude, `wiperjax bench chart` "
-        "is for ratios. " + _versions(dataset),
+        "cells, of the engine its single solve. Four cells are few: the times are for orders of "
+        "magnitude, `wiperjax bench chart` is for ratios. " + _versions(dataset),
         "",
     ]
     notes = _notes(dataset)
@@ -70,6 +70,53 @@ def _counts(dataset: xr.Dataset, first) -> list[str]:
             + " |"
         )
     return out
+
+
+def _never_right(dataset: xr.Dataset, first) -> list[str]:
+    """One line a method and scene: whether its error still falls or has stopped falling.
+
+    Judged by the last two settings that ran to their end; one that stops has no error.
+    """
+    out = []
+    for i, j in np.argwhere(first < 0):
+        codes = dataset.outcome.values[i, j]
+        ran = np.flatnonzero(codes != Outcome.NOT_RUN)
+        if not len(ran) or np.any(codes == Outcome.RIGHT):
+            continue
+        name, scene = str(dataset.solver.values[i]), str(dataset.scene.values[j])
+        error, setting = dataset.error.values[i, j], dataset.setting.values[i, j]
+        known = ran[np.isfinite(error[ran])]
+        if not len(known):
+            text = "no setting gets to the end"
+        else:
+            last = known[-1]
+            text = f"error {error[last]:.1e} at {setting[last]:.0e}"
+            if len(known) > 1:
+                flat = error[last] > LEVEL * error[known[-2]]
+                text += f" (before: {error[known[-2]]:.1e}), "
+                text += "it has stopped falling" if flat else "still falling"
+                for part, where, why in REASONS if flat else ():
+                    if part in name and where == scene:
+                        text += f": {why}"
+        out.append(f"- {scene}, {name}: {text}")
+    return sorted(out) or ["None."]
+
+
+def _relapses(dataset: xr.Dataset) -> list[str]:
+    """One line a method and scene where refining made a right answer wrong."""
+    out = []
+    for i, j in np.ndindex(dataset.outcome.shape[:2]):
+        codes, setting = dataset.outcome.values[i, j], dataset.setting.values[i, j]
+        right = np.flatnonzero(codes == Outcome.RIGHT)
+        if not len(right):
+            continue
+        again = [k for k in np.flatnonzero((codes == Outcome.WRONG) | (codes == Outcome.STOPPED))
+                 if k > right[0]]  # fmt: skip
+        if again:
+            at = ", ".join(f"{setting[k]:.0e} ({WORDS[Outcome(int(codes[k]))]})" for k in again)
+            name, scene = dataset.solver.values[i], dataset.scene.values[j]
+            out.append(f"- {scene}, {name}: right at {setting[right[0]]:.0e}, not at {at}")
+    return sorted(out) or ["None."]
 
 
 def _against_us(dataset: xr.Dataset, first) -> list[str]:

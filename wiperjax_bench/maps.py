@@ -1,4 +1,4 @@
-"""`wiperjax bench maps`: how many cells of a map get another class, at which cost.
+"""`wiperjax bench maps`: how many cells of a map get another class, in how many steps.
 
 Random cells of the reference sweep go through the sweep's own path (statistics, spectrum, class)
 with the engine at several settings and with the scalar loop in its place. The reference is the
@@ -20,8 +20,10 @@ from wiperjax.scene import build_wiper
 from wiperjax.spec import parse_sweep
 from wiperjax.spectrum import dominant_frequency
 
-from . import measure, scalar, scenes
+from . import measure, scenes
+from .keep import Parts
 from .rivals import compiled
+from .scalar import statistics
 
 SWEEP = {  # sweeps/reference.toml
     "axes": {
@@ -36,12 +38,14 @@ COMPARED = ("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms"
 REFERENCE = ("engine", {"solver": "dopri8", "rtol": 1e-9})
 SECOND = ("scalar", {"rtol": 1e-10})
 SETTINGS = [
-    *(("engine", {"rtol": 10.0**-k}) for k in range(3, 9)),
-    *(("engine", {"rtol": 10.0**-k, "precision": "float32"}) for k in range(3, 7)),
-    *(("engine", {"rtol": r, "solver": "bosh3"}) for r in (1e-3, 1e-4, 1e-5)),
-    *(("engine", {"rtol": r, "solver": "dopri8"}) for r in (1e-4, 1e-6)),
+    *(("engine", {"rtol": r}) for r in (1e-3, 1e-4, 1e-5, 1e-6, 1e-8)),
+    *(("engine", {"rtol": r, "precision": "float32"}) for r in (1e-4, 1e-5, 1e-6)),
+    ("engine", {"rtol": 1e-4, "solver": "bosh3"}),
+    ("engine", {"rtol": 1e-6, "solver": "dopri8"}),
     *(("scalar", {"rtol": r}) for r in (1e-4, 1e-6, 1e-8)),
 ]
+QUICK = [SETTINGS[3], SETTINGS[-2]]
+QUICK_REFERENCES = ("scalar", {"rtol": 1e-10}), ("scalar", {"rtol": 1e-9})  # compile nothing more
 
 
 def scalar_evaluate(spec, index: np.ndarray) -> dict:
@@ -61,58 +65,74 @@ def scalar_evaluate(spec, index: np.ndarray) -> dict:
                        Result.STEP_BUDGET_SPENT, Result.NON_FINITE])[r.result]  # fmt: skip
     done = result == Result.FINISHED
     total = np.where(done[:, None], r.total, np.nan)
-    mean = total[:, scalar.U] / run.window
-    variance = total[:, scalar.UU] / run.window - mean**2
+    mean = total[:, statistics.U] / run.window
+    variance = total[:, statistics.UU] / run.window - mean**2
     return {
         "result": result,
-        "stick_fraction": total[:, scalar.STICK_TIME] / run.window,
-        "slip_fraction": total[:, scalar.SLIP_TIME] / run.window,
-        "flight_fraction": total[:, scalar.FLIGHT_TIME] / run.window,
+        "attempts": r.attempts,
+        "stick_fraction": total[:, statistics.STICK_TIME] / run.window,
+        "slip_fraction": total[:, statistics.SLIP_TIME] / run.window,
+        "flight_fraction": total[:, statistics.FLIGHT_TIME] / run.window,
         "velocity_rms": np.sqrt(np.maximum(variance, 0)),
         "velocity_mean": mean,
         "belt_speed_rms": speed,
-        "normal_force_mean": total[:, scalar.FORCE] / run.window,
-        "normal_force_max": total[:, scalar.FORCE_MAX],
+        "normal_force_mean": total[:, statistics.FORCE] / run.window,
+        "normal_force_max": total[:, statistics.FORCE_MAX],
         "signal": r.signal,
         "sample_interval": run.window / run.samples,
     }
 
 
-def evaluate(code: str, changes: dict, index: np.ndarray) -> tuple[dict, float]:
-    """Return (columns with class and frequency, processor time a cell [s])."""
+def evaluate(code: str, changes: dict, index: np.ndarray) -> dict:
+    """Return the columns with class, frequency, and trial steps (``attempts``)."""
     spec = parse_sweep(SWEEP | {"run": SWEEP["run"] | changes}, "bench maps")
     how = cells.evaluate if code == "engine" else scalar_evaluate
-    how(spec, index)  # compiles
-    started = time.process_time()
     columns = dict(how(spec, index))
-    cost = (time.process_time() - started) / len(index)
+    if code == "engine":
+        columns["attempts"] = columns["steps"] + columns["rejected_steps"]
     finished = columns["result"] == Result.FINISHED
     with np.errstate(invalid="ignore"):
         frequency = dominant_frequency(columns.pop("signal"), float(columns["sample_interval"]))
     columns["dominant_frequency"] = np.where(finished, frequency, np.nan)
     columns["label"] = label(columns, spec.classes)
-    return columns, cost
+    return columns
 
 
-def run(output: Path, *, quick: bool = False, count: int = 512, seed: int = 5, say=print):
-    """Return the dataset of wrong classes and errors of the map's variables."""
+def run(output: Path, *, quick: bool = False, count: int = 4096, seed: int = 5, say=print):
+    """Return the dataset of wrong classes and errors of the map's variables.
+
+    A finished setting is kept in `<output>.parts/` until all are done.
+    """
     rng = np.random.default_rng(seed)
     count = 24 if quick else count
     index = np.sort(rng.choice(41 * 11 * 21, count, replace=False))
-    true, _ = evaluate(*REFERENCE, index)
-    second, _ = evaluate(*SECOND, index)
+    parts = Parts(output, {"count": count, "seed": seed, "sweep": SWEEP})
+
+    def columns(code, changes):
+        """Plain numbers: the class, the variables that are compared, the result, the steps."""
+        name = "-".join([code, *(f"{v:.0e}" if isinstance(v, float) else v
+                                 for v in changes.values())])  # fmt: skip
+
+        def make():
+            found = evaluate(code, changes, index)
+            names = ("label", "result", "attempts", *COMPARED)
+            return {k: np.asarray(found[k], float).tolist() for k in names}
+
+        return {k: np.array(v) for k, v in parts.once(name, make, say).items()}
+
+    references = QUICK_REFERENCES if quick else (REFERENCE, SECOND)
+    true, second = (columns(*reference) for reference in references)
     settled = true["label"] == second["label"]
     say(f"{count} cells; the two references agree on {np.mean(settled):.1%} of the classes")
     rows = []
-    chosen = [SETTINGS[3], SETTINGS[15]] if quick else SETTINGS
-    for code, changes in chosen:
-        found, cost = evaluate(code, changes, index)
+    for code, changes in QUICK if quick else SETTINGS:
+        found = columns(code, changes)
         row = {
             "code": code,
             "solver": changes.get("solver", "tsit5"),
             "precision": changes.get("precision", "float64"),
             "rtol": changes["rtol"],
-            "cpu": cost,
+            "steps": float(np.mean(found["attempts"])),
             "wrong": float(np.mean(found["label"] != true["label"])),
             "wrong_settled": float(np.mean((found["label"] != true["label"])[settled])),
             "failed": float(np.mean(found["result"] > 1)),
@@ -125,23 +145,31 @@ def run(output: Path, *, quick: bool = False, count: int = 512, seed: int = 5, s
         rows.append(row)
         say(
             f"  {code} {row['solver']} {row['precision']} rtol {row['rtol']:.0e}: "
-            f"{row['wrong']:.2%} of classes differ, {cost * 1e3:.2f} ms a cell"
+            f"{row['wrong']:.2%} of classes differ, {row['steps']:.0f} steps a cell"
         )
-    data = {
-        k: ("row", [r[k] for r in rows], {"units": "s" if k == "cpu" else "1"}) for k in rows[0]
-    }
+    data = {k: ("row", [r[k] for r in rows], {"units": "1"}) for k in rows[0]}
     dataset = xr.Dataset(
         data,
         attrs={
             "title": "classes and map variables against a reference",
             "cells": count,
+            "references": " and ".join(
+                " ".join([code, *map(str, changes.values())]) for code, changes in references
+            ),
             "undecided": float(np.mean(~settled)),
             "machine": measure.machine(),
+            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "load": measure.load(),
             "versions": json.dumps(measure.versions(), sort_keys=True),
         },
     )
     dataset.to_netcdf(output, engine="h5netcdf")
+    parts.clear()
     return dataset
+
+
+SHORT = dict(zip(COMPARED, ("stick fraction", "slip fraction", "flight fraction", "rms velocity",
+                 "mean force", "greatest force", "frequency"), strict=True))  # fmt: skip
 
 
 def text(dataset: xr.Dataset) -> str:
@@ -150,20 +178,34 @@ def text(dataset: xr.Dataset) -> str:
         "# Classes of a map, and its variables, by setting",
         "",
         f"{dataset.attrs['cells']} random cells of the reference sweep, 0.8 s each. On "
-        f"{dataset.attrs['undecided']:.1%} of them the two references give different classes "
-        "(chaos, or an edge between classes); the next column leaves those out. Errors: 90th "
-        "percentile over the cells, relative to the variable's 90th percentile.",
+        f"{dataset.attrs['undecided']:.2%} of them the two references "
+        f"({dataset.attrs['references']}) give different classes (chaos, or an edge between "
+        "classes); all columns but the first share leave those out. The first reference is what "
+        "errors are taken against: 90th percentile over "
+        "the cells, relative to the variable's 90th percentile.",
         "",
         "| code | solver | precision | rtol | class differs | of decided cells | failed | "
-        "stick fraction | rms velocity | frequency | CPU ms a cell |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        + " | ".join(SHORT.values())
+        + " | trial steps |",
+        "|---" * (8 + len(SHORT)) + "|",
     ]
     for i in range(dataset.sizes["row"]):
         r = {k: v.item() for k, v in dataset.isel(row=i).items()}
+        errors = " | ".join(f"{r[f'{name}_p90']:.1e}" for name in COMPARED)
         lines.append(
             f"| {r['code']} | {r['solver']} | {r['precision']} | {r['rtol']:.0e} | "
-            f"{r['wrong']:.2%} | {r['wrong_settled']:.2%} | {r['failed']:.2%} | "
-            f"{r['stick_fraction_p90']:.1e} | {r['velocity_rms_p90']:.1e} | "
-            f"{r['dominant_frequency_p90']:.1e} | {r['cpu'] * 1e3:.3g} |"
+            f"{r['wrong']:.2%} | {r['wrong_settled']:.2%} | {r['failed']:.2%} | {errors} | "
+            f"{r['steps']:.0f} |"
         )
-    return "\n".join([*lines, ""])
+    versions = json.loads(dataset.attrs["versions"])
+    return "\n".join(
+        [
+            *lines,
+            "",
+            f"{dataset.attrs['machine']}, {dataset.attrs['created']}, load average "
+            f"{dataset.attrs['load']:.1f} at the end. Versions: "
+            + ", ".join(f"{k} {v}" for k, v in versions.items())
+            + ".",
+            "",
+        ]
+    )

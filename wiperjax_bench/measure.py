@@ -1,15 +1,19 @@
 """Timing: interleaved repeats, medians with their spread, wall and processor time."""
 
+import contextlib
 import platform
+import subprocess
 import time
 from collections.abc import Callable, Sequence
 from importlib import metadata
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+import wiperjax
+
 LIBRARIES = (
-    "wiperjax",
     "jax",
     "jaxlib",
     "diffrax",
@@ -60,13 +64,18 @@ def interleaved(calls: Sequence[Callable], repeats: int, patience: float = np.in
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the libraries that have a part in the numbers."""
-    found = {"python": platform.python_version()}
+    """Return the versions of everything that has a part in the numbers, and the commit if known."""
+    found = {"python": platform.python_version(), "wiperjax": wiperjax.__version__}
     for name in LIBRARIES:
         try:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             found[name] = "not installed"
+    here = Path(wiperjax.__file__).parent
+    ask = ["git", "-C", str(here), "describe", "--always", "--dirty", "--exclude", "*"]
+    with contextlib.suppress(OSError, subprocess.CalledProcessError):  # no git, or no checkout
+        done = subprocess.run(ask, capture_output=True, text=True, check=True)
+        found["commit"] = done.stdout.strip()
     return found
 
 

@@ -1,22 +1,23 @@
 """`wiperjax bench profile`: where a lane-turn goes, and how far it is from the processor's limit.
 
-Times come from runs of the whole batch with different numbers of cheap turns a round (the slope is
-the cheap turn, the rest the full one) and from loops over its parts. Operations are counted in the
+Parts of the engine, each larger than the one before, run in loops of their own over lanes in the
+middle of their motion; the difference of two is what the larger one adds. The rest of a whole batch
+(refill, samples, outcomes) is what its rounds do not account for. Operations are counted in the
 traced program (additions, multiplications, divisions, roots, exponentials; comparisons and selects
-apart), and the limit is a measured loop of fused multiply-adds on as many lanes.
+apart); the limits are measured loops: fused multiply-adds in registers, and a sum of two arrays.
+
+The parts are functions inside the engine. One that is no longer there is reported as not measured.
 """
 
 import time
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-
-from wiperjax.lanes import Pool, run_pool
-from wiperjax.state import vector_field
 
 from . import measure, scenes
 from .rivals import engine
@@ -72,27 +73,6 @@ def _jaxpr(value):
     return value if hasattr(value, "eqns") else None
 
 
-def find_loops(jaxpr, found=None):
-    """Return the bodies of all loops, outermost first: (depth, primitive, body)."""
-    found = [] if found is None else found
-
-    def walk(jaxpr, depth):
-        for equation in jaxpr.eqns:
-            name = equation.primitive.name
-            for key, value in equation.params.items():
-                for part in _many(value):
-                    body = _jaxpr(part)
-                    if body is None:
-                        continue
-                    is_body = (name == "while" and key == "body_jaxpr") or name == "scan"
-                    if is_body:
-                        found.append((depth, name, body))
-                    walk(body, depth + is_body)
-
-    walk(jaxpr, 0)
-    return found
-
-
 def timed(call, repeats: int = 5) -> float:
     """Return the least processor time of a call [s], after one to compile."""
     call()
@@ -104,139 +84,326 @@ def timed(call, repeats: int = 5) -> float:
     return min(costs)
 
 
-def peak(precision: str, lanes: int, chain: int = 64) -> float:
-    """Return measured flop/s of one core on fused multiply-adds over ``lanes`` numbers."""
+def peak(precision: str) -> float:
+    """Return measured flop/s of one core on fused multiply-adds: the best of several loops.
+
+    They differ in how many follow each other on a number, and over how many numbers: too few wait
+    for memory, too many for each other.
+    """
+
+    def speed(n: int, chain: int) -> float:
+        turns = int(1e8 / n / chain)
+
+        @jax.jit
+        def loop(x, a, b):
+            def body(_, x):
+                for _ in range(chain):
+                    x = x * a + b
+                return x
+
+            return lax.fori_loop(0, turns, body, x)
+
+        given = jnp.ones(n, precision), jnp.asarray(0.999, precision), jnp.asarray(1e-3, precision)
+        seconds = timed(lambda: jax.block_until_ready(loop(*given)), 3)
+        return 2 * n * chain * turns / seconds
+
+    return max(speed(n, chain) for n in (1024, 4096) for chain in (8, 16, 32))
+
+
+def bandwidth(size: int) -> float:
+    """Return measured bytes/s of one core that adds two float64 arrays of ``size`` bytes."""
+    n = size // 8
 
     @jax.jit
-    def loop(x, a, b):
-        def body(_, x):
-            for _ in range(chain):
-                x = tuple(y * a + b for y in x)
-            return x
+    def loop(x, y):
+        return lax.fori_loop(0, turns, lambda _, p: (p[1], p[0] + p[1]), (x, y))
 
-        return lax.fori_loop(0, 2000, body, x)
-
-    x = tuple(jnp.full(lanes, 1.0 + i, precision) for i in range(4))
-    a, b = jnp.full(lanes, 0.999, precision), jnp.full(lanes, 1e-3, precision)
-    seconds = timed(lambda: jax.block_until_ready(loop(x, a, b)))
-    return 2 * 4 * lanes * chain * 2000 / seconds
+    turns = max(20, int(2e9 / size))
+    x, y = jnp.full(n, 1e-9), jnp.full(n, 1e-9)
+    return 3 * size * turns / timed(lambda: jax.block_until_ready(loop(x, y)))
 
 
-def right_hand_side(precision: str, lanes: int) -> tuple[float, Work]:
-    """Return (seconds, work per lane) of the vector field alone, in a loop."""
-    scene = scenes.workload(lanes)
-    wiper, position, velocity, _ = engine.arrays(scene, precision)
-    wiper, position = jax.tree.map(
-        lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, (wiper, position)
-    )
-    velocity = tuple(jnp.asarray(v) for v in velocity)
-    wiper = wiper.prepared()
-    regime = jnp.full(lanes, 1, jnp.int32)
-    t = jnp.zeros(lanes)
-    tiny = jnp.asarray(1e-9, precision)
-
-    def once(y):
-        rate = vector_field(t, y, (wiper, regime))
-        return jax.tree.map(lambda a, b: a + tiny * b.astype(a.dtype), y, rate)
-
-    turns = 2000
-    loop = jax.jit(lambda y: lax.fori_loop(0, turns, lambda _, y: once(y), y))
-    y = (position, velocity)
-    seconds = timed(lambda: jax.block_until_ready(loop(y))) / turns / lanes
-    work = count(jax.make_jaxpr(once)(y).jaxpr)
-    return seconds, Work(*(v // lanes for v in work))
+# --- the engine's parts ---------------------------------------------------------------------------
 
 
-def batch(precision: str, flows: int, cells: int):
-    """Return (callable, jaxpr, lanes) of a batch with ``flows`` cheap turns."""
-    scene = scenes.workload(cells, 0.02)
+def problem_of(scene: scenes.Scene, precision: str):
+    """Return (problem, position, velocity, start) of a scene at rtol 1e-6, as the chart runs it."""
     wiper, position, velocity, scales = jax.tree.map(
         lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x,
         engine.arrays(scene, precision),
     )
-    lanes = engine.lanes_for(precision, cells)
-    number = jnp.asarray(cells, jnp.int32)
-    leaves, tree = jax.tree.flatten((wiper, position, velocity, scales))
-    arrays = [i for i, x in enumerate(leaves) if isinstance(x, jax.Array)]
+    control = engine.Control(*map(jnp.asarray, (1e-6, 1.0, np.inf)))
+    return engine._problem(
+        wiper, position, velocity, scene.duration, control, scales, diffrax.Tsit5(), precision
+    )
 
-    def program(given):
-        full = list(leaves)
-        for i, x in zip(arrays, given, strict=True):
+
+class Bench:
+    """Lanes in the middle of their motion, and loops over parts of the engine on them."""
+
+    def __init__(self, precision: str, lanes: int, rounds: int = 150):
+        from wiperjax.state import initial_state
+        from wiperjax.step import flow, jump
+
+        # so long that no lane ends
+        self.problem, q, v, start = problem_of(scenes.workload(lanes, 10.0), precision)
+        self.lanes, self.precision = lanes, precision
+        parts, self.tree = jax.tree.flatten((self.problem, q, v, start))
+        self.where = [i for i, x in enumerate(parts) if isinstance(x, jax.Array)]
+        self.leaves = parts
+        self.given = [parts[i] for i in self.where]
+
+        def turn(problem, state):
+            for _ in range(3):
+                state = flow(problem, state)
+            return jump(problem, state)
+
+        def begin(given):
+            problem, q, v, start = self.rebuild(given)
+            state = initial_state(problem, q, v, jnp.broadcast_to(start, (lanes,)))
+            return lax.fori_loop(0, rounds, lambda _, s: turn(problem, s), state)
+
+        self.state = jax.jit(begin)(self.given)
+
+    def rebuild(self, given):
+        full = list(self.leaves)
+        for i, x in zip(self.where, given, strict=True):
             full[i] = x
-        wiper, position, velocity, scales = jax.tree.unflatten(tree, full)
-        problem, q, v, start = engine._problem(
-            wiper, position, velocity, scene.duration, 1e-6, scales, diffrax.Tsit5(), precision
-        )
-        outcome, _, effort = run_pool(Pool(problem, q, v, start, number), lanes, flows)
-        return outcome.steps, outcome.events, effort
+        return jax.tree.unflatten(self.tree, full)
 
-    given = [leaves[i] for i in arrays]
-    compiled = jax.jit(program)
-    jaxpr = jax.make_jaxpr(program)(given).jaxpr
-    return (lambda: jax.block_until_ready(compiled(given))), jaxpr, lanes
+    def measure(self, part: Callable, turns: int) -> tuple[float, Work]:
+        """Return (seconds, work) a lane of ``part(problem, state)``, which returns a state.
+
+        If it returns something else, all of that is kept alive by comparisons, and the state stays.
+        """
+
+        def once(given, state):
+            problem = self.rebuild(given)[0]
+            found = part(problem, state)
+            if isinstance(found, type(state)):
+                return found
+            huge = jnp.zeros(self.lanes, bool)
+            for leaf in jax.tree.leaves(found):
+                if getattr(leaf, "shape", ()) == (self.lanes,):
+                    huge = huge | (leaf > 1e30 if leaf.dtype != bool else leaf & (huge | leaf))
+            x = state.position[0]
+            return state._replace(position=(jnp.where(huge, x * 1.0000001, x), *state.position[1:]))
+
+        @jax.jit
+        def loop(given, state):
+            return lax.fori_loop(0, turns, lambda _, s: once(given, s), state)
+
+        seconds = timed(lambda: jax.block_until_ready(loop(self.given, self.state)), 3)
+        work = count(jax.make_jaxpr(once)(self.given, self.state).jaxpr)
+        return seconds / turns / self.lanes, Work(*(v // self.lanes for v in work))
+
+
+def _local(problem, state):
+    return problem.system.on_piece(state.piece).on_sides(state.sides)
+
+
+def right_hand_sides(problem, state):
+    """Six evaluations of the vector field: what a step of Tsit5 needs."""
+    from wiperjax.barrier import keep
+    from wiperjax.state import vector_field
+
+    y = (state.position, state.velocity)
+    rate = state.rate
+    tiny = jnp.asarray(1e-9, state.position[0].dtype)
+    for _ in range(6):
+        y = keep(jax.tree.map(lambda a, b: a + tiny * b.astype(a.dtype), y, rate))
+        rate = keep(vector_field(state.time, y, (_local(problem, state), state.regime)))
+    return rate
+
+
+def stages(problem, state):
+    """The Runge-Kutta step: right-hand sides and weighted sums."""
+    from wiperjax.stages import rk_step
+    from wiperjax.state import TERM, vector_field
+
+    system = _local(problem, state)
+    args = (system, state.regime)
+    y0 = (state.position, state.velocity)
+    arrive = lambda t, y: (vector_field(t, y, args), ())
+    step = rk_step(problem.solver, TERM, state.time, y0, state.step, state.rate, args, arrive)
+    return step.y1, step.error, step.stages, step.rate1
+
+
+def control(problem, state):
+    """The step, its error and the next step size."""
+    from wiperjax.stages import rk_step
+    from wiperjax.state import TERM, vector_field
+    from wiperjax.trial import error_norm
+
+    args = (_local(problem, state), state.regime)
+    y0 = (state.position, state.velocity)
+    arrive = lambda t, y: (vector_field(t, y, args), ())
+    step = rk_step(problem.solver, TERM, state.time, y0, state.step, state.rate, args, arrive)
+    error = error_norm(problem, y0, step)
+    change = jnp.exp(-(0.7 * jnp.log(error + 1e-8) - 0.4 * jnp.log(state.last_error)) / 5)
+    return step.y1, step.stages, step.rate1, state.step * jnp.clip(0.9 * change, 0.2, 5.0)
+
+
+def detection(problem, state):
+    """The trial step: the same, and what every guard does along it."""
+    from wiperjax.trial import attempt
+
+    return attempt(problem, state)
+
+
+def flow(problem, state):
+    """The whole flow: the same, the first event placed, the step committed, statistics."""
+    from wiperjax.step import flow
+
+    return flow(problem, state)
+
+
+def jump(problem, state):
+    """The event that is due: impact, reset, new regime."""
+    from wiperjax.step import jump
+
+    return jump(problem, state)
+
+
+# name, what it contains, the part whose cost is taken off
+LADDER: tuple[tuple[str, Callable, str | None], ...] = (
+    ("right-hand sides (6)", right_hand_sides, None),
+    ("stage sums", stages, "right-hand sides (6)"),
+    ("step control", control, "stage sums"),
+    ("event detection", detection, "step control"),
+    ("event location, commit, statistics", flow, "event detection"),
+    ("change of regime, a jump", jump, None),
+)
+
+
+def whole(precision: str, cells: int, lanes: int, flows: int) -> tuple[float, Any, Any]:
+    """Return (seconds, outcome, effort) of a batch of ``cells``, 20 ms each."""
+    from wiperjax.lanes import Pool, run_pool
+
+    problem, q, v, start = problem_of(scenes.workload(cells, 0.02), precision)
+    parts, tree = jax.tree.flatten((problem, q, v, start))
+    where = [i for i, x in enumerate(parts) if isinstance(x, jax.Array)]
+
+    @jax.jit
+    def program(given):
+        full = list(parts)
+        for i, x in zip(where, given, strict=True):
+            full[i] = x
+        problem, q, v, start = jax.tree.unflatten(tree, full)
+        pool = Pool(problem, q, v, start, jnp.asarray(cells, jnp.int32))
+        outcome, _, effort = run_pool(pool, lanes, flows)
+        return (outcome.steps, outcome.events), effort
+
+    given = [parts[i] for i in where]
+    seconds = timed(lambda: jax.block_until_ready(program(given)), 3)
+    return seconds, *jax.tree.map(np.asarray, program(given))
 
 
 def run(precision: str = "float64", quick: bool = False, say=print) -> str:
     """Return the profile as text (one core, processor time)."""
-    cells = 512 if quick else 4096
-    lanes = engine.lanes_for(precision, cells)
-    rows, per_turn = [], {}
-    body = None
-    for flows in (2, 4) if quick else (1, 2, 4, 6):
-        call, jaxpr, lanes = batch(precision, flows, cells)
-        seconds = timed(call, 2)
-        steps, events, effort = jax.tree.map(np.asarray, call())
-        executed, useful = int(effort.executed), int(effort.useful)
-        say(f"{flows} cheap turns a round: {seconds / cells * 1e6:.1f} us a trajectory")
-        # a round executes its cheap turns and one full turn, however the engine counts them
-        counted = executed / lanes
-        whole = flows + 1 if abs(counted % (flows + 1)) < abs(counted % flows) else flows
-        rounds = counted / whole
-        per_turn[flows] = seconds / rounds / lanes
-        rows.append((flows, seconds / cells, useful / executed, steps.mean(), events.mean()))
-        body = jaxpr
-    flows = np.array(list(per_turn))
-    slope, rest = np.polyfit(flows, np.array(list(per_turn.values())), 1)
-    loops = find_loops(body)
-    inner = max((count(b) for d, _, b in loops if d >= 1), key=lambda w: w.flops)
-    outer = max((count(b) for d, _, b in loops if d == 0), key=lambda w: w.flops)
-    cheap = Work(*(v // lanes for v in inner))
-    full = Work(*((a - b) // lanes for a, b in zip(outer, inner, strict=True)))
-    say("right-hand side alone")
-    rhs_seconds, rhs = right_hand_side(precision, lanes)
-    top = peak(precision, lanes)
-    stages = 6  # of Tsit5, first same as last
-    text = [
-        f"# Profile, {precision}, {lanes} lanes on one core of {measure.machine()}",
-        "",
-        "Processor time; rtol 1e-6, Tsit5, 20 ms of the speed workload.",
-        "",
-        "| cheap turns a round | us a trajectory | occupancy | steps | events |",
-        "|---|---|---|---|---|",
-        *(f"| {f} | {s * 1e6:.1f} | {o:.2f} | {a:.0f} | {e:.1f} |" for f, s, o, a, e in rows),
-        "",
-        "| part of a round, per lane | ns | operations | comparisons | Gflop/s | of peak |",
-        "|---|---|---|---|---|---|",
+    from wiperjax.cells import FLOWS, LANES
+
+    lanes = 128 if quick else LANES[precision]
+    cells, turns = 16 * lanes, 200 if quick else 2000
+    top = peak(precision)
+    streams = {name: bandwidth(size) for name, size in (("32 kB", 1 << 15), ("512 kB", 1 << 19))}
+    say(f"peak {top / 1e9:.0f} Gflop/s")
+    lines, found = [], {}
+    try:
+        bench = Bench(precision, lanes)
+    except Exception as error:  # the engine's inside has changed: the whole is still measured
+        bench, lines = None, [f"Parts not measured: {_reason(error)}.", ""]
+    ladder = [row for row in LADDER if not quick or row[2] is None]  # few programs
+    for name, part, _ in ladder if bench else ():
+        try:
+            found[name] = bench.measure(part, turns)  # type: ignore[union-attr]
+            say(f"{name}: {found[name][0] * 1e9:.1f} ns")
+        except Exception as error:
+            lines.append(f"{name}: not measured, {_reason(error)}.")
+    seconds, (steps, events), effort = whole(precision, cells, lanes, FLOWS)
+    executed, useful = int(effort.executed), int(effort.useful)
+    return "\n".join(
+        [
+            f"# Profile, {precision}, {lanes} lanes on one core of {measure.machine()}",
+            "",
+            f"Processor time; rtol 1e-6, Tsit5, {cells} trajectories of 20 ms of the speed "
+            f"workload: {seconds / cells * 1e6:.1f} us each, {steps.mean():.0f} trial steps and "
+            f"{events.mean():.1f} events each, occupancy {useful / executed:.2f}, "
+            f"{seconds / executed * 1e9:.1f} ns a lane-turn, all in all. {FLOWS} flows a jump. "
+            f"Load average {measure.load():.1f}.",
+            "",
+            *shares(found, seconds / executed, FLOWS),
+            *roofline(found, top, streams, precision),
+            *lines,
+            "",
+        ]
+    )
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {(str(error).splitlines() or [''])[0][:100]}"
+
+
+def shares(found: dict, lane_turn: float, flows: int) -> list[str]:
+    """Return the table of where a lane-turn (a flow, with its share of the rest) goes."""
+    rows = ["| part, per lane-turn | ns | share |", "|---|---|---|"]
+    left = lane_turn
+    for name, _, less in LADDER:
+        if name not in found or (less is not None and less not in found):
+            continue
+        cost = found[name][0] - (found[less][0] if less else 0.0)
+        if name.endswith("a jump"):
+            name, cost = f"{name} ({flows} flows share one)", cost / flows
+        left -= cost
+        rows.append(f"| {name} | {cost * 1e9:.1f} | {cost / lane_turn:.0%} |")
+    rest = "bookkeeping: refill, outcomes, and the error of this sum"
+    if len(found) < len(LADDER):
+        rest = "everything that was not measured by itself"
+    rows.append(f"| {rest} | {left * 1e9:.1f} | {left / lane_turn:.0%} |")
+    rows.append(f"| all | {lane_turn * 1e9:.1f} | 100% |")
+    return [*rows, ""]
+
+
+TITLES = {
+    "event detection": "trial step (all up to detection)",
+    "event location, commit, statistics": "flow (the whole of it)",
+}
+
+
+def roofline(found: dict, top: float, streams: dict[str, float], precision: str) -> list[str]:
+    """Return the table of operations and bytes against the measured limits."""
+    rows = [
+        "| a lane's | operations | comparisons, selects | bytes | ns | Gflop/s | of peak | GB/s |",
+        "|---|---|---|---|---|---|---|---|",
     ]
-    for name, seconds, work in (
-        ("cheap turn (one trial step)", slope, cheap),
-        ("of it: right-hand sides, 6", stages * rhs_seconds, Work(*(stages * v for v in rhs))),
-        ("full turn and refill (events, regimes)", rest, full),
-    ):
-        speed = work.flops / seconds if seconds > 0 else np.nan
-        text.append(
-            f"| {name} | {seconds * 1e9:.1f} | {work.flops} | {work.choices} | "
-            f"{speed / 1e9:.2f} | {speed / top:.1%} |"
+    for name in ("right-hand sides (6)", "event detection", "event location, commit, statistics",
+                 "change of regime, a jump"):  # fmt: skip
+        if name not in found:
+            continue
+        seconds, work = found[name]
+        title = TITLES.get(name, name)
+        rows.append(
+            f"| {title} | {work.flops} | {work.choices} | {work.memory} | {seconds * 1e9:.1f} | "
+            f"{work.flops / seconds / 1e9:.2f} | {work.flops / seconds / top:.1%} | "
+            f"{work.memory / seconds / 1e9:.1f} |"
         )
-    intensity = cheap.flops / cheap.memory if cheap.memory else np.nan
-    text += [
+    speeds = ", ".join(f"{name}: {v / 1e9:.0f} GB/s" for name, v in streams.items())
+    rows += [
         "",
-        f"Peak: {top / 1e9:.1f} Gflop/s in a loop of fused multiply-adds over {lanes} lanes. A "
-        "division, a root or an exponential counts as one operation but costs many: the share of "
-        "peak is a lower bound on how busy the units are.",
-        f"A cheap turn names {cheap.memory} bytes a lane of operands and results "
-        f"({intensity:.2f} operations a byte, were none of them kept in registers); the state of "
-        f"{lanes} lanes fits the second-level cache.",
-        "",
+        f"Measured limits of this core: {top / 1e9:.1f} Gflop/s ({precision}, fused multiply-adds "
+        f"in registers), sum of two arrays of {speeds}. A division, a root or an exponential "
+        "counts as one operation but costs many, and comparisons and selects use the same units "
+        "uncounted: the share of peak is a lower bound on how busy they are. Bytes are all "
+        "operands and results that the traced program names, were none of them kept in registers: "
+        "an upper bound.",
     ]
-    return "\n".join(text)
+    if "event location, commit, statistics" in found:
+        seconds, work = found["event location, commit, statistics"]
+        operations = work.flops + work.choices
+        least = 2 * operations / top  # a fused operation counts two in the peak
+        rows.append(
+            f"A flow issues {operations} vector operations a lane, which at the measured peak take "
+            f"{least * 1e9:.1f} ns of its {seconds * 1e9:.1f} ns: the units issue in "
+            f"{least / seconds:.0%} of the time."
+        )
+    return [*rows, ""]

@@ -6,20 +6,43 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from wiperjax.scene import SOLVERS
+
 SCENES = ("squeal", "chatter", "reversal", "zeno", "batch")  # blades; grazing is no sweep's norm
 WRONG = 0.02  # share of cells with another sequence of events, at most
+
+
+def check(dataset: xr.Dataset) -> None:
+    """Raise ValueError unless the chart may stand behind the package's own table."""
+    missing = [s for s in SCENES if s not in dataset.get("scene", xr.DataArray([])).values]
+    if missing or dataset.attrs.get("quick"):
+        what = f"lacks {', '.join(missing)}" if missing else "is a quick one"
+        raise ValueError(
+            f"the package's own table needs a full chart, but this one {what}; "
+            "with -o FILE the table goes elsewhere"
+        )
 
 
 def rows(dataset: xr.Dataset, clock: str = "wall") -> list[dict]:
     """Return solver, precision, rtol, error and relative cost of every measured engine setting.
 
     The error is the worst of the scenes'; the cost their geometric mean. A setting whose events
-    are wrong in more than `WRONG` of the cells of the random batch, or that stopped, is left out.
+    are wrong in more than `WRONG` of the cells of a scene, or that stopped in one, or that was left
+    out in one, is left out.
+
+    Raises ValueError for a file that is no chart, or has no finished setting of the engine.
     """
+    if "state_error" not in dataset or "scene" not in dataset.coords:
+        raise ValueError("the file is not a chart (`wiperjax bench chart` makes one)")
     scenes = [s for s in SCENES if s in dataset.scene.values]
     found = []
-    for name in (str(n) for n in dataset.solver.values if str(n).startswith("engine")):
-        words = name.split()
+    known = {
+        " ".join(["engine", solver.__name__, *mark]): (name, precision)
+        for name, solver in SOLVERS.items()
+        for precision, mark in (("float64", ()), ("float32", ("float32",)))
+    }  # what a sweep file can ask for; the chart has other variants beside
+    for name in known.keys() & set(map(str, dataset.solver.values)):
+        solver, precision = known[name]
         part = dataset.sel(solver=name, scene=scenes)
         for step in range(dataset.sizes["step"]):
             one = part.isel(step=step)
@@ -30,8 +53,8 @@ def rows(dataset: xr.Dataset, clock: str = "wall") -> list[dict]:
                 continue
             found.append(
                 {
-                    "solver": words[1].lower(),
-                    "precision": words[2] if len(words) > 2 else "float64",
+                    "solver": solver,
+                    "precision": precision,
                     "rtol": float(one.setting.values[0]),
                     "error": float(f"{error.max():.2g}"),
                     "cost": float(np.exp(np.mean(np.log(cost)))),

@@ -1,7 +1,9 @@
 """`wiperjax bench speed`: trajectories per second of the engine and its peers, and what they cost.
 
 The workload is `scenes.workload`: 0.1 s each, events and statistics on. Accuracy of every row is
-that of its states and events at 20 ms, against the reference.
+that of its states and events at 20 ms, against the reference. Three parts: all methods in
+interleaved repeats, cost over the size of the batch, and what only fresh processes can tell. A
+finished part is kept in `<output>.parts/`, so a run that was stopped goes on where it was.
 """
 
 import json
@@ -10,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +21,16 @@ import numpy as np
 import xarray as xr
 
 from . import errors, measure, scenes
+from .keep import Parts
 from .rivals.compiled import Compiled
 from .rivals.diffrax_phases import PerPhase
 from .rivals.engine import Engine
 from .rivals.scipy_phases import Phases
 
-RTOLS = (1e-5, 1e-6, 1e-7)
+RTOLS = (1e-6, 1e-7, 1e-8)  # of the peers: their cost is read off at the engine's error
 ACCURACY = 0.02  # s, at which accuracy is judged
-PATIENCE = 20.0  # s: the number of trajectories is cut so that one call takes no longer
+PATIENCE = 5.0  # s: the trajectories of a peer are cut so that one call takes no longer
+SIZES = (10_000, 100_000, 1_000_000)
 
 
 class Numba(Compiled):
@@ -41,14 +46,11 @@ class Numba(Compiled):
 
 def peers(cores: int) -> list:
     """Return (method, cores it uses) of the rows of the table."""
-    f64, f32 = Engine(diffrax.Tsit5), Engine(diffrax.Tsit5, "float32")
-    rows = [(f64, 1), (f32, 1), (Numba("numba scalar loop", 1), 1)]
+    rows: list = [(Engine(diffrax.Tsit5, p), 1) for p in ("float64", "float32")]
+    rows += [(Numba("numba scalar loop", 1), 1)]
     if cores > 1:
-        rows += [
-            (Engine(diffrax.Tsit5, "float64", cores), cores),
-            (Engine(diffrax.Tsit5, "float32", cores), cores),
-            (Numba(f"numba scalar loop, {cores} cores", None), cores),
-        ]
+        rows += [(Engine(diffrax.Tsit5, p, cores), cores) for p in ("float64", "float32")]
+        rows += [(Numba(f"numba scalar loop, {cores} cores", None), cores)]
     return [*rows, (PerPhase(mapped=True), 1), (PerPhase(mapped=False), 1), (Phases("RK45"), 1)]
 
 
@@ -58,78 +60,23 @@ def run(
     quick: bool = False,
     trajectories: int = 100_000,
     repeats: int = 3,
-    scaling: tuple[int, ...] = (),
+    sizes: tuple[int, ...] = SIZES,
     say=print,
 ) -> xr.Dataset:
     """Return the table of speeds, written to ``output``.
 
-    ``trajectories``: of the engine and of numba, at most; ``scaling``: batch sizes whose cost per
-    trajectory is compared (say 10_000, 100_000, 1_000_000).
+    ``trajectories``: of the engine; the peers get as many as `PATIENCE` allows. ``sizes``: batches
+    whose cost per trajectory is compared.
     """
     cores = len(os.sched_getaffinity(0))
-    duration = 0.02 if quick else 0.1
+    duration = ACCURACY if quick else 0.1
     if quick:
-        trajectories, repeats = 512, 2
-    judged = scenes.workload(32 if quick else 512, ACCURACY)
-    true = errors.truth(judged)
-    rows, calls, facts = [], [], {}
-    for method, used in peers(cores):
-        reason = method.available()
-        if reason is not None:
-            say(f"{method.name}: not run, {reason}")
-            continue
-        if quick and ("diffrax" in method.name or "float32" in method.name):
-            continue
-        cells = size(method, duration, trajectories)
-        scene = scenes.workload(cells, duration)
-        for rtol in (1e-6,) if quick or cells < 100 else RTOLS:
-            if "float32" in method.name and rtol < 1e-6:
-                continue
-            call = method.prepare(scene, rtol)
-            started = time.perf_counter()
-            first = call()
-            compiled = time.perf_counter() - started
-            small = judged.head(min(method.cells, judged.cells))
-            made = method.prepare(small, rtol)
-            answer: Any = getattr(made, "answer", made)()
-            found = errors.judge(judged, true, answer)
-            row = {
-                "method": method.name,
-                "cores": used,
-                "rtol": rtol,
-                "cells": cells,
-                "first_call": compiled,
-                "state_error": found.state,
-                "state_error_p90": found.state_p90,
-                "wrong_events": found.wrong,
-                "stopped": found.stopped,
-                "occupancy": np.nan,
-            }
-            if isinstance(method, Engine):
-                useful, executed = np.sum([effort for _, effort in first], axis=0)
-                row["occupancy"] = float(useful / executed)
-                row["events"] = float(np.mean([np.mean(o.events) for o, _ in first]))
-                row["steps"] = float(np.mean([np.mean(o.steps) for o, _ in first]))
-                codes = np.concatenate([np.asarray(o.result) for o, _ in first])
-                row["failed"] = float(np.mean(codes > 1))
-            rows.append(row)
-            calls.append(call)
-            say(f"{method.name} rtol {rtol:g}: {cells} trajectories, {compiled:.1f} s at first")
-    costs = measure.interleaved(calls, repeats, patience=2 * PATIENCE)
-    for row, cost in zip(rows, costs, strict=True):
-        row["wall"], row["cpu"] = cost.wall / row["cells"], cost.cpu / row["cells"]
-        row["wall_low"], row["wall_high"] = cost.low / row["cells"], cost.high / row["cells"]
-        row["per_second"] = 1 / row["wall"]
-    for cells in scaling:
-        method = Engine(diffrax.Tsit5, "float64", cores)
-        call = method.prepare(scenes.workload(cells, duration), 1e-6)
-        if not facts:  # one compilation a size
-            say("cost per trajectory over the size of the batch")
-        call()
-        (cost,) = measure.interleaved([call], 1)
-        facts[f"wall_{cells}"] = cost.wall / cells
-        say(f"  {cells}: {cost.wall / cells * 1e6:.1f} us")
-    facts |= fresh_processes(quick, say)
+        trajectories, repeats, sizes = 1024, 2, (1024 * cores,)  # one program serves all
+    parts = Parts(output, {"quick": quick, "trajectories": trajectories, "repeats": repeats,
+                           "sizes": sizes, "cores": cores})  # fmt: skip
+    rows = parts.once("rows", lambda: compare(cores, duration, trajectories, repeats, quick, say))
+    facts = parts.once("sizes", lambda: scaling(cores, ACCURACY, sizes, min(repeats, 2), say))
+    facts |= parts.once("fresh", lambda: fresh_processes(quick, say))
     dataset = table(rows)
     dataset.attrs |= {
         "title": "trajectories per second",
@@ -138,26 +85,136 @@ def run(
         "versions": json.dumps(measure.versions(), sort_keys=True),
         "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "duration": duration,
+        "duration_sizes": ACCURACY,
         "repeats": repeats,
         **facts,
     }
     dataset.to_netcdf(output, engine="h5netcdf")
+    parts.clear()
     return dataset
 
 
-def size(method, duration: float, most: int) -> int:
+def compare(cores: int, duration: float, trajectories: int, repeats: int, quick: bool, say):
+    """Return the rows of the table: every method, timed in turns, with its errors."""
+    judged = scenes.workload(16 if quick else 512, ACCURACY)
+    true = errors.truth(judged)
+    rows, calls = [], []
+    for method, used in peers(cores):
+        reason = method.available()
+        if reason is not None:
+            say(f"{method.name}: not run, {reason}")
+            continue
+        if quick and ("diffrax" in method.name or "float32" in method.name):
+            continue
+        ours = isinstance(method, Engine)
+        cells = min(trajectories, 8) if method.cells <= 3 else min(trajectories, method.cells)
+        if not ours and method.cells > 64:
+            cells = affordable(method, duration, trajectories)
+        scene = scenes.workload(cells * (used if quick and ours else 1), duration)
+        for rtol in (1e-6,) if quick or ours else RTOLS:
+            started = time.perf_counter()
+            try:
+                call = method.prepare(scene, rtol)
+                getattr(call, "warm", call)()
+                compiled = time.perf_counter() - started
+                small = method.prepare(judged.head(min(method.cells, judged.cells)), rtol)
+                answer: Any = getattr(small, "answer", small)()
+            except Exception as error:  # a rival that breaks is a result, not the end of the run
+                if ours:
+                    raise
+                say(f"{method.name} rtol {rtol:g}: stopped with {type(error).__name__}")
+                continue
+            found = errors.judge(judged, true, answer)
+            rows.append(
+                {
+                    "method": method.name,
+                    "cores": used,
+                    "rtol": rtol,
+                    "cells": scene.cells,
+                    "first_call": compiled,
+                    "state_error": found.state,
+                    "state_error_p90": found.state_p90,
+                    "event_time_error": found.event_time,
+                    "wrong_events": found.wrong,
+                    "stopped": found.stopped,
+                    "occupancy": np.nan,
+                }
+            )
+            calls.append(_Kept(call))
+            say(f"{method.name} rtol {rtol:g}: {cells} trajectories, ready in {compiled:.1f} s")
+    say(f"timing, {repeats} turns")
+    costs = measure.interleaved(calls, repeats)
+    for row, call, cost in zip(rows, calls, costs, strict=True):
+        row |= timed(cost, row["cells"])
+        if row["method"].startswith("engine"):
+            row |= effort(call.result)
+        say(f"  {row['method']} rtol {row['rtol']:g}: {row['per_second']:.4g} trajectories/s")
+    return rows
+
+
+class _Kept:
+    """A call that keeps its last result."""
+
+    def __init__(self, call: Callable):
+        self.call, self.result = call, None
+
+    def __call__(self):
+        self.result = self.call()
+
+
+def timed(cost: measure.Cost, cells: int) -> dict[str, float]:
+    """Return the columns of a cost, per trajectory."""
+    return {
+        "wall": cost.wall / cells,
+        "wall_low": cost.low / cells,
+        "wall_high": cost.high / cells,
+        "cpu": cost.cpu / cells,
+        "per_second": cells / cost.wall,
+    }
+
+
+def effort(found) -> dict[str, float]:
+    """Return occupancy, steps, events and failures of what `Engine` computed."""
+    useful, executed = np.sum([effort for _, effort in found], axis=0)
+    codes = np.concatenate([np.asarray(o.result) for o, _ in found])
+    return {
+        "occupancy": float(useful / executed),
+        "events": float(np.mean([np.mean(o.events) for o, _ in found])),
+        "steps": float(np.mean([np.mean(o.steps) for o, _ in found])),
+        "failed": float(np.mean(codes > 1)),
+    }
+
+
+def affordable(method, duration: float, most: int) -> int:
     """Return how many trajectories one call of ``method`` takes in about `PATIENCE` seconds."""
-    if method.cells <= 64:
-        return method.cells if method.cells > 3 else 16
-    pilot = 256
+    pilot = min(256, most)
     call = method.prepare(scenes.workload(pilot, duration), 1e-6)
     call()
     started = time.perf_counter()
     call()
     each = (time.perf_counter() - started) / pilot
-    cells = int(min(most, max(pilot, PATIENCE / each)))
-    cores = getattr(method, "cores", 1)
-    return cells // (64 * cores) * 64 * cores if cells >= 64 * cores else cells
+    return int(min(most, max(pilot, PATIENCE / each)))
+
+
+def scaling(cores: int, duration: float, sizes: tuple[int, ...], repeats: int, say) -> dict:
+    """Return wall time per trajectory and occupancy of the engine over the size of its batch."""
+    if not sizes:
+        return {}
+    method = Engine(diffrax.Tsit5, "float64", cores)
+    calls = [_Kept(method.prepare(scenes.workload(cells, duration), 1e-6)) for cells in sizes]
+    for call in calls:
+        call.call.warm()
+    facts = {}
+    say("cost per trajectory over the size of the batch")
+    for cells, call, cost in zip(sizes, calls, measure.interleaved(calls, repeats), strict=True):
+        facts[f"wall_{cells}"] = cost.wall / cells
+        facts[f"wall_low_{cells}"], facts[f"wall_high_{cells}"] = (
+            cost.low / cells,
+            cost.high / cells,
+        )
+        facts[f"occupancy_{cells}"] = effort(call.result)["occupancy"]
+        say(f"  {cells}: {cost.wall / cells * 1e6:.1f} us")
+    return facts
 
 
 def table(rows: list[dict]) -> xr.Dataset:
@@ -193,64 +250,3 @@ def _fresh(what: str, cache: str | None) -> dict[str, float]:
     if done.returncode:
         raise RuntimeError(f"{' '.join(command[1:])} failed: {done.stderr.strip()[-300:]}")
     return json.loads(done.stdout.splitlines()[-1])
-
-
-def text(dataset: xr.Dataset) -> str:
-    """Return the table as Markdown, with ratios at equal error against numba on as many cores."""
-    from .compare import cost_at
-
-    attrs = dataset.attrs
-    lines = [
-        "# Speed",
-        "",
-        f"{attrs['duration']} s of motion each, {attrs['machine']}, load average "
-        f"{attrs['load']:.1f}, {attrs['created']}; medians of {attrs['repeats']} interleaved "
-        "repeats; errors at 20 ms (median position error over the lip's length).",
-        "",
-        "| method | cores | rtol | trajectories/s (10-90 %) | CPU us each | error | wrong events |"
-        " occupancy |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for i in range(dataset.sizes["row"]):
-        r = dataset.isel(row=i)
-        occupancy = "" if np.isnan(r.occupancy) else f"{float(r.occupancy):.2f}"
-        lines.append(
-            f"| {r.method.item()} | {int(r.cores)} | {float(r.rtol):.0e} | "
-            f"{float(r.per_second):.4g} ({1 / float(r.wall_high):.4g}-{1 / float(r.wall_low):.4g})"
-            f" | {float(r.cpu) * 1e6:.4g} | {float(r.state_error):.1e} | "
-            f"{float(r.wrong_events):.2%} | {occupancy} |"
-        )
-
-    def curve(name):
-        part = dataset.where(dataset.method == name, drop=True).sortby("state_error")
-        return part.state_error.values[::-1], part.wall.values[::-1]
-
-    names = list(dict.fromkeys(dataset.method.values))
-    lines += ["", "At the error of the engine's row with rtol 1e-6, per trajectory:", ""]
-    for ours in (n for n in names if n.startswith("engine")):
-        mine = dataset.where((dataset.method == ours) & (dataset.rtol == 1e-6), drop=True)
-        target, cores = float(mine.state_error[0]), int(mine.cores[0])
-        for name in names:
-            theirs = dataset.where(dataset.method == name, drop=True)
-            if name.startswith("engine") or int(theirs.cores[0]) not in (1, cores):
-                continue
-            if "numba" in name and int(theirs.cores[0]) != cores:
-                continue
-            error, cost = curve(name)
-            at = cost_at(error, cost, target)
-            how = ""
-            if np.isnan(at):  # its own finest row: it is less accurate there
-                at, how = float(cost[-1]), f" (it reaches {error[-1]:.0e} only)"
-            lines.append(f"- {ours} against {name}: {at / float(mine.wall[0]):.3g} x{how}")
-    lines.append("")
-    sizes = {k: v for k, v in attrs.items() if k.startswith("wall_")}
-    if sizes:
-        each = ", ".join(f"{k[5:]}: {v * 1e6:.1f} us" for k, v in sizes.items())
-        lines.append(f"Cost per trajectory over the batch's size: {each}.")
-    lines.append(
-        f"A sweep's first block: {attrs['compile_cold']:.1f} s in a fresh process, "
-        f"{attrs['compile_cached']:.1f} s in the next one with the persistent cache."
-    )
-    if "memory_gib" in attrs:
-        lines.append(f"Memory with 1e6 trajectories in one batch: {attrs['memory_gib']:.2f} GiB.")
-    return "\n".join([*lines, ""])

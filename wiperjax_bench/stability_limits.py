@@ -267,13 +267,20 @@ def set_valued() -> dict[str, float]:
     return {"Moreau-Jean": step if stays else np.nan, "engine": mean if still else np.nan}
 
 
-def measure(points: int | None = None, tell: Callable[[str], None] = lambda line: None):
+def measure(
+    points: int | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+    only: tuple[str, ...] = ("",),
+):
     """Return the dataset: theory and measurement [s] by (problem, solver, point).
 
     inf: no limit found within `RANGE` times the fastest time constant. ``points``: how many
-    stiffnesses.
+    stiffnesses; ``only``: parts of the methods' names.
     """
-    found = {problem: methods(problem) for problem in POINTS}
+    found = {
+        problem: {n: m for n, m in methods(problem).items() if any(part in n for part in only)}
+        for problem in POINTS
+    }
     names = list(dict.fromkeys(name for entry in found.values() for name in entry))
     chosen = {p: values[:points] for p, values in POINTS.items()}
     count = max(len(values) for values in chosen.values())

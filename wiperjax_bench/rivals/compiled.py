@@ -13,10 +13,10 @@ FAILED = 2  # result codes from here on are failures
 
 
 def cells_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (blades, motions, breaks, kinds of breaks) as `scalar.run` wants them."""
+    """Return (blades, motions, breaks, kinds of breaks) as `scalar.batch` wants them."""
     p = scene.parameters()
-    if np.any(p["hinge_mass"]) or np.any(p["hinge_damping"]) or np.any(p["gravity"]):
-        raise NotForThisScene("the scalar loop is written for hinge_mass = gravity = 0")
+    if np.any(p["hinge_mass"]) or np.any(p["hinge_damping"]):
+        raise NotForThisScene("the compiled equations are those without hinge_mass and its damping")
     length, alpha = p["lip_length"], p["attack_angle"]
 
     def place(angle, beyond):
@@ -44,6 +44,7 @@ def cells_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
             place(alpha + p["shoulder_angle"], 2 * length),
             place(alpha - p["shoulder_angle"], -2 * length),
             length * np.sin(p["collapse_angle"]),
+            p["tip_mass"] * p["gravity"],
         ],
         axis=1,
     )
@@ -101,7 +102,7 @@ def run(
     budget: int = 10**7,
     zeno_time: float = 1e-8,
 ) -> Any:
-    """Return the `scalar.Record` of all cells of ``scene``.
+    """Return the `scalar.batch.Record` of all cells of ``scene``.
 
     ``threads`` None: all cores; ``events``: length of each cell's log; statistics are gathered
     from ``mark`` [s] on, and ``samples`` values of x' over ``window`` [s] after it.
@@ -114,17 +115,18 @@ def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, sample
     """Return a callable without arguments that computes what `run` returns."""
     import numba
 
-    from .. import scalar
+    from ..scalar import batch
+    from ..scalar.statistics import SUMS
 
     arrays = cells_of(scene)
     n = scene.cells
     scales = (np.broadcast_to(np.asarray(s, float), (n,)).copy() for s in scene.scales)
     sx, sv = scales
-    kernel = scalar.one_by_one if threads == 1 else scalar.on_all_cores
+    kernel = batch.one_by_one if threads == 1 else batch.on_all_cores
     all_threads = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
 
     def call():
-        record = scalar.Record(
+        record = batch.Record(
             np.zeros(n, np.int64),
             np.zeros(n, np.int64),
             np.zeros(n, np.int64),
@@ -134,7 +136,7 @@ def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, sample
             np.full((n, events), np.nan),
             np.zeros((n, events), np.int8),
             np.zeros((n, samples)),
-            np.zeros((n, scalar.SUMS)),
+            np.zeros((n, SUMS)),
         )
         if threads != 1:
             numba.set_num_threads(threads or all_threads)

@@ -1,8 +1,9 @@
 """Our engine: its batch with refill is timed; events and samples come from its single solve."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -53,18 +54,26 @@ def lanes_for(precision: str, cases: int) -> int:
     return max(1, min(LANES[precision], cases // CASES_PER_LANE))
 
 
+class Control(NamedTuple):
+    """How the steps are chosen: numbers that the compiled program takes."""
+
+    rtol: Any
+    atol_share: Any  # absolute tolerances are this times rtol times the scene's scales
+    max_step: Any  # s
+
+
 @eqx.filter_jit
-def batch(wiper, position, velocity, count, duration, rtol, scales, solver, precision, lanes):
+def batch(wiper, position, velocity, count, duration, control, scales, solver, precision, lanes):
     """Return (outcome, effort) of `run_pool`; ``solver``, ``precision``, ``lanes`` are static."""
     problem, q, v, start = _problem(
-        wiper, position, velocity, duration, rtol, scales, solver, precision
+        wiper, position, velocity, duration, control, scales, solver, precision
     )
     outcome, _, effort = run_pool(Pool(problem, q, v, start, count), lanes)
     return outcome, effort
 
 
 @eqx.filter_jit
-def histories(wiper, position, velocity, duration, rtol, scales, times, solver, precision):
+def histories(wiper, position, velocity, duration, control, scales, times, solver, precision):
     """Return the `Solution` of every cell, with its events and its samples."""
     cells = position[0].shape[0]
     parts = (wiper, position, velocity, scales)
@@ -73,7 +82,7 @@ def histories(wiper, position, velocity, duration, rtol, scales, times, solver, 
     def one(varying):
         wiper, position, velocity, scales = eqx.combine(varying, shared)
         problem, q, v, start = _problem(
-            wiper, position, velocity, duration, rtol, scales, solver, precision,
+            wiper, position, velocity, duration, control, scales, solver, precision,
             sample_times=times, max_events=LOG,
         )  # fmt: skip
         return solution(problem, run_one(problem, begin(problem, q, v, start)))
@@ -81,9 +90,10 @@ def histories(wiper, position, velocity, duration, rtol, scales, times, solver, 
     return jax.vmap(one)(varying)
 
 
-def _problem(wiper, position, velocity, duration, rtol, scales, solver, precision, **more):
-    rtol = jnp.asarray(rtol, precision)
-    atol = tuple((rtol * s,) * 2 for s in scales)
+def _problem(wiper, position, velocity, duration, control, scales, solver, precision, **more):
+    rtol = jnp.asarray(control.rtol, precision)
+    share = jnp.asarray(control.atol_share, precision)
+    atol = tuple((rtol * share * s,) * 2 for s in scales)
     return make_problem(
         wiper,
         duration,
@@ -91,27 +101,62 @@ def _problem(wiper, position, velocity, duration, rtol, scales, solver, precisio
         solver=solver,
         rtol=rtol,
         atol=atol,
+        max_step=control.max_step,
         dtype=jnp.dtype(precision),
         max_steps=1_000_000,
         **more,
     )
 
 
+COARSE = {"float64": (1e-3, 1e-5, 1e-7, 1e-9), "float32": (1e-3, 1e-5)}  # enough for a curve
+SETTINGS = {
+    (diffrax.Tsit5, "float64", "scaled"): tuple(10.0**-k for k in range(3, 11)),
+    (diffrax.Tsit5, "float32", "scaled"): tuple(10.0**-k for k in range(3, 7)),
+    (diffrax.Tsit5, "float64", "fixed"): (1e-2, 3e-3, 1e-3, 3e-4, 1e-4),
+    (diffrax.Dopri8, "float64", "scaled"): (1e-4, 1e-6, 1e-8, 1e-10),
+    (diffrax.Bosh3, "float64", "scaled"): (1e-3, 1e-4, 1e-5, 1e-6),
+}
+
+
 class Engine:
-    """The engine with one Runge-Kutta scheme in one precision."""
+    """The engine with one Runge-Kutta scheme in one precision, and one way to choose steps.
 
-    setting_name = "rtol"
-    cells = 1 << 20
+    ``control``: ``scaled``, the default (a PI controller, absolute tolerances rtol times the
+    scene's scales); ``relative``, absolute tolerances a hundredth of that, so that small values
+    count by their own size; ``fixed``, steps of a set share of the duration, cut short by events
+    only.
+    """
 
-    def __init__(self, solver: type, precision: str = "float64", cores: int = 1):
+    def __init__(
+        self, solver: type, precision: str = "float64", cores: int = 1, control: str = "scaled"
+    ):
         self.solver, self.precision, self.cores = solver(), precision, cores
-        short = {"float64": "", "float32": " float32"}[precision]
-        self.name = f"engine {solver.__name__}{short}" + (f", {cores} cores" * (cores > 1))
-        finest = 10 if precision == "float64" else 6
-        self.settings = tuple(10.0**-k for k in range(3, finest + 1))
+        self.control = control
+        self.cells = 1 << 20 if control == "scaled" else 1024  # the others are slow
+        self.name = f"engine {solver.__name__}"
+        self.name += f" {precision}" * (precision != "float64")
+        self.name += {"scaled": "", "relative": ", relative control", "fixed": ", fixed steps"}[
+            control
+        ]
+        self.name += f", {cores} cores" * (cores > 1)
+        self.setting_name = "step / duration" if control == "fixed" else "rtol"
+        self.settings = SETTINGS.get((type(self.solver), precision, control), COARSE[precision])
 
     def available(self) -> str | None:
         return None
+
+    def _control(self, duration: float, setting: float) -> Control:
+        if self.control == "fixed":  # no error is too large
+            numbers = 1e9, 1.0, setting * duration
+        else:
+            numbers = setting, 0.01 if self.control == "relative" else 1.0, np.inf
+        return Control(*map(jnp.asarray, numbers))
+
+    def compile(self, scene: Scene) -> float:
+        """Compile what `prepare` of this scene would, at any setting; return the seconds."""
+        started = time.perf_counter()
+        self.prepare(scene, self.settings[0]).warm()
+        return time.perf_counter() - started
 
     def prepare(self, scene: Scene, setting: float):
         """Return a call whose result is [(outcome, effort) of each core]; see ``answer``."""
@@ -120,7 +165,7 @@ class Engine:
             given, lambda x: isinstance(x, np.ndarray) and x.shape == (scene.cells,)
         )
         shared = jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, shared)
-        duration, rtol = jnp.asarray(scene.duration), jnp.asarray(setting)
+        duration, control = jnp.asarray(scene.duration), self._control(scene.duration, setting)
 
         def share(i: int):
             """Cells of one core, dealt like cards; a program for one device, run by each thread."""
@@ -128,21 +173,19 @@ class Engine:
             wiper, position, velocity, scales = eqx.combine(mine, shared)
             count = position[0].shape[0]
             lanes = lanes_for(self.precision, count)
-            count = jnp.asarray(count, jnp.int32)
-            return lambda: jax.block_until_ready(
-                batch(
-                    wiper, position, velocity, count, duration, rtol, scales,
-                    self.solver, self.precision, lanes,
-                )
-            )  # fmt: skip
+            fixed = (duration, control, scales, self.solver, self.precision, lanes)
+            return lambda most: jax.block_until_ready(
+                batch(wiper, position, velocity, jnp.asarray(most, jnp.int32), *fixed)
+            )
 
         shares = [share(i) for i in range(self.cores)]
 
         def call():
             if len(shares) == 1:
-                return [shares[0]()]
+                return [shares[0](scene.cells)]
+            sizes = [len(range(i, scene.cells, self.cores)) for i in range(self.cores)]
             with ThreadPoolExecutor(len(shares)) as pool:
-                return list(pool.map(lambda one: one(), shares))
+                return list(pool.map(lambda one, most: one(most), shares, sizes))
 
         def answer() -> Answer:
             wiper, position, velocity, scales = eqx.combine(
@@ -151,7 +194,7 @@ class Engine:
             found = jax.tree.map(
                 np.asarray,
                 histories(
-                    wiper, position, velocity, duration, rtol, scales,
+                    wiper, position, velocity, duration, control, scales,
                     jnp.asarray(scene.sample_times), self.solver, self.precision,
                 ),
             )  # fmt: skip
@@ -168,8 +211,12 @@ class Engine:
             )
 
         call.answer = answer
+        call.warm = lambda: shares[0](1)  # compiles; computes hardly anything
         return call
 
 
 SOLVERS = (diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3)
-RIVALS = [Engine(s, p) for p in ("float64", "float32") for s in SOLVERS]
+RIVALS = [
+    *(Engine(s, p) for p in ("float64", "float32") for s in SOLVERS),
+    *(Engine(diffrax.Tsit5, control=control) for control in ("relative", "fixed")),
+]

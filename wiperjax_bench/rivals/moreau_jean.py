@@ -169,7 +169,7 @@ class MoreauJean:
     name = "Moreau-Jean"
     setting_name = "step / duration"
     settings = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
-    cells = 4096
+    cells = 32
 
     def available(self):
         return None

@@ -78,19 +78,23 @@ def trajectory(system, start, model, rtol, times, scales, smoothing: Smoothing, 
 
 
 @partial(jax.jit, static_argnames=("smoothing", "solver", "zeros"))
-def run(wiper, start, model, rtol, times, scales, smoothing, solver, zeros):
-    """`trajectory` of all cells; compiled once, whatever the scene's numbers and the setting."""
-    one = lambda wiper, start: trajectory(
-        wiper, start, model, rtol, times, scales, smoothing, solver
-    )
-    return over_cells(one, wiper, zeros, start)
+def run(wiper, cells, rtol, times, smoothing, solver, zeros):
+    """`trajectory` of all ``cells`` = (start, model, scales); compiled once, whatever the scene's
+    numbers and the setting.
+    """
+
+    def one(wiper, cell):
+        start, model, scales = cell
+        return trajectory(wiper, start, model, rtol, times, scales, smoothing, solver)
+
+    return over_cells(one, wiper, zeros, cells)
 
 
 class Regularised:
     """One smoothing with one solver; the setting is the width as a share of the scene's speed."""
 
     setting_name = "width / speed"
-    cells = 64
+    cells = 16
 
     def __init__(self, name: str, smoothing: Smoothing, solver, settings):
         self.name, self.smoothing, self.solver, self.settings = name, smoothing, solver, settings
@@ -103,15 +107,15 @@ class Regularised:
 
     def build(self, scene: Scene, width: float, sink: float, rtol: float):
         """Prepare with each share on its own: ``width`` of speed, ``sink`` of length, ``rtol``."""
-        length, speed = scene.scales
-        model = (jnp.asarray(width * speed), jnp.asarray(sink * length))
-        fixed = (arrays(scene.wiper), jnp.asarray(scene.start), model, jnp.asarray(rtol))
+        length, speed = (np.broadcast_to(np.asarray(s, float), scene.cells) for s in scene.scales)
+        cells = scene.start, (width * speed, sink * length), (length, speed)
+        fixed = (arrays(scene.wiper), jax.tree.map(jnp.asarray, cells), jnp.asarray(rtol))
         names = dict(smoothing=self.smoothing, solver=self.solver, zeros=absent(scene))
-        times, scales = jnp.asarray(scene.sample_times), jnp.asarray(scene.scales)
-        jax.block_until_ready(run(*fixed, 1e-9 * times, scales, **names))  # compiles
+        times = jnp.asarray(scene.sample_times)
+        jax.block_until_ready(run(*fixed, 1e-9 * times, **names))  # compiles
 
         def answer() -> Answer:
-            q, v, fine, steps = map(np.asarray, run(*fixed, times, scales, **names))
+            q, v, fine, steps = map(np.asarray, run(*fixed, times, **names))
             stopped = ~fine | ~np.isfinite(q).all(axis=(1, 2))
             return Answer(scene.sample_times, q, v, None, None, stopped, steps)
 

@@ -34,7 +34,7 @@ class Phases:
         return None
 
     def prepare(self, scene: Scene, setting: float):
-        from .. import scalar
+        from ..scalar import model
 
         blades, motions, breaks, kinds = cells_of(scene)
         scales = [np.broadcast_to(np.asarray(s, float), (scene.cells,)) for s in scene.scales]
@@ -42,8 +42,8 @@ class Phases:
         def call() -> Answer:
             runs = [
                 trajectory(
-                    scalar.Blade(*blades[i].tolist()),
-                    [scalar.Motion(*m) for m in motions[i].tolist()],
+                    model.Blade(*blades[i].tolist()),
+                    [model.Motion(*m) for m in motions[i].tolist()],
                     breaks[i].tolist(),
                     kinds.tolist(),
                     scene.start[i].tolist(),
@@ -70,7 +70,7 @@ def trajectory(p, motions, breaks, break_kinds, start, end, times, rtol, scales,
     """Return (samples (samples, 4), event times, event kinds, stopped, evaluations)."""
     from scipy.integrate import solve_ivp
 
-    from .. import scalar as m
+    from ..scalar import model as m
 
     x, y, u, vy = start
     t, piece, evaluations = 0.0, 0, 0

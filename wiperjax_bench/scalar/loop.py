@@ -1,394 +1,68 @@
-"""The ceiling of scalar code: one trajectory at a time, compiled by numba, written for speed.
-
-The wiper of MODEL.md with a massless hinge, event-driven, adaptive Tsit5. What makes it fast:
-
-- no arc sine and no power in a stage: the lean phi is integrated beside x (and set to asin(x / L)
-  after every step), friction needs one exponential, the controller two square roots;
-- stick is closed form: the cone is followed along x(t), nothing is integrated;
-- a step is looked at for events only where end values and end slopes of a guard allow one; the
-  root of its cubic is then stepped onto once, and one Newton correction puts the state on it;
-- step sizes of slip and flight are remembered over events;
-- arithmetic may be reassociated and contracted (``fastmath``), NaN and infinity stay what they are.
-
-All in one file, for numba's cache of compiled code asks only whether the outermost function's own
-file has changed.
-"""
+"""One trajectory, event by event."""
 
 import math
-from typing import NamedTuple
 
-import diffrax
-import numpy as np
-from numba import njit, prange
-
-FAST = {"contract", "reassoc", "nsz", "arcp", "afn"}
-njit_ = njit(fastmath=FAST, error_model="numpy", cache=True)
-
-STICK, SLIP_POS, SLIP_NEG, FLIGHT = range(4)
-RELEASE, CAPTURE, REVERSAL, LIFT_OFF, IMPACT, ZENO, KINK = range(1, 8)
-COLLAPSE, TOUCH = 11, 12
-FINISHED, COLLAPSED, TOO_SMALL, BUDGET, NON_FINITE = range(5)
-NEVER, SHRINK = 2.0, -1.0  # no root in [0, 1]; the step is too long to tell
-
-
-class Blade(NamedTuple):
-    """One cell, with what does not change along its trajectory worked out."""
-
-    m: float
-    length: float
-    k: float
-    c: float
-    k1: float
-    dk: float
-    phi_s: float
-    alpha: float
-    load: float
-    e: float
-    mu_s: float
-    mu_m: float
-    inv_vs: float
-    shape: float
-    beta: float
-    rest: float  # L cos(alpha)
-    x_high: float  # where theta = +phi_s, -phi_s; beyond the lip if there is no such place
-    x_low: float
-    x_max: float
-
-
-class Motion(NamedTuple):
-    """V(t) on one smooth piece: a + b (t - t0), or the sine of the wiping belt."""
-
-    t0: float
-    a: float
-    b: float
-    amplitude: float
-    omega: float
-    phase: float
-
-
-@njit_
-def belt(g, t):
-    """Return V, V'."""
-    if g.amplitude == 0.0:
-        return g.a + g.b * (t - g.t0), g.b
-    s = g.omega * t + g.phase
-    return g.amplitude * math.sin(s), g.amplitude * g.omega * math.cos(s)
-
-
-@njit_
-def carried(g, start, t):
-    """Return the way of the belt from ``start`` to t, and V''."""
-    d = t - start
-    if g.amplitude == 0.0:
-        return d * (g.a + g.b * (start - g.t0) + 0.5 * g.b * d), 0.0
-    s, s0 = g.omega * t + g.phase, g.omega * start + g.phase
-    # a difference of cosines without cancellation
-    way = 2 * g.amplitude / g.omega * math.sin(0.5 * (s + s0)) * math.sin(0.5 * (s - s0))
-    return way, -g.amplitude * g.omega * g.omega * math.sin(s)
-
-
-@njit_
-def friction(p, v):
-    """Return mu at the slip speed v = s v_t, continued smoothly to v < 0."""
-    r = v * p.inv_vs
-    if p.shape != 1.0:
-        r = r**p.shape if r > 0.0 else 0.0
-    return p.mu_m + (p.mu_s - p.mu_m) * math.exp(-max(r, -2.0)) + p.beta * v
-
-
-@njit_
-def lean(p, x):
-    """Return sin, 1 / cos and cos of phi; trial stages must not leave the lip."""
-    s = min(max(x / p.length, -1.0 + 1e-12), 1.0 - 1e-12)
-    cos = math.sqrt((1.0 - s) * (1.0 + s))
-    return s, 1.0 / cos, cos
-
-
-@njit_
-def spring(p, zone):
-    """Return slope and offset of the moment on a branch of the rotational spring, in phi."""
-    if zone == 0:
-        return p.k1, -p.k1 * p.alpha
-    k = p.k1 + p.dk
-    return k, -k * p.alpha - p.dk * zone * p.phi_s
-
-
-@njit_
-def slip_rate(p, kz, mz, sign, x, phi, w, speed, pull):
-    """Return x', phi', w' and the normal force in slip."""
-    s, inv, cos = lean(p, x)
-    tau, u = s * inv, w + speed
-    n = p.load + p.k * (p.length * cos - p.rest) - p.c * tau * u
-    mu = friction(p, sign * w)
-    turn = inv / p.length
-    return u, u * turn, (n * (tau - sign * mu) - (kz * phi + mz) * turn) / p.m - pull, n
-
-
-@njit_
-def flight_rate(p, kz, mz, x, phi, y, u, vy):
-    """Return phi', x'', y'' in flight."""
-    s, inv, cos = lean(p, x)
-    tau = s * inv
-    n = p.load + p.k * (y + p.length * cos - p.rest) + p.c * (vy - tau * u)
-    turn = inv / p.length
-    return u * turn, (n * tau - (kz * phi + mz) * turn) / p.m, -n / p.m
-
-
-@njit_
-def cone(p, kz, mz, x, speed, pull, jerk):
-    """Return the stick guards mu_s l_n - l_t, mu_s l_n + l_t, and their rates."""
-    s, inv, cos = lean(p, x)
-    tau, phi = s * inv, math.asin(s)
-    turn = inv / p.length
-    tau_x = turn * inv * inv
-    n = p.load + p.k * (p.length * cos - p.rest) - p.c * tau * speed
-    moment = kz * phi + mz
-    l_t = p.m * pull + moment * turn - n * tau
-    n_rate = -p.k * tau * speed - p.c * (tau_x * speed * speed + tau * pull)
-    l_rate = p.m * jerk - n * tau_x * speed - n_rate * tau
-    l_rate += speed * turn * (kz * turn + moment * tau * turn)
-    return (
-        p.mu_s * n - l_t,
-        p.mu_s * n + l_t,
-        p.mu_s * n_rate - l_rate,
-        p.mu_s * n_rate + l_rate,
-        n,
-    )
-
-
-@njit_
-def cubic_zero(g0, d0, g1, d1, high):
-    """Return the zero in (0, high] of the cubic with these ends, g0 > 0 and value <= 0 at high."""
-    a = 2.0 * (g0 - g1) + d0 + d1
-    b = 3.0 * (g1 - g0) - 2.0 * d0 - d1
-    low, z = 0.0, high * g0 / (g0 - min(g1, 0.0)) if high == 1.0 else 0.5 * high
-    for _ in range(60):
-        value = g0 + z * (d0 + z * (b + z * a))
-        if value > 0.0:
-            low = z
-        else:
-            high = z
-        slope = d0 + z * (2.0 * b + 3.0 * a * z)
-        new = z - value / slope if slope != 0.0 else -1.0
-        if not (low < new < high):
-            new = 0.5 * (low + high)
-        if abs(new - z) < 1e-13:
-            return new
-        z = new
-    return z
-
-
-@njit_
-def first_zero(g0, d0, g1, d1, fresh):
-    """Return the first zero in (0, 1] of a guard with end values g and end slopes d (per step).
-
-    ``fresh`` is the order of its known zero at 0: that one is divided out.
-    """
-    if g1 > 0.0 and (d0 >= 0.0 or d1 <= 0.0 or fresh > 0):
-        return NEVER
-    if fresh > 0:  # g = z^n (A + B z), n the order
-        b = d1 - fresh * g1
-        a = g1 - b
-        return -a / b if a > 0.0 and b < 0.0 else SHRINK
-    if g0 <= 0.0:
-        return 0.0
-    if g1 <= 0.0:
-        return cubic_zero(g0, d0, g1, d1, 1.0)
-    # down and up again: is the bottom below zero?
-    a = 2.0 * (g0 - g1) + d0 + d1
-    b = 3.0 * (g1 - g0) - 2.0 * d0 - d1
-    root = math.sqrt(max(b * b - 3.0 * a * d0, 0.0))
-    bottom = -d0 / (b + root)
-    if g0 + bottom * (d0 + bottom * (b + bottom * a)) > 0.0:
-        return NEVER
-    return cubic_zero(g0, d0, g1, d1, bottom)
-
-
-# Tsit5, first same as last: numba takes a module's numbers as constants
-_LOWER = [[float(a) for a in row] for row in diffrax.Tsit5.tableau.a_lower]
-((A21,), (A31, A32), (A41, A42, A43), (A51, A52, A53, A54)) = _LOWER[:4]
-(A61, A62, A63, A64, A65), (B1, B2, B3, B4, B5, B6) = _LOWER[4:]
-C2, C3, C4, C5 = (float(c) for c in diffrax.Tsit5.tableau.c[:4])
-E1, E2, E3, E4, E5, E6, E7 = (float(e) for e in diffrax.Tsit5.tableau.b_error)
-
-
-@njit_
-def weights(z):
-    """Return the dense output's weights at z in [0, 1], so that y = y0 + h sum(weights k)."""
-    q = z * z
-    return (
-        -1.0530884977290216 * z * (z - 1.3299890189751412)
-        * (q - 1.4364028541716351 * z + 0.7139816917074209),
-        0.1017 * q * (q - 2.1966568338249754 * z + 1.2949852507374631),
-        2.490627285651252793 * q * (q - 2.38535645472061657 * z + 1.57803468208092486),
-        -16.54810288924490272 * (z - 1.21712927295533244) * (z - 0.61620406037800089) * q,
-        47.37952196281928122 * (z - 1.203071208372362603) * (z - 0.658047292653547382) * q,
-        -34.87065786149660974 * (z - 1.2) * (z - 0.666666666666666667) * q,
-        2.5 * (z - 1.0) * (z - 0.6) * q,
-    )  # fmt: skip
-
-
-@njit_
-def slip_step(p, g, kz, mz, sign, t, h, x, f, w, x1, f1, w1):
-    """Return the end of a Tsit5 step of slip, its rates and normal force, and the inner stages.
-
-    (x1, f1, w1) are the rates at the start.
-    """
-    v, a = belt(g, t + C2 * h)
-    d = A21 * h
-    x2, f2, w2, _ = slip_rate(p, kz, mz, sign, x + d * x1, f + d * f1, w + d * w1, v, a)
-    v, a = belt(g, t + C3 * h)
-    x3, f3, w3, _ = slip_rate(
-        p, kz, mz, sign, x + h * (A31 * x1 + A32 * x2), f + h * (A31 * f1 + A32 * f2),
-        w + h * (A31 * w1 + A32 * w2), v, a,
-    )  # fmt: skip
-    v, a = belt(g, t + C4 * h)
-    x4, f4, w4, _ = slip_rate(
-        p, kz, mz, sign,
-        x + h * (A41 * x1 + A42 * x2 + A43 * x3),
-        f + h * (A41 * f1 + A42 * f2 + A43 * f3),
-        w + h * (A41 * w1 + A42 * w2 + A43 * w3), v, a,
-    )  # fmt: skip
-    v, a = belt(g, t + C5 * h)
-    x5, f5, w5, _ = slip_rate(
-        p, kz, mz, sign,
-        x + h * (A51 * x1 + A52 * x2 + A53 * x3 + A54 * x4),
-        f + h * (A51 * f1 + A52 * f2 + A53 * f3 + A54 * f4),
-        w + h * (A51 * w1 + A52 * w2 + A53 * w3 + A54 * w4), v, a,
-    )  # fmt: skip
-    v, a = belt(g, t + h)
-    x6, f6, w6, _ = slip_rate(
-        p, kz, mz, sign,
-        x + h * (A61 * x1 + A62 * x2 + A63 * x3 + A64 * x4 + A65 * x5),
-        f + h * (A61 * f1 + A62 * f2 + A63 * f3 + A64 * f4 + A65 * f5),
-        w + h * (A61 * w1 + A62 * w2 + A63 * w3 + A64 * w4 + A65 * w5), v, a,
-    )  # fmt: skip
-    xe = x + h * (B1 * x1 + B2 * x2 + B3 * x3 + B4 * x4 + B5 * x5 + B6 * x6)
-    fe = f + h * (B1 * f1 + B2 * f2 + B3 * f3 + B4 * f4 + B5 * f5 + B6 * f6)
-    we = w + h * (B1 * w1 + B2 * w2 + B3 * w3 + B4 * w4 + B5 * w5 + B6 * w6)
-    x7, f7, w7, n7 = slip_rate(p, kz, mz, sign, xe, fe, we, v, a)
-    return xe, fe, we, x7, f7, w7, n7, x2, x3, x4, x5, x6, w2, w3, w4, w5, w6
-
-
-@njit_
-def flight_step(p, kz, mz, h, x, f, y, u, v, f1, u1, v1):
-    """Return the end of a Tsit5 step of flight, its rates, and the inner stages (f, u, v; x, y)."""
-    d = A21 * h
-    x2, y2 = u + d * u1, v + d * v1
-    f2, u2, v2 = flight_rate(p, kz, mz, x + d * u, f + d * f1, y + d * v, x2, y2)
-    x3, y3 = u + h * (A31 * u1 + A32 * u2), v + h * (A31 * v1 + A32 * v2)
-    f3, u3, v3 = flight_rate(
-        p, kz, mz, x + h * (A31 * u + A32 * x2), f + h * (A31 * f1 + A32 * f2),
-        y + h * (A31 * v + A32 * y2), x3, y3,
-    )  # fmt: skip
-    x4 = u + h * (A41 * u1 + A42 * u2 + A43 * u3)
-    y4 = v + h * (A41 * v1 + A42 * v2 + A43 * v3)
-    f4, u4, v4 = flight_rate(
-        p, kz, mz, x + h * (A41 * u + A42 * x2 + A43 * x3),
-        f + h * (A41 * f1 + A42 * f2 + A43 * f3),
-        y + h * (A41 * v + A42 * y2 + A43 * y3), x4, y4,
-    )  # fmt: skip
-    x5 = u + h * (A51 * u1 + A52 * u2 + A53 * u3 + A54 * u4)
-    y5 = v + h * (A51 * v1 + A52 * v2 + A53 * v3 + A54 * v4)
-    f5, u5, v5 = flight_rate(
-        p, kz, mz, x + h * (A51 * u + A52 * x2 + A53 * x3 + A54 * x4),
-        f + h * (A51 * f1 + A52 * f2 + A53 * f3 + A54 * f4),
-        y + h * (A51 * v + A52 * y2 + A53 * y3 + A54 * y4), x5, y5,
-    )  # fmt: skip
-    x6 = u + h * (A61 * u1 + A62 * u2 + A63 * u3 + A64 * u4 + A65 * u5)
-    y6 = v + h * (A61 * v1 + A62 * v2 + A63 * v3 + A64 * v4 + A65 * v5)
-    f6, u6, v6 = flight_rate(
-        p, kz, mz, x + h * (A61 * u + A62 * x2 + A63 * x3 + A64 * x4 + A65 * x5),
-        f + h * (A61 * f1 + A62 * f2 + A63 * f3 + A64 * f4 + A65 * f5),
-        y + h * (A61 * v + A62 * y2 + A63 * y3 + A64 * y4 + A65 * y5), x6, y6,
-    )  # fmt: skip
-    xe = x + h * (B1 * u + B2 * x2 + B3 * x3 + B4 * x4 + B5 * x5 + B6 * x6)
-    fe = f + h * (B1 * f1 + B2 * f2 + B3 * f3 + B4 * f4 + B5 * f5 + B6 * f6)
-    ye = y + h * (B1 * v + B2 * y2 + B3 * y3 + B4 * y4 + B5 * y5 + B6 * y6)
-    ue = u + h * (B1 * u1 + B2 * u2 + B3 * u3 + B4 * u4 + B5 * u5 + B6 * u6)
-    ve = v + h * (B1 * v1 + B2 * v2 + B3 * v3 + B4 * v4 + B5 * v5 + B6 * v6)
-    f7, u7, v7 = flight_rate(p, kz, mz, xe, fe, ye, ue, ve)
-    return (
-        xe, fe, ye, ue, ve, f7, u7, v7,
-        x2, x3, x4, x5, x6, y2, y3, y4, y5, y6, u2, u3, u4, u5, u6, v2, v3, v4, v5, v6,
-    )  # fmt: skip
-
-
-@njit_
-def next_factor(error):
-    """Return the step's change for a relative error: 0.9 error^(-1/4), by two square roots."""
-    if error < 1e-4:
-        return 6.0
-    return min(6.0, max(0.15, 0.9 / math.sqrt(math.sqrt(error))))
-
-
-@njit_
-def regime_at_rest(p, g, zone, t, x):
-    """Return the regime of a closed contact without slip (MODEL.md section 5)."""
-    v, a = belt(g, t)
-    kz, mz = spring(p, zone)
-    up, down, _, _, n = cone(p, kz, mz, x, v, a, 0.0)
-    if n > 0.0 and up >= 0.0 and down >= 0.0:
-        return STICK
-    if n <= 0.0:
-        return FLIGHT
-    # outside of the cone friction cannot hold it: it slips against the force that would be needed
-    return SLIP_NEG if up < 0.0 else SLIP_POS
-
-
-@njit_
-def first_zero_of_x(p, zone, kinked, x0, u0, x1, u1, h):
-    """Return (first zero, +1 or -1: shoulder of that side, 2: collapse) of the guards in x."""
-    theta, which = NEVER, 0
-    if zone >= 0:  # the upper shoulder bounds the neck from above, its own branch from below
-        s = 1.0 if zone == 0 else -1.0
-        z = first_zero(
-            s * (p.x_high - x0), -s * u0 * h, s * (p.x_high - x1), -s * u1 * h, int(kinked == 1)
-        )
-        if z < theta:
-            theta, which = z, 1
-    if zone <= 0:
-        s = 1.0 if zone == 0 else -1.0
-        z = first_zero(
-            s * (x0 - p.x_low), s * u0 * h, s * (x1 - p.x_low), s * u1 * h, int(kinked == -1)
-        )
-        if z < theta:
-            theta, which = z, -1
-    if abs(x1) >= p.x_max:
-        s = math.copysign(1.0, x1)
-        z = first_zero(p.x_max - s * x0, -s * u0 * h, p.x_max - s * x1, -s * u1 * h, 0)
-        if z < theta:
-            theta, which = z, 2
-    return theta, which
-
-
-@njit_
-def place_of(p, which, x):
-    """Return where the guard ``which`` of `first_zero_of_x` has its zero."""
-    if which == 1:
-        return p.x_high
-    return p.x_low if which == -1 else math.copysign(p.x_max, x)
-
-
-# columns of the statistics of a cell, from ``mark`` on
-STICK_TIME, SLIP_TIME, FLIGHT_TIME, U, UU, FORCE, FORCE_MAX, GAP_MAX, IMPACTS, STICKS, LIFTS = (
-    range(11)
+from .compiling import inner
+from .model import (
+    BUDGET,
+    CAPTURE,
+    COLLAPSE,
+    COLLAPSED,
+    FINISHED,
+    FLIGHT,
+    IMPACT,
+    KINK,
+    LIFT_OFF,
+    RELEASE,
+    REVERSAL,
+    SLIP_NEG,
+    SLIP_POS,
+    STICK,
+    TOO_SMALL,
+    TOUCH,
+    ZENO,
+    Motion,
+    belt,
+    carried,
+    cone,
+    flight_rate,
+    friction,
+    lean,
+    regime_at_rest,
+    slip_rate,
+    spring,
 )
-SUMS = 11
+from .statistics import (
+    IMPACTS,
+    LIFTS,
+    SLIP_TIME,
+    STICKS,
+    gather,
+    hermite,
+)
+from .tsit5 import (
+    E1,
+    E2,
+    E3,
+    E4,
+    E5,
+    E6,
+    E7,
+    flight_step,
+    next_factor,
+    slip_step,
+    weights,
+)
+from .zeros import (
+    NEVER,
+    SHRINK,
+    first_zero,
+    first_zero_of_x,
+    place_of,
+)
 
 
-@njit_
-def gather(total, regime, h, u0, a0, u1, a1, n0, n1, y):
-    """Add a stretch of motion to the statistics: integrals by the cubic with these ends."""
-    total[STICK_TIME if regime == STICK else FLIGHT_TIME if regime == FLIGHT else SLIP_TIME] += h
-    total[U] += h * (0.5 * (u0 + u1) + h * (a0 - a1) / 12.0)
-    total[UU] += h * (0.5 * (u0 * u0 + u1 * u1) + h * (u0 * a0 - u1 * a1) / 6.0)
-    total[FORCE] += 0.5 * h * (n0 + n1)
-    total[FORCE_MAX] = max(total[FORCE_MAX], n0, n1)
-    total[GAP_MAX] = max(total[GAP_MAX], y)
-
-
-@njit_
+@inner
 def run(
     p, motions, breaks, break_kinds, start, t_end, rtol, scale_x, scale_v, zeno_time, budget,
     times, taken, event_times, event_kinds, mark, signal, interval, total,
@@ -533,7 +207,7 @@ def run(
                 z, place = first_zero_of_x(p, zone, kinked, x, x1, xe, x7, h)
                 if z < theta:
                     theta, hit = z, place
-                if min(n1, n7) < 0.3 * p.load:
+                if min(n1, n7) < 0.3 * (p.load + abs(p.weight)):
                     s, inv, _ = lean(p, x)
                     b = -p.k * s * inv * x1 - p.c * (
                         inv * inv * inv / p.length * x1 * x1 + s * inv * (w1 + a)
@@ -812,95 +486,3 @@ def run(
             return COLLAPSED, events, attempts, t, x, y, u, vy, rejected
     code = BUDGET if attempts > budget else TOO_SMALL
     return code, events, attempts, t, x, y, u, vy, rejected
-
-
-@njit_
-def hermite(z, f0, s0, f1, s1):
-    """Return the cubic with values f and slopes s (per unit z) at 0 and 1."""
-    rise = f1 - f0
-    return f0 + z * (rise + (1.0 - z) * ((s0 - rise) * (1.0 - z) - (s1 - rise) * z))
-
-
-class Record(NamedTuple):
-    """What `sweep` fills, cells first."""
-
-    result: np.ndarray
-    events: np.ndarray
-    attempts: np.ndarray
-    rejected: np.ndarray
-    final: np.ndarray  # (cells, 5): t, x, y, x', y'
-    taken: np.ndarray  # (cells, samples, 4)
-    event_times: np.ndarray
-    event_kinds: np.ndarray
-    signal: np.ndarray
-    total: np.ndarray
-
-
-@njit_
-def _cell(
-    i, blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r
-):
-    b = blades[i]
-    p = Blade(
-        b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], b[13],
-        b[14], b[15], b[16], b[17], b[18],
-    )  # fmt: skip
-    code, events, attempts, t, x, y, u, vy, rejected = run(
-        p, motions[i], breaks[i], kinds, start[i], end, rtol, sx[i], sv[i], zeno, budget, times,
-        r.taken[i], r.event_times[i], r.event_kinds[i], mark, r.signal[i], dt, r.total[i],
-    )  # fmt: skip
-    r.result[i], r.events[i], r.attempts[i], r.rejected[i] = code, events, attempts, rejected
-    r.final[i, 0], r.final[i, 1], r.final[i, 2], r.final[i, 3] = t, x, y, u
-    r.final[i, 4] = vy
-
-
-@njit_
-def one_by_one(
-    blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r
-):
-    """Run all cells on this thread."""
-    for i in range(len(blades)):
-        _cell(
-            i,
-            blades,
-            motions,
-            breaks,
-            kinds,
-            start,
-            end,
-            rtol,
-            sx,
-            sv,
-            zeno,
-            budget,
-            times,
-            mark,
-            dt,
-            r,
-        )
-
-
-@njit(fastmath=FAST, error_model="numpy", cache=True, parallel=True)
-def on_all_cores(
-    blades, motions, breaks, kinds, start, end, rtol, sx, sv, zeno, budget, times, mark, dt, r
-):
-    """Run all cells on numba's threads."""
-    for i in prange(len(blades)):
-        _cell(
-            i,
-            blades,
-            motions,
-            breaks,
-            kinds,
-            start,
-            end,
-            rtol,
-            sx,
-            sv,
-            zeno,
-            budget,
-            times,
-            mark,
-            dt,
-            r,
-        )

@@ -1,0 +1,12 @@
+"""The ceiling of scalar code: one trajectory at a time, compiled by numba, written for speed.
+
+The wiper of MODEL.md with a massless hinge, event-driven, adaptive Tsit5. What makes it fast:
+
+- no arc sine and no power in a stage: the lean phi is integrated beside x (and set to asin(x / L)
+  after every step), friction needs one exponential, the controller two square roots;
+- stick is closed form: the cone is followed along x(t), nothing is integrated;
+- a step is looked at for events only where end values and end slopes of a guard allow one; the
+  root of its cubic is then stepped onto once, and one Newton correction puts the state on it;
+- step sizes of slip and flight are remembered over events;
+- arithmetic may be reassociated and contracted (``fastmath``), NaN and infinity stay what they are.
+"""
