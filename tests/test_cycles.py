@@ -206,16 +206,17 @@ def test_squeal_and_the_unstable_cycle_that_bounds_it():
 
 @pytest.mark.slow
 def test_cycles_grow_out_of_the_hopf_point_of_v11():
-    from wiperjax import cycles, named
+    from wiperjax import cycles, named, return_map, shooting
 
     speed = 0.4511
     blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(speed * 1.05))
     rest = steady_slip(blade)
     system = named.traceable(blade, "belt_speed")
     scale = np.array([1e-4, 1e-4, 0.5, 0.5])
-    shooting = cycles.Shooting(system, "belt_speed", None, cycles.turning_point, 1, scale, 1.0, 1.0)
+    section = shooting.turning_point
+    family = return_map.Shooting(system, "belt_speed", None, section, 1, scale, 1.0, 1.0)
     state = np.array([float(rest.x) + 4e-5, 0.0, 0.0, 0.0])
-    small = cycles.close(shooting, state, wiperjax.Regime.SLIP_NEG, 1 / float(rest.frequency))
+    small = cycles.close(family, state, wiperjax.Regime.SLIP_NEG, 1 / float(rest.frequency))
     assert small.found == Found.FOUND and not small.stable and small.word == ""
     assert small.trivial_error < 1e-8
     branch = follow(small, 0.4, 0.5, step=0.1)
