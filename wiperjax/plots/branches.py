@@ -1,13 +1,12 @@
 """Pictures of periodic motion: branches, stable and unstable, over brute-force diagrams."""
 
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .axes import label, long_name
+from ..branch_file import rest, simulations
+from .axes import label, long_name, page
 
 BRANCH = "#0072B2"
 REST = "#009E73"
@@ -132,12 +131,46 @@ def _marks(ax: Axes, branch: xr.Dataset, x, y) -> None:
         seen.add(words)
 
 
-def draw_branch(branch: xr.Dataset, path: str | Path) -> None:
-    """Draw a branch alone into a picture file."""
-    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
-    ax = bifurcation_diagram(branch, ax=figure.subplots())
+def branch_page(branch: xr.Dataset, quantity: str = "maximum") -> Figure:
+    """Draw a branch with what its file holds below it: simulations, and steady slip.
+
+    Raises ValueError for a quantity that is no number along the branch.
+    """
+    figure = page((8.0, 5.2))
+    _diagram(branch, quantity, figure.subplots())
+    return figure
+
+
+def branch_overview(branch: xr.Dataset) -> Figure:
+    """Draw a branch over the size of its multipliers and its frequency."""
+    figure = page((8.0, 9.0))
+    top, middle, low = figure.subplots(3, 1, height_ratios=(2.2, 1, 1), sharex=True)
+    _diagram(branch, "maximum", top)
+    top.set_xlabel("")
+    multipliers(branch, middle)
+    middle.set_xlabel("")
+    over = branch[str(branch.attrs["over"])]
+    stable = branch["stable"].values.astype(bool)
+    _line(low, over.values, 1 / branch["period"].values, stable, BRANCH, "cycle")
+    low.set_xlabel(_axis(over))
+    low.set_ylabel("frequency (Hz)" if _unit(branch["period"]) else "1 / period")
+    return figure
+
+
+def _diagram(branch: xr.Dataset, quantity: str, ax: Axes) -> None:
+    fair = [
+        str(name)
+        for name, variable in branch.data_vars.items()
+        if variable.dims == ("point",) and variable.dtype.kind == "f"
+    ]
+    if quantity not in fair:
+        raise ValueError(f"{quantity!r} is not in this branch; it holds {', '.join(fair)}")
+    brute = simulations(branch)
+    if brute is not None and quantity not in brute:
+        brute = None
+    still = rest(branch) if quantity == "maximum" else None
+    bifurcation_diagram(branch, brute, quantity=quantity, rest=still, ax=ax)
     ax.set_title(str(branch.attrs.get("title", "")), fontweight="bold")
-    figure.savefig(path, dpi=150)
 
 
 def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:

@@ -15,7 +15,18 @@ from matplotlib.figure import Figure
 from ..dataset import SCHEMA
 from ..runs import between, check_quantity, is_run, last_periods, settled
 from ..storage import StoreError, check_output, open_map, replacing
-from . import animation, classes, friction, line, overview, planes, portrait, run_page, spectra
+from . import (
+    animation,
+    branches,
+    classes,
+    friction,
+    line,
+    overview,
+    planes,
+    portrait,
+    run_page,
+    spectra,
+)
 
 STILLS = (".png", ".pdf", ".svg")
 Drawn = Figure | FuncAnimation
@@ -101,6 +112,17 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             ("y", "at"),
         ),
     },
+    "branch": {
+        "overview": Picture(
+            "cycles over the parameter, their multipliers and frequency", branches.branch_overview
+        ),
+        "cycles": Picture(
+            "any number of the cycles over the parameter (--quantity), stable and unstable",
+            branches.branch_page,
+            ("quantity",),
+        ),
+        "multipliers": Picture("size of the multipliers", branches.multipliers),
+    },
     "run": {
         "overview": Picture(
             "all of the stills below on one page", _run_page, _TIMES, _MOTION, last_periods
@@ -148,7 +170,7 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
         ),
     },
 }
-"""Pictures of maps and of runs by name; the first of each is the default."""
+"""Pictures of maps, branches and runs by name; the first of each is the default."""
 
 FLAGS = {  # option -> how the command line calls it, where not by its own name
     "start": "--from",
@@ -169,7 +191,7 @@ def plot_file(
 
     Arguments:
 
-    - `path`: a map, a run, or the folder `MAP.h5.parts` of an unfinished sweep.
+    - `path`: a map, a run, a branch, or the folder `MAP.h5.parts` of an unfinished sweep.
     - `output`: .png, .pdf, .svg; for an animation .gif, or .mp4 where ffmpeg is installed.
     - `picture`: a name in `PICTURES`; `overview` if None, `animation` for its endings.
     - `force`: replace `output`.
@@ -234,22 +256,25 @@ def plot_all(
 
 @contextlib.contextmanager
 def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset, str]]:
-    """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map` or `run`.
+    """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map`, `branch`
+    or `run`.
 
     Of an unfinished sweep, which is read into memory, only with `raster` what is large.
 
-    Raises: `StoreError` if it is neither, or no cell is computed yet.
+    Raises: `StoreError` if it is none of them, or no cell is computed yet.
     """
     cellwise = [name for name, column in SCHEMA.items() if raster or not column.along]
     with open_map(path, cellwise) as ds:
         if "label" in ds:
             yield ds, "map"
+        elif "special_kind" in ds:
+            yield ds.load(), "branch"
         elif is_run(ds):
             yield ds.load(), "run"
         elif "cells_done" in ds.attrs:
             raise StoreError(f"{path}: no block of this sweep is computed yet")
         else:
-            raise StoreError(f"{path}: is neither a map nor a run; there is nothing to draw")
+            raise StoreError(f"{path}: is no map, run or branch; there is nothing to draw")
 
 
 def _chosen(kind: str, name: str, path: str | Path) -> Picture:
@@ -285,7 +310,7 @@ def _drawn(
             raise ValueError(f"{flag} does not suit the picture {name!r} of a {kind}")
     if missing := [variable for variable in picture.needs if variable not in ds]:
         raise StoreError(f"{path}: has no {missing[0]}, which the picture {name!r} needs")
-    if kind == "map":
+    if kind != "run":
         return _figure(picture.draw(ds, **given))
     if "quantity" in given:
         check_quantity(ds, given["quantity"])
