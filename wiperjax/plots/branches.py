@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..branch_file import rest, simulations
-from .axes import label, long_name, page
+from .axes import label, long_name, page, shown_unit
 
 BRANCH = "#0072B2"
 REST = "#009E73"
@@ -49,26 +49,28 @@ def bifurcation_diagram(
     if shown is None:
         raise ValueError("branch or brute must be given, but both were None")
     over = str(shown.attrs["over"])
+    factor, unit = shown_unit(shown[quantity])
     if brute is not None:
-        _dots(ax, brute, over, quantity)
+        _dots(ax, brute, over, factor * brute[quantity])
     if rest is not None:
-        _line(ax, rest[0], rest[1], np.asarray(rest[2], bool), REST, "steady slip")
+        stable = np.asarray(rest[2], bool)
+        _line(ax, rest[0], factor * np.asarray(rest[1]), stable, REST, "steady slip")
     if branch is not None:
-        x, y = branch[over].values, branch[quantity].values
+        x, y = branch[over].values, factor * branch[quantity].values
         _line(ax, x, y, branch["stable"].values.astype(bool), BRANCH, "cycle")
         _marks(ax, branch, x, y)
     ax.set_xlabel(_axis(shown[over]))
-    ax.set_ylabel(_axis(shown[quantity]))
-    ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
+    ax.set_ylabel(label(long_name(shown[quantity]), unit))
+    ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4), useOffset=False)
     # below the axes: a branch fills them from corner to corner
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize="small")
     return ax
 
 
-def _dots(ax: Axes, brute: xr.Dataset, over: str, quantity: str) -> None:
+def _dots(ax: Axes, brute: xr.Dataset, over: str, quantity: xr.DataArray) -> None:
     for way in ("down", "up"):
         colour, size = DOTS[way]
-        values = brute[quantity].sel(way=way)
+        values = quantity.sel(way=way)
         x = np.broadcast_to(
             brute[over].values.reshape((-1,) + (1,) * (values.ndim - 1)), values.shape
         )
@@ -183,6 +185,7 @@ def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
         ax.plot(branch[over], size[:, k], ".-", linewidth=1.0, label=f"multiplier {k + 1}")
     ax.axhline(1.0, color="black", linewidth=0.8)
     ax.set_yscale("symlog", linthresh=0.1)
+    ax.set_ylim(bottom=-0.02)
     ax.set_xlabel(_axis(branch[over]))
     ax.set_ylabel("size of the multiplier")
     ax.legend(loc="best", fontsize="small")
