@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.optimize
+import xarray as xr
 from problems import Block, StopOscillator
 from test_known_answers import CASES_V8, periodic_impacts
 
@@ -93,13 +94,39 @@ def test_branch_of_circles_with_fold_and_hopf(ring):
 
 
 def test_branch_as_a_dataset_survives_a_file(ring, tmp_path):
-    import xarray as xr
-
     ds = branch_dataset(ring[1])
     ds.to_netcdf(tmp_path / "branch.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "branch.nc", engine="h5netcdf") as back:
         xr.testing.assert_equal(back.load(), ds)
     assert list(ds.special_kind.values) == ["fold", "hopf"]
+
+
+def test_pictures_of_a_branch_file(ring, tmp_path):
+    from wiperjax import plots
+    from wiperjax.branch_file import rest, simulations, with_rest, with_simulations
+    from wiperjax.storage import open_map, write_dataset
+
+    values = np.array([0.0, 0.1, 0.2])
+    brute = xr.Dataset(
+        {
+            "maximum": (("way", "a", "peak"), np.full((2, 3, 2), 0.9)),
+            "velocity_rms": (("way", "a"), np.full((2, 3), 0.6)),
+        },
+        coords={"way": ["up", "down"], "a": values},
+        attrs={"over": "a", "settle": 600.0, "window": 20.0},
+    )
+    ds = with_simulations(branch_dataset(ring[1]), brute)
+    ds = with_rest(ds, values, np.zeros(3), values > 0)
+    write_dataset(ds, tmp_path / "branch.h5")
+    with open_map(tmp_path / "branch.h5") as back:
+        xr.testing.assert_equal(simulations(back.load()), brute)
+        assert list(rest(back)[2]) == [False, True, True]
+    made = plots.plot_all(tmp_path / "branch.h5", tmp_path / "p.png", dpi=40)
+    assert [path.name for path in made] == [f"p-{n}.png" for n in plots.PICTURES["branch"]]
+    cycles = {"picture": "cycles", "force": True}
+    plots.plot_file(tmp_path / "branch.h5", made[1], quantity="velocity_rms", **cycles)
+    with pytest.raises(ValueError, match="'loudness' is not in this branch; it holds a, period"):
+        plots.plot_file(tmp_path / "branch.h5", made[1], quantity="loudness", **cycles)
 
 
 def test_up_and_down_shows_what_coexists():
@@ -206,16 +233,17 @@ def test_squeal_and_the_unstable_cycle_that_bounds_it():
 
 @pytest.mark.slow
 def test_cycles_grow_out_of_the_hopf_point_of_v11():
-    from wiperjax import cycles, named
+    from wiperjax import cycles, named, return_map, shooting
 
     speed = 0.4511
     blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(speed * 1.05))
     rest = steady_slip(blade)
     system = named.traceable(blade, "belt_speed")
     scale = np.array([1e-4, 1e-4, 0.5, 0.5])
-    shooting = cycles.Shooting(system, "belt_speed", None, cycles.turning_point, 1, scale, 1.0, 1.0)
+    section = shooting.turning_point
+    family = return_map.Shooting(system, "belt_speed", None, section, 1, scale, 1.0, 1.0)
     state = np.array([float(rest.x) + 4e-5, 0.0, 0.0, 0.0])
-    small = cycles.close(shooting, state, wiperjax.Regime.SLIP_NEG, 1 / float(rest.frequency))
+    small = cycles.close(family, state, wiperjax.Regime.SLIP_NEG, 1 / float(rest.frequency))
     assert small.found == Found.FOUND and not small.stable and small.word == ""
     assert small.trivial_error < 1e-8
     branch = follow(small, 0.4, 0.5, step=0.1)

@@ -2,6 +2,7 @@
 
 import json
 import time
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -10,10 +11,13 @@ from . import dataset, named
 from .belts import SteadyBelt
 from .branch import follow
 from .branch_dataset import branch_dataset
+from .branch_file import with_rest, with_simulations
 from .cycles import Found, find_cycle
 from .parameters import PARAMETERS
 from .scene import build_wiper, start_state
 from .spec import SceneSpec
+from .stability import steady_slip
+from .updown import up_and_down
 
 _ADVICE = {
     Found.AT_REST: "its motion dies out: quiet; start where it makes a noise",
@@ -24,11 +28,15 @@ _ADVICE = {
 }
 
 
-def run(spec: SceneSpec, over: str, low: float, high: float, step: float = 0.03) -> xr.Dataset:
+def run(
+    spec: SceneSpec, over: str, low: float, high: float, step: float = 0.03, simulate: int = 0
+) -> xr.Dataset:
     """Return the branch through the motion that a scene settles on, as `branch_dataset`.
 
     **Arguments:** ``over``, a parameter of sweep files; ``low``, ``high``, its range in their units
-    (degrees); ``step``, see `follow`. The motion is taken after ``run.duration`` of the scene.
+    (degrees); ``step``, see `follow`; ``simulate``, number of values in the range at which motions
+    are simulated on the way up and on the way down (`up_and_down`; 0: none). The motion is taken
+    after ``run.duration`` of the scene. On a steady belt steady slip is added.
 
     Raises ValueError if there is no such parameter, no cycle at the scene's own value, or that
     value lies outside the range.
@@ -47,12 +55,13 @@ def run(spec: SceneSpec, over: str, low: float, high: float, step: float = 0.03)
             f"the range of {over} must hold the scene's own value {own:g}, "
             f"but was {low:g} to {high:g}"
         )
+    period = None if isinstance(wiper.belt, SteadyBelt) else _stroke
     position, velocity = start_state(wiper, spec.start)
     cycle = find_cycle(
         wiper,
         settle=spec.run.duration,
         initial_state=(np.asarray(position), np.asarray(velocity)),
-        period=None if isinstance(wiper.belt, SteadyBelt) else _stroke,
+        period=period,
         over=over,
     )
     if cycle.found != Found.FOUND:
@@ -65,7 +74,24 @@ def run(spec: SceneSpec, over: str, low: float, high: float, step: float = 0.03)
         "specification": json.dumps(spec.document()),
         **dataset.provenance(None, time.perf_counter() - begun),
     }
-    return branch_dataset(branch).assign_attrs(dataset.plain_attributes(attrs))
+    found = branch_dataset(branch).assign_attrs(dataset.plain_attributes(attrs))
+    if simulate:
+        brute = up_and_down(
+            wiper,
+            over,
+            np.linspace(entry.to_si(low), entry.to_si(high), simulate),
+            settle=spec.run.duration,
+            window=10 * cycle.period,
+            initial_state=(np.asarray(position), np.asarray(velocity)),
+            period=period,
+        )
+        found = with_simulations(found, brute)
+    if period is not None:
+        return found
+    fine = np.linspace(low, high, 200)
+    varied: Any = named.replaced(wiper, over, np.asarray(entry.to_si(fine)))
+    slip = steady_slip(varied)
+    return with_rest(found, fine, np.asarray(slip.x), np.asarray(slip.growth_rate) < 0)
 
 
 def _stroke(wiper):

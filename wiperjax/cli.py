@@ -27,12 +27,13 @@ STILL_SUFFIXES = (".png", ".pdf", ".svg")
 PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
 SOUND_SUFFIXES = (".wav",)
 PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
-    "Draw a map or a run.\n\n"
+    "Draw a map, a run or a branch.\n\n"
     "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
     "frequency, value (over two axes), line (along one axis: frequency, amplitude, regimes), "
     "raster (regime over time).\n\n"
     "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
-    "spectrogram, animation."
+    "spectrogram, animation.\n\n"
+    "Pictures of a branch: overview, cycles (any number of them over the parameter), multipliers."
 )
 LISTEN_HELP = (
     "Hear a run: its tip velocity as a WAV file (48 kHz, mono, 32-bit float).\n\n"
@@ -244,6 +245,10 @@ def follow(
     high: Annotated[float, typer.Option("--to", help="The upper end.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="BRANCH.h5", help="To make.")],
     step: Annotated[float, typer.Option(min=1e-4, max=0.5, help="Length of a step.")] = 0.03,
+    simulate: Annotated[
+        int,
+        typer.Option(min=2, metavar="N", help="Simulate up and down the range too, at N values."),
+    ] = 0,
     force: Force = False,
 ) -> None:
     """Follow the limit cycle of a scene over a parameter, stable and unstable."""
@@ -256,18 +261,13 @@ def follow(
 
     _configure(1)
     from wiperjax.branch_run import run
-    from wiperjax.plots.branches import draw_branch
+    from wiperjax.plots import plot_file
     from wiperjax.storage import write_dataset
 
-    branch = run(spec, over, low, high, step)
+    branch = run(spec, over, low, high, step, simulate)
     write_dataset(branch, output, force)
-    draw_branch(branch, picture)
-    unit = branch[over].attrs["units"]
-    for kind, value, detail in zip(
-        *(branch[f"special_{key}"].values for key in ("kind", "parameter", "detail")), strict=True
-    ):
-        print(f"{over} {value:.6g} {unit}: {kind.replace('_', ' ')} ({detail})")
-    print(f"ends     {branch.attrs['ends']}")
+    plot_file(output, picture, force=force)
+    _print_special(branch)
     print(f"branch   {output}: {branch.sizes['point']} cycles")
     print(f"picture  {picture}")
 
@@ -277,7 +277,8 @@ def plot(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE.h5", help="A map, a run, or MAP.h5.parts of an unfinished sweep."
+            metavar="FILE.h5",
+            help="A map, a run, a branch, or MAP.h5.parts of an unfinished sweep.",
         ),
     ],
     output: Annotated[
@@ -407,7 +408,7 @@ def info(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="A map, a run, or MAP.h5.parts of an unfinished sweep."
+            metavar="FILE", help="A map, a run, a branch, or MAP.h5.parts of an unfinished sweep."
         ),
     ],
 ) -> None:
@@ -434,6 +435,8 @@ def info(
                     print(f"other: {count} cells of {mechanism}, band {band}")
         elif "cells_done" in dataset.attrs:
             print("no cell is computed yet")
+        elif "special_kind" in dataset:
+            _print_special(dataset)
         elif "belt_kind" in dataset.attrs:
             from wiperjax.assess import assess, words
 
@@ -578,6 +581,19 @@ def _print_plan(spec: Any) -> None:
         print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit} ({values.size} values)")
     for note in spec.notes():
         print(f"note: {note}", file=sys.stderr)
+
+
+def _print_special(branch: Any) -> None:
+    """Special points of a branch of cycles, and why it ends."""
+    over = branch.attrs["over"]
+    unit = branch[over].attrs["units"]
+    for kind, value, detail in zip(
+        *(branch[f"special_{key}"].values for key in ("kind", "parameter", "detail")), strict=True
+    ):
+        print(f"{over} {value:.6g} {unit}: {str(kind).replace('_', ' ')} ({detail})")
+    stable = branch["stable"].values.astype(bool)
+    print(f"cycles   {stable.sum()} stable, {(~stable).sum()} unstable")
+    print(f"ends     {branch.attrs['ends']}")
 
 
 def _print_sensitivities(dataset: Any) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of maps and runs: a dataset in, matplotlib axes out; and of files by name.
+"""Pictures of maps, runs and branches: a dataset in, matplotlib axes out; and of files by name.
 
 Without `ax`, a function makes a page of its own, headed with the parameters; with it, it draws
 there. Angles are degrees, positions millimetres. No jax here.
@@ -6,6 +6,9 @@ there. Angles are degrees, positions millimetres. No jax here.
 
 from .animation import animate as animate
 from .branches import bifurcation_diagram as bifurcation_diagram
+from .branches import branch_overview as branch_overview
+from .branches import branch_page as branch_page
+from .branches import multipliers as multipliers
 from .branches import remedy_bars as remedy_bars
 from .catalogue import PICTURES as PICTURES
 from .classes import class_map as class_map

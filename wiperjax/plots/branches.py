@@ -1,13 +1,12 @@
 """Pictures of periodic motion: branches, stable and unstable, over brute-force diagrams."""
 
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .axes import label, long_name
+from ..branch_file import rest, simulations
+from .axes import label, long_name, page, shown_unit
 
 BRANCH = "#0072B2"
 REST = "#009E73"
@@ -50,26 +49,28 @@ def bifurcation_diagram(
     if shown is None:
         raise ValueError("branch or brute must be given, but both were None")
     over = str(shown.attrs["over"])
+    factor, unit = shown_unit(shown[quantity])
     if brute is not None:
-        _dots(ax, brute, over, quantity)
+        _dots(ax, brute, over, factor * brute[quantity])
     if rest is not None:
-        _line(ax, rest[0], rest[1], np.asarray(rest[2], bool), REST, "steady slip")
+        stable = np.asarray(rest[2], bool)
+        _line(ax, rest[0], factor * np.asarray(rest[1]), stable, REST, "steady slip")
     if branch is not None:
-        x, y = branch[over].values, branch[quantity].values
+        x, y = branch[over].values, factor * branch[quantity].values
         _line(ax, x, y, branch["stable"].values.astype(bool), BRANCH, "cycle")
         _marks(ax, branch, x, y)
     ax.set_xlabel(_axis(shown[over]))
-    ax.set_ylabel(_axis(shown[quantity]))
-    ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
+    ax.set_ylabel(label(long_name(shown[quantity]), unit))
+    ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4), useOffset=False)
     # below the axes: a branch fills them from corner to corner
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize="small")
     return ax
 
 
-def _dots(ax: Axes, brute: xr.Dataset, over: str, quantity: str) -> None:
+def _dots(ax: Axes, brute: xr.Dataset, over: str, quantity: xr.DataArray) -> None:
     for way in ("down", "up"):
         colour, size = DOTS[way]
-        values = brute[quantity].sel(way=way)
+        values = quantity.sel(way=way)
         x = np.broadcast_to(
             brute[over].values.reshape((-1,) + (1,) * (values.ndim - 1)), values.shape
         )
@@ -132,12 +133,46 @@ def _marks(ax: Axes, branch: xr.Dataset, x, y) -> None:
         seen.add(words)
 
 
-def draw_branch(branch: xr.Dataset, path: str | Path) -> None:
-    """Draw a branch alone into a picture file."""
-    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
-    ax = bifurcation_diagram(branch, ax=figure.subplots())
+def branch_page(branch: xr.Dataset, quantity: str = "maximum") -> Figure:
+    """Draw a branch with what its file holds below it: simulations, and steady slip.
+
+    Raises ValueError for a quantity that is no number along the branch.
+    """
+    figure = page((8.0, 5.2))
+    _diagram(branch, quantity, figure.subplots())
+    return figure
+
+
+def branch_overview(branch: xr.Dataset) -> Figure:
+    """Draw a branch over the size of its multipliers and its frequency."""
+    figure = page((8.0, 9.0))
+    top, middle, low = figure.subplots(3, 1, height_ratios=(2.2, 1, 1), sharex=True)
+    _diagram(branch, "maximum", top)
+    top.set_xlabel("")
+    multipliers(branch, middle)
+    middle.set_xlabel("")
+    over = branch[str(branch.attrs["over"])]
+    stable = branch["stable"].values.astype(bool)
+    _line(low, over.values, 1 / branch["period"].values, stable, BRANCH, "cycle")
+    low.set_xlabel(_axis(over))
+    low.set_ylabel("frequency (Hz)" if _unit(branch["period"]) else "1 / period")
+    return figure
+
+
+def _diagram(branch: xr.Dataset, quantity: str, ax: Axes) -> None:
+    fair = [
+        str(name)
+        for name, variable in branch.data_vars.items()
+        if variable.dims == ("point",) and variable.dtype.kind == "f"
+    ]
+    if quantity not in fair:
+        raise ValueError(f"{quantity!r} is not in this branch; it holds {', '.join(fair)}")
+    brute = simulations(branch)
+    if brute is not None and quantity not in brute:
+        brute = None
+    still = rest(branch) if quantity == "maximum" else None
+    bifurcation_diagram(branch, brute, quantity=quantity, rest=still, ax=ax)
     ax.set_title(str(branch.attrs.get("title", "")), fontweight="bold")
-    figure.savefig(path, dpi=150)
 
 
 def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
@@ -150,6 +185,7 @@ def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
         ax.plot(branch[over], size[:, k], ".-", linewidth=1.0, label=f"multiplier {k + 1}")
     ax.axhline(1.0, color="black", linewidth=0.8)
     ax.set_yscale("symlog", linthresh=0.1)
+    ax.set_ylim(bottom=-0.02)
     ax.set_xlabel(_axis(branch[over]))
     ax.set_ylabel("size of the multiplier")
     ax.legend(loc="best", fontsize="small")

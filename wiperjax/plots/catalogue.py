@@ -12,7 +12,18 @@ from matplotlib.figure import Figure
 
 from ..runs import between, check_quantity, last_periods, settled
 from ..storage import StoreError
-from . import animation, classes, friction, line, overview, planes, portrait, run_page, spectra
+from . import (
+    animation,
+    branches,
+    classes,
+    friction,
+    line,
+    overview,
+    planes,
+    portrait,
+    run_page,
+    spectra,
+)
 
 Drawn = Figure | FuncAnimation
 
@@ -97,6 +108,17 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             ("y", "at"),
         ),
     },
+    "branch": {
+        "overview": Picture(
+            "cycles over the parameter, their multipliers and frequency", branches.branch_overview
+        ),
+        "cycles": Picture(
+            "any number of the cycles over the parameter (--quantity), stable and unstable",
+            branches.branch_page,
+            ("quantity",),
+        ),
+        "multipliers": Picture("size of the multipliers", branches.multipliers),
+    },
     "run": {
         "overview": Picture(
             "all of the stills below on one page", _run_page, _TIMES, _MOTION, last_periods
@@ -144,7 +166,7 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
         ),
     },
 }
-"""Pictures of maps and of runs by name; the first of each is the default."""
+"""Pictures of maps, branches and runs by name; the first of each is the default."""
 
 FLAGS = {  # option -> how the command line calls it, where not by its own name
     "start": "--from",
@@ -177,7 +199,7 @@ def draw(
             raise ValueError(f"{flag} does not suit the picture {name!r} of a {kind}")
     if missing := [variable for variable in picture.needs if variable not in ds]:
         raise StoreError(f"{path}: has no {missing[0]}, which the picture {name!r} needs")
-    if kind == "map":
+    if kind != "run":
         return _figure(picture.draw(ds, **given))
     if "quantity" in given:
         check_quantity(ds, given["quantity"])

@@ -31,7 +31,7 @@ def plot_file(
 
     Arguments:
 
-    - `path`: a map, a run, or the folder `MAP.h5.parts` of an unfinished sweep.
+    - `path`: a map, a run, a branch, or the folder `MAP.h5.parts` of an unfinished sweep.
     - `output`: .png, .pdf, .svg; for an animation .gif, or .mp4 where ffmpeg is installed.
     - `picture`: a name in `PICTURES`; `overview` if None, `animation` for its endings.
     - `force`: replace `output`.
@@ -96,22 +96,25 @@ def plot_all(
 
 @contextlib.contextmanager
 def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset, str]]:
-    """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map` or `run`.
+    """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map`, `branch`
+    or `run`.
 
     Of an unfinished sweep, which is read into memory, only with `raster` what is large.
 
-    Raises: `StoreError` if it is neither, or no cell is computed yet.
+    Raises: `StoreError` if it is none of them, or no cell is computed yet.
     """
     cellwise = [name for name, column in SCHEMA.items() if raster or not column.along]
     with open_map(path, cellwise) as ds:
         if "label" in ds:
             yield ds, "map"
+        elif "special_kind" in ds:
+            yield ds.load(), "branch"
         elif is_run(ds):
             yield ds.load(), "run"
         elif "cells_done" in ds.attrs:
             raise StoreError(f"{path}: no block of this sweep is computed yet")
         else:
-            raise StoreError(f"{path}: is neither a map nor a run; there is nothing to draw")
+            raise StoreError(f"{path}: is no map, run or branch; there is nothing to draw")
 
 
 def _check_ending(output: Path, moving: bool) -> None:

@@ -1,0 +1,158 @@
+"""Steepest descent of a cycle's noise, downhill until the cycle ends."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from .. import named
+from ..bifurcations import same_word
+from ..cycles import Cycle, Found, close, find_cycle
+from ..dataset import LABELS
+from ..labels import label
+from ..results import Regime
+from ..return_map import Lost
+from ..spectrum import dominant_frequency
+from ..trajectory import simulate
+from ..wiper import Wiper
+from .gradient import sensitivities
+
+
+class Path(NamedTuple):
+    """The way to a remedy."""
+
+    steps: xr.Dataset  # over ``step``: the parameters, the measure, the word, ``same_events``
+    blade: Any  # the last system
+    end: str  # why it ends
+    label: str  # class of the last blade, simulated from its default start ("" for other systems)
+
+
+def descend(
+    cycle: Cycle,
+    bounds: Mapping[str, tuple[float, float]],
+    *,
+    measure: str = "velocity_rms",
+    step: float = 0.04,
+    most: int = 60,
+    settle: float = 0.1,
+) -> Path:
+    """Return the path of steepest descent of a cycle's noise inside ``bounds``, until it ends.
+
+    **Arguments:** ``cycle`` to begin with; ``bounds``, name -> (low, high), SI units: a step is
+    measured in these ranges, so a wide range is a cheap parameter; ``measure`` (see
+    `sensitivities`); ``step``, its length; ``most`` steps; ``settle`` [s] of the simulations that
+    look for another motion where the cycle has ended.
+
+    **Returns** a `Path`. ``end`` is one of: the cycle ends and nothing replaces it (quiet); bounds
+    that leave no way down; the number of steps. ``same_events`` is False at a step whose events are
+    not those of the step before: the gradient that led there did not know of them.
+    """
+    low, high = (np.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
+    at = np.array([named.value(cycle.system, name) for name in bounds])
+    if np.any(at < low) or np.any(at > high):
+        worst = list(bounds)[int(np.argmax((at < low) | (at > high)))]
+        raise ValueError(f"bounds must hold the blade as it is, but {worst} lies outside")
+    x = (at - low) / (high - low)
+    rows = [_row(cycle, bounds, measure, True)]
+    if cycle.shooting is None:
+        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
+    varied = tuple(dict.fromkeys((*cycle.shooting.varied, *bounds)))
+    end, system = f"{most} steps", named.traceable(cycle.system, *varied)
+    cycle = replace(cycle, system=system, shooting=replace(cycle.shooting, varied=varied))
+    for _ in range(most):
+        slope = sensitivities(cycle, bounds, measure)["buys"].values
+        free = ~(((x <= 0) & (slope > 0)) | ((x >= 1) & (slope < 0)))
+        downhill = np.where(free, -slope, 0.0)
+        if np.linalg.norm(downhill) < 1e-6:
+            end = "the bounds leave no way down"
+            break
+        x = np.clip(x + step * downhill / np.linalg.norm(downhill), 0.0, 1.0)
+        for name, value in zip(bounds, low + x * (high - low), strict=True):
+            system = named.replaced(system, name, value)
+        following = _tracked(cycle, system)
+        if following is None:  # the cycle ends here; is there another motion?
+            following = _settled(cycle, system, settle)
+        if following.found == Found.AT_REST:  # quiet from here; from the default start as well?
+            other = _settled(cycle, system, settle, default=True)
+            following = other if other.found == Found.FOUND else following
+        if following.found != Found.FOUND:
+            end = f"the cycle has ended: {following.found.name.lower()}"
+            rows.append(_row(replace(following, system=system), bounds, measure, False))
+            break
+        rows.append(_row(following, bounds, measure, same_word(cycle, following)))
+        cycle = following
+    names = list(bounds)
+    columns = {name: ("step", np.array([row[name] for row in rows])) for name in names}
+    columns |= {
+        measure: ("step", np.array([row[measure] for row in rows])),
+        "word": ("step", np.array([row["word"] for row in rows], object)),
+        "same_events": ("step", np.array([row["same_events"] for row in rows])),
+    }
+    said = verdict(system, settle=settle)["label"] if isinstance(system, Wiper) else ""
+    return Path(xr.Dataset(columns, attrs={"end": end}), system, end, said)
+
+
+def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycle:
+    """Return the cycle that ``system`` settles on from where ``cycle`` was, or its own start."""
+    shooting, state = cycle.shooting, cycle.state
+    assert shooting is not None and state is not None
+    n = len(state) // 2
+    return find_cycle(
+        system,
+        settle=settle,
+        initial_state=None if default and isinstance(system, Wiper) else (state[:n], state[n:]),
+        period=None if shooting.clock is None else shooting.clock,
+        varied=shooting.varied,
+        rtol=shooting.rtol,
+    )
+
+
+def _row(cycle: Cycle, bounds, measure: str, same: bool) -> dict[str, Any]:
+    row: dict[str, Any] = {name: named.value(cycle.system, name) for name in bounds}
+    noise = getattr(cycle, measure)
+    rests = cycle.found == Found.AT_REST and measure == "velocity_rms"
+    return row | {
+        measure: 0.0 if rests else noise,
+        "word": cycle.word,
+        "same_events": same,
+    }
+
+
+def _tracked(cycle: Cycle, system) -> Cycle | None:
+    """Return the cycle of ``system`` near ``cycle``, or None."""
+    shooting = cycle.shooting
+    assert shooting is not None and cycle.state is not None
+    shooting = replace(shooting, system=system, over=None)
+    try:
+        found = close(shooting, cycle.state, cycle.regime, cycle.period, cycle.phase)
+    except Lost:
+        return None
+    near = found.found == Found.FOUND and abs(found.period / cycle.period - 1) < 0.2
+    # a cycle that has lost its stick and repels is not what is heard
+    return found if near and found.stable else None
+
+
+def verdict(blade: Wiper, *, settle: float = 0.2, window: float = 0.1, rtol: float = 1e-8) -> dict:
+    """Return the class of noise of ``blade`` from its default start, with what it rests on.
+
+    A simulation of ``settle`` seconds, and of ``window`` seconds that are looked at; the thresholds
+    are the defaults of `labels`.
+    """
+    interval = window / 4096
+    run = simulate(blade, settle + window, sample_interval=interval, rtol=rtol)
+    late = run.isel(time=slice(-4096, None))
+    velocity = late["velocity"].sel(axis="x").values
+    whole = len(velocity) == 4096
+    regime = late["regime"].values
+    columns = {
+        "result": int(run["result"]),
+        "velocity_rms": float(np.std(velocity)),
+        "belt_speed_rms": float(blade.belt.rms),
+        "dominant_frequency": float(dominant_frequency(velocity, interval)) if whole else np.nan,
+        "stick_fraction": float(np.mean(regime == Regime.STICK)),
+        "flight_fraction": float(np.mean(regime == Regime.FLIGHT)),
+    }
+    names = {code: name for name, code in LABELS.items()}
+    return columns | {"label": names[int(label(columns))]}
