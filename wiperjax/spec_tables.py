@@ -192,7 +192,7 @@ class Sensitivities(Table):
     ]
     check: Annotated[float, Field(ge=0, le=1)] = 0.05
     step: Annotated[float, Field(gt=0, le=1e-2)] = 1e-5
-    grazing: NonNegative = 1e-6
+    grazing: NonNegative = 1e-4
     settled: Positive = 0.05
 
 
