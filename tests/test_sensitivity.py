@@ -133,7 +133,7 @@ def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, f
     seen = iter(blocks)
     in_memory = driver.run(spec, None, evaluate=lambda *_: next(seen), identity=identity, **options)
     with (
-        LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster,
+        LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         Client(cluster) as client,
         driver.run(spec, path, resume=True, workers=Workers(client), **options) as ds,
     ):

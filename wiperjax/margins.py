@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from .guards import first_switch
-from .observers import END_SLOPE, AbstractObserver, Totals
+from .noise import ReversalTotals
+from .observers import END_SLOPE, AbstractObserver, RegimeTotals, Totals
 from .results import Event
 from .system import Scalar
 
@@ -44,7 +45,7 @@ class Watched(NamedTuple):
 class Margins(AbstractObserver):
     """Another observer, and the grazing margin and the word of events beside it."""
 
-    observer: AbstractObserver
+    observer: RegimeTotals | ReversalTotals
     slots: int  # of guards that are watched: all but those of corners
 
     def init(self, dtype, shape=()):
@@ -111,6 +112,6 @@ def _beaten(record, on, **peaks) -> Peaks:
     return seconds
 
 
-def watch(system, observer: AbstractObserver) -> Margins:
+def watch(system, observer: RegimeTotals | ReversalTotals) -> Margins:
     """Return ``observer`` with the margins of the contact's guards beside it."""
     return Margins(observer, first_switch(system))

@@ -50,7 +50,7 @@ class Stretch(NamedTuple):
         """
         rise = sum(w * x for w, x in zip(END_SLOPE, values, strict=True))
         step = jnp.where(self.step > 0, self.step, 1.0).astype(values[-1].dtype)
-        end = values[-1] + rise * self.correction.astype(rise.dtype) / step
+        end = values[-1] + rise * self.correction.astype(step.dtype) / step
         a, b, c, d, e = values
         # powers of s, the place in quarters of the step from its middle
         c1 = (a - 8 * b + 8 * d - e) / 12
@@ -58,7 +58,7 @@ class Stretch(NamedTuple):
         c3 = (2 * (b - d) - (a - e)) / 12
         c4 = (a + e - 4 * (b + d) + 6 * c) / 24
         s = stop_gradient(jnp.where((b > c) & (b >= d), -1.0, jnp.where(d > c, 1.0, 0.0)))
-        s = s.astype(rise.dtype)
+        s = s.astype(step.dtype)
         for _ in range(3):
             slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
             bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
