@@ -3,6 +3,8 @@
 import os
 import signal
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import test_storage
@@ -10,6 +12,7 @@ import xarray as xr
 
 from wiperjax import cells, dataset, driver, sensitivity, work
 from wiperjax.cluster import Workers
+from wiperjax.observers import Stretch
 from wiperjax.spec import SpecError, parse_sweep
 from wiperjax.storage import open_map, parts_of
 
@@ -138,6 +141,32 @@ def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, f
         driver.run(spec, path, resume=True, workers=Workers(client), **options) as ds,
     ):
         xr.testing.assert_identical(test_storage.data_of(ds), test_storage.data_of(in_memory))
+
+
+@pytest.mark.parametrize("correction", [-1e-4, 0.0, 1e-4])
+def test_a_peak_is_that_of_a_quartic_and_so_is_its_derivative(correction):
+    """Against a fine grid: peaks inside, at the start, and at the end, which an event may shift."""
+    powers = np.arange(5)
+    rng = np.random.default_rng(3)
+    # single humps, and slopes either way
+    hump = np.stack([rng.uniform(-1, 1, 200), *rng.normal(0, 0.2, (4, 200))])
+    hump[2] -= rng.uniform(0, 2, 200)
+    hump[1] += rng.uniform(-1, 3, 200)
+
+    def peak(shape, correction):
+        nodes = tuple((0.25 * k) ** powers @ shape for k in range(5))
+        step = jnp.ones(())
+        stretch = Stretch(None, 0.0, step, jnp.asarray(correction), 0, (), (), ())
+        return stretch.peak(nodes)
+
+    grid = np.linspace(0, 1 + correction, 20001)[:, None] ** powers
+    value, slope = jax.vmap(jax.value_and_grad(peak), (1, None))(hump, correction)
+    heights = grid @ hump
+    place = np.argmax(heights, axis=0)
+    np.testing.assert_allclose(value, heights.max(axis=0), atol=1e-7)
+    np.testing.assert_allclose(slope, grid[place], atol=1e-3)
+    assert 20 < np.sum(place == 0) and 20 < np.sum(place == 20000)
+    assert 80 < np.sum((place > 0) & (place < 20000))
 
 
 def test_settled_is_judged_by_the_first_and_the_last_periods():
