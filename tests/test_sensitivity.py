@@ -209,6 +209,9 @@ def test_a_sweep_without_them_keeps_its_digest():
         "test.toml",
     )
     assert "sensitivities" not in spec.canonical()
+    # and of its tolerance nothing need be said
+    assert not any("rtol" in line for line in spec.notes())
+    assert any("rtol = 1e-06 makes" in line for line in spec.with_sensitivities().notes())
     assert spec.with_sensitivities().digest() != spec.digest()
     again = parse_sweep(spec.with_sensitivities().document(), "again")
     assert again.sensitivities == spec.with_sensitivities().sensitivities

@@ -26,6 +26,7 @@ from .wiper import Wiper
 FLOOR = 0.01  # a derivative that changes its outcome by less of its scale is compared with that
 REST = 1e-5  # of the belt speed: below it the standard deviation of the velocity is rounding
 STENCIL = {1: 2 / 3, -1: -2 / 3, 2: -1 / 12, -2: 1 / 12}  # steps -> weight, of fourth order
+GRAZING = 1e4  # times the tolerance: at this margin a derivative is 1.5e-4 off
 SAME = 1e-5  # relative difference of two derivatives that are one
 LARGEST = {  # outcomes that are largest values, by their names in `margins.Peaks`
     "normal_force_max": "normal_force_max",
@@ -78,7 +79,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     seconds = {SECOND[field]: x for field, x in watched.seconds._asdict().items()}
     code = np.full(count, VALIDITY["fine"], np.int8)
     _mask_contested(slopes, columns | seconds, theta, base, asked)
-    code[watched.margin < asked.grazing] = VALIDITY["near_grazing"]
+    code[watched.margin < max(asked.grazing, GRAZING * run.rtol)] = VALIDITY["near_grazing"]
     checked = np.flatnonzero(_drawn(index, asked.check))
     agreement = np.full(count, np.nan)
     if checked.size:

@@ -180,7 +180,8 @@ class Sensitivities(Table):
         parameters: names of blade or belt parameters.
         check: share of the cells that is checked by central differences.
         step: of those, relative to the parameter (angles: to 1 rad).
-        grazing: smallest grazing margin at which derivatives still count as valid.
+        grazing: smallest grazing margin at which derivatives still count as valid (at least 1e4
+            rtol).
         settled: largest relative difference of the tip velocity's standard deviation between the
             first and the last whole periods of the settled window.
     """
