@@ -15,6 +15,7 @@ from wiperjax.cluster import Workers
 from wiperjax.observers import Stretch
 from wiperjax.spec import SpecError, parse_sweep
 from wiperjax.storage import open_map, parts_of
+from wiperjax.wiper import Wiper
 
 CELLS, BLOCK = 224, 112
 STILL = 1e-3  # Hz: a belt that keeps its speed
@@ -167,6 +168,28 @@ def test_a_peak_is_that_of_a_quartic_and_so_is_its_derivative(correction):
     np.testing.assert_allclose(slope, grid[place], atol=1e-3)
     assert 20 < np.sum(place == 0) and 20 < np.sum(place == 20000)
     assert 80 < np.sum((place > 0) & (place < 20000))
+
+
+def test_a_largest_value_about_to_be_overtaken_is_masked():
+    """The runner-up 1e-5 below catches up within two steps of 1e-5 where its slope is another."""
+    asked = blades(step=1e-5).sensitivities
+    count, seconds = 4, list(sensitivity.SECOND.values())
+    below = np.array([1e-5, 1e-5, 1e-2, 1e-5])
+    columns = {
+        "result": np.zeros(count),
+        "belt_speed_rms": np.full(count, 0.3),
+        "normal_force_max": np.full(count, 20.0),
+        seconds[0]: 20.0 - below,
+    }
+    slopes = {"normal_force_max": np.ones((count, 1)), seconds[0]: np.ones((count, 1))}
+    slopes[seconds[0]][:, 0] = [1.2, 1.0, 1.2, 1.01]  # per N/m of load: times 15 per unit of it
+    for name, second in zip(("gap_max", "impact_impulse_max"), seconds[1:], strict=True):
+        columns |= {name: np.zeros(count), second: np.zeros(count)}
+        slopes |= {name: np.zeros((count, 1)), second: np.zeros((count, 1))}
+    theta = {"normal_load": np.full(count, 15.0)}
+    sensitivity._mask_contested(slopes, columns, theta, Wiper(), asked)
+    assert np.isnan(slopes["normal_force_max"][:, 0]).tolist() == [True, False, False, False]
+    assert np.all(slopes["gap_max"] == 0)
 
 
 def test_settled_is_judged_by_the_first_and_the_last_periods():
