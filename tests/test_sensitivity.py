@@ -1,26 +1,44 @@
 """Derivatives of a sweep: right where they are declared valid, and nothing where they are not."""
 
+import os
+import signal
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+import test_storage
+import xarray as xr
 
-from wiperjax import cells, dataset, sensitivity
+from wiperjax import cells, dataset, driver, sensitivity, work
+from wiperjax.cluster import Workers
+from wiperjax.observers import Stretch
 from wiperjax.spec import SpecError, parse_sweep
+from wiperjax.storage import open_map, parts_of
+from wiperjax.wiper import Wiper
 
-CELLS = 208
-EXTREMES = ("normal_force_max", "gap_max", "impact_impulse_max")  # of a parabola through nodes
+CELLS, BLOCK = 224, 112
+STILL = 1e-3  # Hz: a belt that keeps its speed
 
 
 def blades(**extra):
+    """Random blades on a belt that keeps its speed, and on one that reverses.
+
+    Half of the angles are those at which a stiff support chatters with flight.
+    """
     rng = np.random.default_rng(7)
+    angles = [*rng.uniform(-40, 40, 7), *rng.uniform(-37, -29, 7)]
     return parse_sweep(
         {
             "axes": {
-                "attack_angle": {"values": sorted(rng.uniform(-40, 40, 16).tolist())},
-                "belt_speed": {"values": sorted(rng.uniform(0.1, 0.9, 13).tolist())},
+                "belt_frequency": {"values": [STILL, 20.0]},
+                "attack_angle": {"values": sorted(angles)},
+                "belt_speed": {"values": sorted(rng.uniform(0.15, 0.6, 8).tolist())},
             },
-            "blade": {"support_stiffness": 8000.0},  # flight on the leading side
-            "run": {"transient": 0.01, "window": 0.02, "rtol": 1e-9, "samples": 128},
-            "sensitivities": {"check": 1.0, "step": 1e-6, "settled": 10.0} | extra,
+            "belt": {"kind": "wiping", "phase": 90.0},
+            "blade": {"support_stiffness": 8000.0},
+            "run": {"transient": 0.001, "window": 0.019, "rtol": 1e-11, "samples": 128},
+            "sensitivities": {"check": 1.0, "step": 6e-6} | extra,
         },
         "test.toml",
     )
@@ -28,36 +46,53 @@ def blades(**extra):
 
 @pytest.fixture(scope="module")
 def found():
-    """Columns of a sweep, and the differences behind its agreement."""
-    seen = {}
+    """Columns of each block, and the differences behind their agreement."""
+    gaps = []
     check = sensitivity._check
 
     def spy(*arguments):
-        seen["other"], seen["gaps"] = check(*arguments)
-        return seen["other"], seen["gaps"]
+        other, found = check(*arguments)
+        gaps.append(found)
+        return other, found
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sensitivity, "_check", spy)
-        columns = cells.evaluate(blades(), np.arange(CELLS))
-    return columns, seen["gaps"]
+        blocks = [
+            cells.evaluate(blades(), np.arange(start, start + BLOCK))
+            for start in range(0, CELLS, BLOCK)
+        ]
+    return blocks, {name: np.concatenate([gap[name] for gap in gaps]) for name in gaps[0]}
+
+
+@pytest.fixture(scope="module")
+def columns(found):
+    blocks = found[0]
+    per_cell = [name for name, x in blocks[0].items() if np.shape(x)[:1] == (BLOCK,)]
+    return {name: np.concatenate([b[name] for b in blocks]) for name in per_cell}
 
 
 @pytest.mark.slow
-def test_derivatives_agree_with_central_differences(found):
-    columns, gaps = found
+def test_derivatives_agree_with_central_differences(found, columns):
+    """Issue 7, item 6: over stick-slip, chatter with flight and reversal."""
     fine = columns["sensitivity_code"] == dataset.VALIDITY["fine"]
-    assert fine.sum() >= 0.7 * CELLS
-    assert np.any(columns["flight_fraction"][fine] > 0)
-    assert np.sum(columns["stick_fraction"][fine] > 0.1) >= 50
-    smooth = [gap for (outcome, _), gap in gaps.items() if outcome not in EXTREMES]
-    worst = np.max(smooth, axis=0)[fine]
-    assert np.median(worst) < 1e-6
-    assert np.quantile(worst, 0.95) < 1e-4
+    reverses = np.arange(CELLS) >= CELLS // 2
+    worst = np.max(list(found[1].values()), axis=0)
+    kinds = {
+        "all": (fine, 200),
+        "stick-slip": (fine & (columns["stick_count"] > 0), 60),
+        "flight": (fine & (columns["flight_fraction"] > 0.001), 50),
+        "reversal": (fine & reverses, 90),
+    }
+    for name, (those, fewest) in kinds.items():
+        median, largest = np.median(worst[those]), worst[those].max()
+        print(f"{name}: {those.sum()} cells, {median:.1e} in the median, {largest:.1e} at worst")
+        assert those.sum() >= fewest, name
+        assert median < 1e-6, name
+        assert largest < 1e-4, name
 
 
 @pytest.mark.slow
-def test_what_does_not_hold_is_masked(found):
-    columns, _ = found
+def test_what_does_not_hold_is_masked(columns):
     bad = columns["sensitivity_code"] != dataset.VALIDITY["fine"]
     names = [name for name in columns if name.startswith("d_")]
     assert len(names) == 3 * len(dataset.DIFFERENTIABLE)
@@ -68,13 +103,117 @@ def test_what_does_not_hold_is_masked(found):
 
 
 @pytest.mark.slow
-def test_units_are_those_of_files(found):
+def test_units_are_those_of_files(columns):
     """Degrees: against the closed form of the belt's speed, and the map's own attributes."""
-    columns, _ = found
     fine = columns["sensitivity_code"] == dataset.VALIDITY["fine"]
-    np.testing.assert_allclose(columns["d_belt_speed_rms_d_belt_speed"][fine], 1.0)
+    np.testing.assert_allclose(columns["d_belt_speed_rms_d_belt_speed"][fine], 0.5**0.5)
     units = dataset.SCHEMA["d_velocity_rms_d_attack_angle"].attributes()["units"]
     assert units == "(m/s)/(degrees)"
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # of dask
+def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, found):
+    """The first block is kept by a process that is killed in the second, which a worker of dask
+    then computes: in this process, where the engine is compiled already."""
+    from distributed import Client, LocalCluster
+
+    blocks, spec, path = found[0], blades(), tmp_path / "map.h5"
+    options = {"block": BLOCK, "progress": False}
+
+    def dies(spec, index):
+        if index[0]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return blocks[0]
+
+    identity = work.engine()[1]
+    child = test_storage.fork(
+        lambda: driver.run(spec, path, evaluate=dies, identity=identity, **options)
+    )
+    assert os.WIFSIGNALED(os.waitpid(child, 0)[1])
+    with open_map(parts_of(path)) as part:
+        assert part.done.values.sum() == BLOCK
+        assert np.isnan(part.d_stick_fraction_d_normal_load.values.ravel()[BLOCK:]).all()
+    seen = iter(blocks)
+    in_memory = driver.run(spec, None, evaluate=lambda *_: next(seen), identity=identity, **options)
+    with (
+        LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
+        Client(cluster) as client,
+        driver.run(spec, path, resume=True, workers=Workers(client), **options) as ds,
+    ):
+        xr.testing.assert_identical(test_storage.data_of(ds), test_storage.data_of(in_memory))
+
+
+@pytest.mark.parametrize("correction", [-1e-4, 0.0, 1e-4])
+def test_a_peak_is_that_of_a_quartic_and_so_is_its_derivative(correction):
+    """Against a fine grid: peaks inside, at the start, and at the end, which an event may shift."""
+    powers = np.arange(5)
+    rng = np.random.default_rng(3)
+    # single humps, and slopes either way
+    hump = np.stack([rng.uniform(-1, 1, 200), *rng.normal(0, 0.2, (4, 200))])
+    hump[2] -= rng.uniform(0, 2, 200)
+    hump[1] += rng.uniform(-1, 3, 200)
+
+    def peak(shape, correction):
+        nodes = tuple((0.25 * k) ** powers @ shape for k in range(5))
+        step = jnp.ones(())
+        stretch = Stretch(None, 0.0, step, jnp.asarray(correction), 0, (), (), ())
+        return stretch.peak(nodes)
+
+    grid = np.linspace(0, 1 + correction, 20001)[:, None] ** powers
+    value, slope = jax.vmap(jax.value_and_grad(peak), (1, None))(hump, correction)
+    heights = grid @ hump
+    place = np.argmax(heights, axis=0)
+    np.testing.assert_allclose(value, heights.max(axis=0), atol=1e-7)
+    np.testing.assert_allclose(slope, grid[place], atol=1e-3)
+    assert 20 < np.sum(place == 0) and 20 < np.sum(place == 20000)
+    assert 80 < np.sum((place > 0) & (place < 20000))
+
+
+def test_a_largest_value_about_to_be_overtaken_is_masked():
+    """The runner-up 1e-5 below catches up within two steps of 1e-5 where its slope is another."""
+    asked = blades(step=1e-5).sensitivities
+    count, seconds = 4, list(sensitivity.SECOND.values())
+    below = np.array([1e-5, 1e-5, 1e-2, 1e-5])
+    columns = {
+        "result": np.zeros(count),
+        "belt_speed_rms": np.full(count, 0.3),
+        "normal_force_max": np.full(count, 20.0),
+        seconds[0]: 20.0 - below,
+    }
+    slopes = {"normal_force_max": np.ones((count, 1)), seconds[0]: np.ones((count, 1))}
+    slopes[seconds[0]][:, 0] = [1.2, 1.0, 1.2, 1.01]  # per N/m of load: times 15 per unit of it
+    for name, second in zip(("gap_max", "impact_impulse_max"), seconds[1:], strict=True):
+        columns |= {name: np.zeros(count), second: np.zeros(count)}
+        slopes |= {name: np.zeros((count, 1)), second: np.zeros((count, 1))}
+    theta = {"normal_load": np.full(count, 15.0)}
+    sensitivity._mask_contested(slopes, columns, theta, Wiper(), asked)
+    assert np.isnan(slopes["normal_force_max"][:, 0]).tolist() == [True, False, False, False]
+    assert np.all(slopes["gap_max"] == 0)
+
+
+def test_settled_is_judged_by_the_first_and_the_last_periods():
+    spec = parse_sweep(
+        {
+            "axes": {"attack_angle": {"start": 0, "stop": 10, "num": 4}},
+            "run": {"transient": 0.0, "window": 0.02, "samples": 512},
+            "sensitivities": {"settled": 0.05},
+        },
+        "test.toml",
+    )
+    time = np.arange(512) / 512 * 0.02
+    wave = np.sin(2 * np.pi * 770 * time)
+    slow = np.sin(2 * np.pi * 30 * time)
+    growing = wave * np.exp(20 * time)
+    signals = np.stack([wave, growing, 1e-4 * growing, slow])
+    columns = {
+        "result": np.zeros(4),
+        "signal": 0.3 * signals,
+        "velocity_rms": 0.3 * np.std(signals, axis=1),
+        "belt_speed_rms": np.full(4, 0.3),
+    }
+    settled = sensitivity._is_settled(columns, spec)
+    assert settled.tolist() == [True, False, True, False]  # slow: not two periods
 
 
 def test_faults_are_one_line():
@@ -93,6 +232,9 @@ def test_a_sweep_without_them_keeps_its_digest():
         "test.toml",
     )
     assert "sensitivities" not in spec.canonical()
+    # and of its tolerance nothing need be said
+    assert not any("rtol" in line for line in spec.notes())
+    assert any("rtol = 1e-06 makes" in line for line in spec.with_sensitivities().notes())
     assert spec.with_sensitivities().digest() != spec.digest()
     again = parse_sweep(spec.with_sensitivities().document(), "again")
     assert again.sensitivities == spec.with_sensitivities().sensitivities

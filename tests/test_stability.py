@@ -1,6 +1,9 @@
 """Steady slip: closed forms of VERIFICATION.md V11, MODEL.md by hand, and simulations beside it."""
 
+from dataclasses import replace
+
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -203,3 +206,50 @@ def test_simulations_beside_the_boundary_grow_as_linearised(angle, hopf, branch,
     assert (growth > 0) == (side < 1)
     assert growth == pytest.approx(r.growth_rate, rel=2e-5)  # measured: 4e-6
     assert turn == pytest.approx(value.imag, rel=1e-7)
+
+
+@pytest.mark.slow
+def test_simulations_beside_the_boundary_all_over_the_map():
+    """Random blades, each at 3 % below and above its own Hopf speed, 1e-6 L from equilibrium."""
+    blade, _ = random_blades(2)
+    speeds = np.geomspace(0.05, 2.0, 24)
+    rates = np.array([steady_slip(blade, np.full(CELLS, v)).growth_rate for v in speeds])
+    falls = (rates[:-1] > 0) & (rates[1:] < 0)
+    place = np.argmax(falls, axis=0)
+    low, high = speeds[place], speeds[place + 1]
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        grows = np.asarray(steady_slip(blade, middle).growth_rate) > 0
+        low, high = np.where(grows, middle, low), np.where(grows, high, middle)
+    beside = low * np.array([[0.97], [1.03]])
+    r = [jax.tree.map(np.asarray, steady_slip(blade, v)) for v in beside]
+    # a boundary of oscillation, on one branch
+    good = falls.any(axis=0) & (r[0].frequency > 0) & (r[1].frequency > 0)
+    good &= (r[0].growth_rate > 0) & (r[1].growth_rate < 0)
+    assert good.sum() >= 40
+    r = jax.tree.map(lambda *x: np.concatenate([y[good] for y in x]), *r)
+    beside = beside[:, good].ravel()
+    blade = jax.tree.map(lambda x: jnp.asarray(np.tile(x[good], 2) if np.ndim(x) else x), blade)
+    # whole periods, in which the wave changes by less than a factor e: it stays small
+    turns = np.floor(np.clip(r.frequency / np.abs(r.growth_rate), 1, 20))
+    last = turns / r.frequency
+
+    @jax.jit
+    @jax.vmap
+    def run(wiper, speed, x, duration):
+        wiper = replace(wiper, belt=wiperjax.SteadyBelt(speed))
+        start = ((x, 0.0), (0.0, 0.0))
+        s = wiperjax.solve(wiper, duration, initial_state=start, rtol=1e-12, max_events=0)
+        return s.final_position[0], s.final_velocity[0], s.events.count
+
+    offset = 1e-6 * np.asarray(blade.lip_length)
+    blade = jax.tree.map(lambda x: jnp.broadcast_to(x, offset.shape), blade)
+    x, v, events = run(blade, beside, r.x + offset, last)
+    assert np.all(events == 0)
+    value = r.growth_rate + 2j * np.pi * r.frequency
+    wave = (v - np.conj(value) * (x - r.x)) / (-np.conj(value) * offset)
+    np.testing.assert_array_equal(np.sign(np.log(np.abs(wave))), np.sign(r.growth_rate))
+    ratio = np.log(np.abs(wave)) / (r.growth_rate * last)
+    assert np.median(np.abs(ratio - 1)) < 1e-4
+    np.testing.assert_allclose(ratio, 1, rtol=3e-3)  # measured: 1e-3
+    np.testing.assert_allclose(np.angle(wave), 0, atol=3e-3)  # after whole periods

@@ -12,7 +12,7 @@ from .belts import SteadyBelt
 from .dataset import NONE, raster_index
 from .ladder import on_rung, operating_speed, start_on_rung
 from .lanes import Outcome, Pool, run_pool
-from .margins import Watched, watch
+from .margins import Watched, regime_totals, watch
 from .noise import ReversalTotals
 from .observers import RegimeTotals
 from .results import Result
@@ -237,9 +237,7 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
 
 def statistics(outcome: Outcome, window) -> dict[str, Any]:
     """Return the outcomes that have derivatives by parameters, (cells,) each."""
-    record = outcome.observed
-    while hasattr(record, "totals"):
-        record = record.totals
+    record = regime_totals(outcome.observed)
     mean = record.output_integral / window
     variance = jnp.maximum(record.output_square_integral / window - mean * mean, 0.0)
     return {

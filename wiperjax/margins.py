@@ -5,6 +5,9 @@ minimum would have been g'^2 / (2 g'') below zero. One that turns round before i
 grazing by its minimum. The smaller of the two, relative to the size of the guard, is the margin. At
 grazing it is zero and the derivative infinite (di Bernardo et al., "Piecewise-smooth Dynamical
 Systems", 2008, chapter 6).
+
+A largest value has two derivatives where two peaks are equally high: the runner-up is kept with its
+own, to tell how near the next peak is to overtaking.
 """
 
 from typing import Any, NamedTuple
@@ -12,7 +15,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from .guards import first_switch
-from .observers import END_SLOPE, AbstractObserver
+from .noise import ReversalTotals
+from .observers import END_SLOPE, AbstractObserver, RegimeTotals, Totals
 from .results import Event
 from .system import Scalar
 
@@ -20,25 +24,36 @@ from .system import Scalar
 HARMLESS = (Event.NONE, Event.KINK, Event.BELT_REVERSAL, Event.BELT_KINK)
 
 
+class Peaks(NamedTuple):
+    """One value for each of the largest values that `RegimeTotals` keeps, named alike."""
+
+    normal_force_max: Scalar
+    gap_max: Scalar
+    impulse_max: Scalar
+
+
 class Watched(NamedTuple):
     """Record of `Margins`: of another observer, and of the events from the start on."""
 
     totals: Any
     margin: Scalar  # 1: never near grazing
-    word: Scalar  # hash of the sequence of events
+    word: Scalar  # hash of the sequence of events, and of which come before the window
     falling: tuple  # whether each guard fell at the end of the last stretch
+    seconds: Peaks  # the runners-up
 
 
 class Margins(AbstractObserver):
     """Another observer, and the grazing margin and the word of events beside it."""
 
-    observer: AbstractObserver
+    observer: RegimeTotals | ReversalTotals
     slots: int  # of guards that are watched: all but those of corners
 
     def init(self, dtype, shape=()):
         no = (jnp.zeros(shape, bool),) * self.slots
         margin, word = jnp.ones(shape, dtype), jnp.zeros(shape, jnp.int32)
-        return Watched(self.observer.init(dtype, shape), margin, word, no)
+        zero = jnp.zeros(shape, dtype)
+        seconds = Peaks(zero, zero, zero)
+        return Watched(self.observer.init(dtype, shape), margin, word, no, seconds)
 
     def stretch(self, record, stretch):
         margin, falling = record.margin, []
@@ -56,19 +71,47 @@ class Margins(AbstractObserver):
             here = jnp.where(ends, depth, jnp.where(turns, clear, scale)) / scale
             margin = jnp.minimum(margin, jnp.where(size > 0, here, 1.0))
             falling.append(slope < 0)
+        gap = record.seconds.gap_max
+        if stretch.system.unilateral:
+            gap = stretch.peak([stretch.system.gap(n.time, n.position) for n in stretch.nodes])
+        force = stretch.peak([n.forces.normal for n in stretch.nodes])
+        on = stretch.start >= self.observer.start
+        seconds = _beaten(record, on, normal_force_max=force, gap_max=gap)
         totals = self.observer.stretch(record.totals, stretch)
-        return Watched(totals, margin, record.word, tuple(falling))
+        return Watched(totals, margin, record.word, tuple(falling), seconds)
 
     def event(self, record, happening):
         kind = happening.kind
         counts = jnp.ones_like(kind, bool)
         for harmless in HARMLESS:
             counts = counts & (kind != harmless)
-        word = jnp.where(counts, 31 * record.word + kind + 1, record.word).astype(jnp.int32)
+        # an event that moves across the edge of the window changes what is counted in it
+        symbol = kind + 1 + len(Event) * (happening.time >= self.observer.start)
+        word = jnp.where(counts, 31 * record.word + symbol, record.word).astype(jnp.int32)
         still = tuple(f & ~counts for f in record.falling)
-        return Watched(self.observer.event(record.totals, happening), record.margin, word, still)
+        on = happening.time >= self.observer.start
+        seconds = _beaten(record, on, impulse_max=happening.impulse)
+        totals = self.observer.event(record.totals, happening)
+        return Watched(totals, record.margin, word, still, seconds)
 
 
-def watch(system, observer: AbstractObserver) -> Margins:
+def regime_totals(record) -> Totals:
+    """The record of `RegimeTotals` inside that of any observer which keeps one."""
+    while not isinstance(record, Totals):
+        record = record.totals
+    return record
+
+
+def _beaten(record, on, **peaks) -> Peaks:
+    """Return the runners-up after new ``peaks``, where ``on``."""
+    best, seconds = regime_totals(record), record.seconds
+    for name, peak in peaks.items():
+        loser = jnp.minimum(getattr(best, name), peak)
+        second = getattr(seconds, name)
+        seconds = seconds._replace(**{name: jnp.where(on, jnp.maximum(second, loser), second)})
+    return seconds
+
+
+def watch(system, observer: RegimeTotals | ReversalTotals) -> Margins:
     """Return ``observer`` with the margins of the contact's guards beside it."""
     return Margins(observer, first_switch(system))

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 
 from .results import Event, Regime
 from .system import Scalar
@@ -41,25 +42,31 @@ class Stretch(NamedTuple):
         return self.step.astype(dtype) * mean + self.correction.astype(dtype) * values[-1]
 
     def peak(self, values) -> Scalar:
-        """Largest value of something given at the nodes: the vertex of the parabola through the
-        largest node and its neighbours.
+        """Largest value of something given at the nodes: that of an end, or the vertex of the
+        quartic through the nodes, sought by Newton from the largest inner one.
 
-        The largest node alone would have an error of second order, and no usable derivative.
+        Nothing changes at first order when a vertex moves, so its place carries no derivative; the
+        end does, with the time of an event.
         """
         rise = sum(w * x for w, x in zip(END_SLOPE, values, strict=True))
         step = jnp.where(self.step > 0, self.step, 1.0).astype(values[-1].dtype)
-        *inner, end = values
-        nodes = (*inner, end + rise * self.correction.astype(end.dtype) / step)
-        # in the middle: the largest of the inner nodes
-        a, b, c = nodes[:3]
-        for i in (2, 3):
-            higher = nodes[i] > b
-            around = zip(nodes[i - 1 : i + 2], (a, b, c), strict=True)
-            a, b, c = (jnp.where(higher, new, old) for new, old in around)
-        bend, slope = a - 2 * b + c, 0.5 * (c - a)
-        at = jnp.clip(-slope / jnp.where(bend < 0, bend, -1.0), -1.0, 1.0)
-        high = jnp.where(bend < 0, b + at * (slope + 0.5 * at * bend), b)
-        return jnp.maximum(jnp.maximum(nodes[0], nodes[-1]), high)
+        end = values[-1] + rise * self.correction.astype(step.dtype) / step
+        a, b, c, d, e = values
+        # powers of s, the place in quarters of the step from its middle
+        c1 = (a - 8 * b + 8 * d - e) / 12
+        c2 = (16 * (b + d) - 30 * c - (a + e)) / 24
+        c3 = (2 * (b - d) - (a - e)) / 12
+        c4 = (a + e - 4 * (b + d) + 6 * c) / 24
+        s = stop_gradient(jnp.where((b > c) & (b >= d), -1.0, jnp.where(d > c, 1.0, 0.0)))
+        s = s.astype(step.dtype)
+        for _ in range(3):
+            slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
+            bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
+            s = stop_gradient(jnp.clip(s - slope / jnp.where(bend < 0, bend, -jnp.inf), -2.0, 2.0))
+        inside = (bend < 0) & (jnp.abs(s) < 2)
+        high = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
+        highest = jnp.maximum(jnp.maximum(b, c), d)
+        return jnp.maximum(jnp.maximum(a, end), jnp.where(inside, high, highest))
 
 
 def outputs(stretch: Stretch) -> list[Scalar]:

@@ -4,7 +4,7 @@ Forward mode: the tangents of all parameters travel with the lanes of one batch.
 stored where it holds and is NaN elsewhere; `dataset.VALIDITY` names the reasons, in this order of
 precedence: the cell has no settled outcome; its motion is not settled; the sequence of events is
 another one a finite-difference step away (checked cells); an event is near grazing. A share of the
-cells is checked by central differences at a thousandth of the tolerance.
+cells is checked by central differences of fourth order at a thousandth of the tolerance.
 """
 
 from typing import Any
@@ -24,7 +24,16 @@ from .stability import steady_slip
 from .wiper import Wiper
 
 FLOOR = 0.01  # a derivative that changes its outcome by less of its scale is compared with that
-REST = 1e-6  # of the belt speed: below it the standard deviation of the velocity is rounding
+REST = 1e-5  # of the belt speed: below it the standard deviation of the velocity is rounding
+STENCIL = {1: 2 / 3, -1: -2 / 3, 2: -1 / 12, -2: 1 / 12}  # steps -> weight, of fourth order
+GRAZING = 1e4  # times the tolerance: at this margin a derivative is 1.5e-4 off
+SAME = 1e-5  # relative difference of two derivatives that are one
+LARGEST = {  # outcomes that are largest values, by their names in `margins.Peaks`
+    "normal_force_max": "normal_force_max",
+    "gap_max": "gap_max",
+    "impulse_max": "impact_impulse_max",
+}
+SECOND = {field: f"second_{field}" for field in LARGEST}  # and what comes next
 
 
 def with_parameters(wiper: Wiper, values: dict[str, Any], kind: str) -> Wiper:
@@ -67,8 +76,10 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
 
     watched = outcome.observed
+    seconds = {SECOND[field]: x for field, x in watched.seconds._asdict().items()}
     code = np.full(count, VALIDITY["fine"], np.int8)
-    code[watched.margin < asked.grazing] = VALIDITY["near_grazing"]
+    _mask_contested(slopes, columns | seconds, theta, base, asked)
+    code[watched.margin < max(asked.grazing, GRAZING * run.rtol)] = VALIDITY["near_grazing"]
     checked = np.flatnonzero(_drawn(index, asked.check))
     agreement = np.full(count, np.nan)
     if checked.size:
@@ -103,7 +114,9 @@ def _tangents(wiper, theta, state, seeds, count, limit, s, kind):
         outcome, signal, effort = cells.outcomes(
             w, position, velocity, count, limit, s, watched=True
         )
-        return cells.statistics(outcome, s.window), (outcome, signal, effort)
+        seconds = outcome.observed.seconds._asdict()
+        found = cells.statistics(outcome, s.window) | {SECOND[k]: x for k, x in seconds.items()}
+        return found, (outcome, signal, effort)
 
     def push(dtheta, dstate):
         return jax.jvp(run, (theta, state), (dtheta, dstate), has_aux=True)
@@ -120,6 +133,24 @@ def _plain(wiper, theta, state, count, limit, s, kind):
     return cells.statistics(outcome, s.window), outcome.observed.word, effort
 
 
+def _mask_contested(slopes, columns, theta, wiper, asked) -> None:
+    """Make NaN the derivatives, in ``slopes``, of a largest value that another peak, with another
+    derivative, overtakes within the finite-difference step."""
+    count = len(columns["result"])
+    for field, second in SECOND.items():
+        name = LARGEST[field]
+        gap = columns[name] - columns[second]
+        least = FLOOR * _outcome_scale(name, columns, wiper)
+        contested = np.zeros(count, bool)
+        for k, parameter in enumerate(theta):
+            unit = float(PARAMETERS[parameter].to_si(1.0))
+            scale = _scale(parameter, np.asarray(theta[parameter])[:count]) / unit
+            slope, jump = scale * slopes[name][:, k], scale * (slopes[name] - slopes[second])[:, k]
+            differs = np.abs(jump) > SAME * np.maximum(np.abs(slope), least)
+            contested |= differs & (gap < max(STENCIL) * asked.step * np.abs(jump))
+        slopes[name] = np.where(contested[:, None], np.nan, slopes[name])
+
+
 def _check(spec, theta, base, columns, slopes, checked, word):
     """Return (whether the events are others, relative differences) of the cells ``checked``.
 
@@ -129,23 +160,23 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     """
     asked, kind, n = spec.sensitivities, spec.belt.kind, len(checked)
     names = list(theta)
-    copies = 2 * len(names) * n
+    copies = len(STENCIL) * len(names) * n
     scale = {name: _scale(name, np.asarray(x)[checked]) for name, x in theta.items()}
     size = cells._capacity(copies, len(cells._devices()))
     whole = theta[names[0]].shape[-1]
-    # every cell with each parameter a step up, then a step down; filled up with the last
-    place = np.tile(checked, 2 * len(names))
+    # every cell with each parameter at all places of the stencil; filled up with the last
+    place = np.tile(checked, len(STENCIL) * len(names))
     place = np.concatenate([place, np.full(size - copies, checked[-1])])
     moved = {name: np.asarray(x)[place].copy() for name, x in theta.items()}
     for k, name in enumerate(names):
-        for j, sign in enumerate((1.0, -1.0)):
-            part = slice((2 * k + j) * n, (2 * k + j + 1) * n)
-            moved[name][part] += sign * asked.step * scale[name]
+        for j, steps in enumerate(STENCIL):
+            part = slice((len(STENCIL) * k + j) * n, (len(STENCIL) * k + j + 1) * n)
+            moved[name][part] += steps * asked.step * scale[name]
     at = jax.tree.map(lambda x: x[place] if eqx.is_array(x) and x.shape == (whole,) else x, base)
     moved = jax.tree.map(jnp.asarray, moved)
     state, known = _start(at, moved, spec)
     settings, limit = cells._settings(spec), jnp.int32(spec.run.max_steps)
-    settings = settings._replace(rtol=max(1e-3 * settings.rtol, 1e-12))
+    settings = settings._replace(rtol=max(1e-3 * settings.rtol, 1e-13))
 
     def compute(given, number):
         wiper, theta, state = given
@@ -158,10 +189,11 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     gaps = {}
     for k, name in enumerate(names):
         unit = float(PARAMETERS[name].to_si(1.0))
-        inside = _is_inside(name, np.asarray(theta[name])[checked], asked.step * scale[name])
+        most = max(STENCIL) * asked.step * scale[name]
+        inside = _is_inside(name, np.asarray(theta[name])[checked], most)
         for outcome in DIFFERENTIABLE:
-            value = found[outcome].reshape(-1, n)
-            change = (value[2 * k] - value[2 * k + 1]) / (2 * asked.step)
+            value = found[outcome].reshape(len(names), len(STENCIL), n)[k]
+            change = np.tensordot(list(STENCIL.values()), value, 1) / asked.step
             slope = slopes[outcome][checked, k] / unit * scale[name]
             least = FLOOR * _outcome_scale(outcome, columns, base)[checked]
             larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)

@@ -274,6 +274,12 @@ class SweepSpec(_System):
                 f"run.samples resolve frequencies up to {finest:.4g} Hz only; take {least} or more "
                 f"for the squeal band, up to {highest:g} Hz"
             )
+        if self.sensitivities is not None and run.rtol > 1e-8:
+            # docs/gradients.md: 3e1 and 1e5 times the tolerance
+            lines.append(
+                f"run.rtol = {run.rtol:g} makes derivatives right to about {30 * run.rtol:.0e}, to "
+                f"{1e5 * run.rtol:.0e} in the worst cells; take 1e-8 or less"
+            )
         if self.belt.kind != "steady":
             lines += self._window_notes()
         return lines

@@ -180,7 +180,8 @@ class Sensitivities(Table):
         parameters: names of blade or belt parameters.
         check: share of the cells that is checked by central differences.
         step: of those, relative to the parameter (angles: to 1 rad).
-        grazing: smallest grazing margin at which derivatives still count as valid.
+        grazing: smallest grazing margin at which derivatives still count as valid (at least 1e4
+            rtol).
         settled: largest relative difference of the tip velocity's standard deviation between the
             first and the last whole periods of the settled window.
     """
@@ -192,7 +193,7 @@ class Sensitivities(Table):
     ]
     check: Annotated[float, Field(ge=0, le=1)] = 0.05
     step: Annotated[float, Field(gt=0, le=1e-2)] = 1e-5
-    grazing: NonNegative = 1e-6
+    grazing: NonNegative = 1e-4
     settled: Positive = 0.05
 
 
