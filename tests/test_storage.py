@@ -388,6 +388,12 @@ def test_blocks_shrink_as_cells_grow():
     assert block_size(make_spec(event_log=65_536)) == 256
 
 
+def test_blocks_grow_with_the_sweep():
+    """Lanes idle at the end of a block: large ones, but never more than an eighth at stake."""
+    for angles, cells in ((50, 8192), (100, 12_500), (2000, 2**15)):
+        assert block_size(make_spec(angles=angles, loads=10, speeds=100)) == cells
+
+
 # --- interruption ---------------------------------------------------------------------------------
 
 

@@ -24,9 +24,15 @@ from .state import EventLog
 from .system import AbstractSystem
 from .wiper import Wiper
 
-LANES = {"float64": 512, "float32": 1024}  # a device, at most: as much as its cache holds
+LANES = {"float64": 1024, "float32": 2048}  # a device, at most: kernels start seldom enough
 CASES_PER_LANE = 16  # at least: the last cases of a block leave lanes empty
 FLOWS = 3  # a jump
+
+
+def lane_count(precision: str, cases: int) -> int:
+    """Return how many trajectories of ``cases`` are in flight at a time on one device."""
+    lanes = min(LANES[precision], cases // CASES_PER_LANE)
+    return max(1, lanes - lanes % 64 if lanes > 64 else lanes)  # whole vectors
 
 
 def identity() -> dict[str, str]:
@@ -227,7 +233,7 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
         dtype=jnp.dtype(s.precision),
     )
     pool = Pool(problem, q, v, start, count)
-    lanes = max(1, min(LANES[s.precision], q[0].shape[-1] // CASES_PER_LANE))
+    lanes = lane_count(s.precision, q[0].shape[-1])
     outcome, signal, effort = run_pool(pool, lanes, FLOWS)
     if s.raster is not None:
         kept = np.array(raster_index(s.samples, s.raster))

@@ -16,7 +16,8 @@ from . import dataset, labels
 from .results import RESULTS
 from .signals import signal_columns
 
-MOST_CELLS = 8192  # in a block: enough to keep every lane of many cores busy
+MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy,
+SMALL_SWEEP = 2**13  # and at most an eighth of a sweep larger than this, so that little can be lost
 FEWEST_CELLS = 256
 BLOCK_BYTES = 2**27  # of samples and event logs
 
@@ -36,13 +37,14 @@ class Block(NamedTuple):
 
 
 def block_size(spec: Any) -> int:
-    """Cells in a block: `MOST_CELLS`, or fewer where each has long samples or event logs, so that
-    the memory of a sweep is bounded whatever is asked of its cells.
+    """Cells in a block: many, for the lanes idle at its end, but fewer where each has long samples
+    or event logs, so that the memory of a sweep is bounded whatever is asked of its cells.
     """
+    most = min(max(spec.size // 8, SMALL_SWEEP), MOST_CELLS)
     run = spec.run
     event = sum(np.dtype(c.dtype).itemsize for c in dataset.SCHEMA.values() if c.along == "event")
     of_a_cell = run.samples * (5 if run.raster else 4) + event * (run.event_log or 0)
-    return int(np.clip(BLOCK_BYTES // of_a_cell, FEWEST_CELLS, MOST_CELLS))
+    return int(np.clip(BLOCK_BYTES // of_a_cell, FEWEST_CELLS, most))
 
 
 def made_by(spec: Any) -> dict[str, str]:

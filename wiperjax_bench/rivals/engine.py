@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wiperjax import Result, Wiper
-from wiperjax.cells import CASES_PER_LANE, LANES
+from wiperjax.cells import lane_count
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.solve import begin, make_problem, solution
 from wiperjax.solve import run as run_one
@@ -47,11 +47,6 @@ def arrays(scene: Scene, precision: str) -> tuple:
     start = scene.start.astype(precision).T
     scales = tuple(leaf(s, True) for s in scene.scales)
     return Wiper(belt=belt, **blade), (start[0], start[1]), (start[2], start[3]), scales
-
-
-def lanes_for(precision: str, cases: int) -> int:
-    """Return the lanes that a sweep's block of ``cases`` gets on one device (`cells.evaluate`)."""
-    return max(1, min(LANES[precision], cases // CASES_PER_LANE))
 
 
 class Control(NamedTuple):
@@ -172,7 +167,7 @@ class Engine:
             mine = jax.tree.map(lambda x: jnp.asarray(x[i :: self.cores]), varying)
             wiper, position, velocity, scales = eqx.combine(mine, shared)
             count = position[0].shape[0]
-            lanes = lanes_for(self.precision, count)
+            lanes = lane_count(self.precision, count)
             fixed = (duration, control, scales, self.solver, self.precision, lanes)
             return lambda most: jax.block_until_ready(
                 batch(wiper, position, velocity, jnp.asarray(most, jnp.int32), *fixed)
