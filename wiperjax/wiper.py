@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from .barrier import keep
 from .belts import AbstractBelt, SteadyBelt
 from .fastmath import angle
 from .friction import AbstractFriction, Stribeck
@@ -111,7 +112,8 @@ class Wiper(AbstractSystem):
         sin = jnp.clip(q[0] / self.lip_length, -_EDGE, _EDGE)
         cos = jnp.sqrt((1 - sin) * (1 + sin))
         secant = 1 / cos
-        return Lean(sin, cos, sin * secant, secant, angle(sin, cos))
+        # kept: the spring and the guard of the shoulders would each work the angle out
+        return Lean(sin, cos, sin * secant, secant, keep(angle(sin, cos)))
 
     def moment(self, theta):
         """M(theta) of the two-stage rotational spring [N m per m]; theta = phi - alpha [rad]."""
