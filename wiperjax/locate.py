@@ -9,6 +9,7 @@ time (implicit function theorem), since step sizes themselves carry none.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
@@ -89,6 +90,26 @@ def first_obstacle(state: State, trial: Trial) -> Obstacle:
     return keep(Obstacle(slot, violated, murky, found, undecided, theta, doubtful))
 
 
+def stands_still(problem: Problem, state: State, trial: Trial):
+    """True where a trial step is too short to move the state by more than its rounding errors.
+
+    An event cannot be located better: the time may have more digits than the state, and would go
+    on without it.
+    """
+    leaves = zip(
+        (*state.position, *state.velocity),
+        jax.tree.leaves(trial.step.y1),
+        jax.tree.leaves(problem.atol),
+        strict=True,
+    )
+    still = trial.ok
+    for before, after, atol in leaves:
+        eps = jnp.finfo(before.dtype).eps
+        move = jnp.abs(stop_gradient(after - before))
+        still = still & (move <= eps * (jnp.abs(before) + atol / problem.rtol))
+    return still
+
+
 def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     """Return what to do with ``trial``."""
     pending = state.target >= 0
@@ -113,7 +134,8 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     tick = 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
     small = (trial.h <= tick) & (jnp.abs(stop_gradient(shift) * trial.h) <= tick)
     free = pending & trial.ok & ~obstructed
-    located = free & falling & (close | small)
+    near = falling & (close | small)
+    located = free & (near | stands_still(problem, state, trial))
     chase = free & jnp.logical_not(located)
     miss = chase & (value > 0) & proved & (~falling | (jnp.abs(shift) > 0.05))
     # two guards that vanish close together may send the step to and fro between them
@@ -145,7 +167,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     step = jnp.where(lost, 0.5 * h, step)
 
     correction = time_to_event(
-        jnp.where(located, shift.astype(dtype) * h, 0.0),
+        jnp.where(located & near, shift.astype(dtype) * h, 0.0),
         located,
         value,
         problem.system.on_piece(state.piece).on_sides(state.sides),
