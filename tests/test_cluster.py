@@ -85,6 +85,7 @@ def test_a_block_that_kills_its_workers_is_named_and_the_rest_is_kept(tmp_path, 
 
     def deadly(spec, index):
         if index[0] == 5 * stub.BLOCK:
+            time.sleep(0.5)  # dask gives a worker up that dies while it starts
             os.kill(os.getpid(), signal.SIGKILL)
         return stub.evaluate(spec, index)
 

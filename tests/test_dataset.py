@@ -28,6 +28,7 @@ DATA_SIDE = (
     "progress",
     "lock",
     "spill",
+    "branch_file",
 )
 
 

@@ -283,7 +283,7 @@ def folder(tmp_path_factory):
         ("run.h5", "p.gif", {}, "has no belt_velocity, which the picture 'animation' needs"),
         ("run.h5", "p.png", {"start": 0.2}, "0 lie from 0.2 s on; the run has"),
         ("map.h5", "p.png", {"picture": "classes", "x": "load"}, "'load' is no axis of this map"),
-        ("other.h5", "p.png", {}, "is neither a map nor a run"),
+        ("other.h5", "p.png", {}, "is no map, run or branch"),
         ("none.h5", "p.png", {}, "does not exist"),
     ],
 )

@@ -11,13 +11,14 @@ import contextlib
 import functools
 import itertools
 import logging
+import math
 import os
 import re
 import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +30,9 @@ from .launch import configure
 from .lock import acquire
 from .storage import StoreError, log
 
+_KEPT = "finished blocks are kept, go on with --resume"
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the client
+ALONE = 600  # s without any worker after which a sweep stops: dask would wait for one for ever
 AHEAD = 2  # blocks in flight for each thread of the workers: one computed, one ready
 
 
@@ -98,7 +101,7 @@ class Workers:
         Raises: `ClusterError` if it is not what this process has.
         """
         future = self._client.submit(_made_by, spec, evaluate, pure=False)
-        theirs = self._result(future, "the first task")
+        theirs = self._result(future.result, "the first task", math.inf)  # of a queue
         mine = work.made_by(spec)
         _compare({name: theirs.get(name, "none") for name in mine}, mine)
         self._made_by = theirs
@@ -111,12 +114,16 @@ class Workers:
         evaluate: work.Evaluate | None = None,
     ) -> Iterator[work.Block]:
         """Blocks `spans` (number -> first cell, the one after the last), in any order."""
-        from distributed import as_completed
+        from distributed import wait
 
         waiting = iter(spans.items())
         run = uuid.uuid4().hex  # dask takes tasks of one name for one task
         flying: dict[Any, int] = {}
-        finished = as_completed(loop=self._client.loop)
+
+        def ready(seconds: float) -> Any:
+            with self._client.as_current():
+                waited: Any = wait(list(flying), seconds, return_when="FIRST_COMPLETED")
+            return waited.done.pop()
 
         def submit() -> None:
             threads = sum(self._client.nthreads().values())  # workers come and go
@@ -125,13 +132,13 @@ class Workers:
                 key = f"wiperjax-{run}-{number}"
                 future = self._client.submit(_compute, spec, start, stop, evaluate, key=key)
                 flying[future] = number
-                finished.add(future)
 
         try:
             submit()
-            for future in finished:
+            while flying:
+                future = self._result(ready, "a block")
                 number = flying.pop(future)
-                answer: _Answer = self._result(future, f"block {number}")
+                answer: _Answer = self._result(future.result, f"block {number}")
                 future.release()
                 _compare(answer.made_by, self._made_by)
                 self._hosts.add(answer.host)
@@ -141,17 +148,26 @@ class Workers:
             with contextlib.suppress(Exception):  # of a cluster that is gone
                 self._client.cancel(list(flying), force=True)
 
-    def _result(self, future: Any, what: str) -> Any:
+    def _result(self, attempt: Callable[[float], Any], what: str, alone: float = ALONE) -> Any:
+        """Return ``attempt(seconds)``, tried again until there was no worker for ``alone`` s."""
         from distributed import KilledWorker
 
-        kept = "finished blocks are kept, go on with --resume"
-        try:
-            return future.result()
-        except KilledWorker as error:
-            deaths = error.allowed_failures + 1
-            raise ClusterError(f"{what} was lost with its worker {deaths} times; {kept}") from error
-        except (CancelledError, OSError, TimeoutError) as error:
-            raise ClusterError(f"the scheduler was lost ({error!r}); {kept}") from error
+        seen = time.monotonic()
+        while True:
+            try:
+                try:
+                    return attempt(15)
+                except TimeoutError:  # of the attempt: what it waits for goes on
+                    deserted = not self._client.nthreads()
+            except KilledWorker as error:
+                times = error.allowed_failures + 1
+                message = f"{what} was lost with its worker {times} times; {_KEPT}"
+                raise ClusterError(message) from error
+            except (CancelledError, OSError) as error:
+                raise ClusterError(f"the scheduler was lost ({error!r}); {_KEPT}") from error
+            seen = seen if deserted else time.monotonic()
+            if time.monotonic() - seen > alone:
+                raise ClusterError(f"no worker was left for {alone:g} s; {_KEPT}")
 
 
 def _compare(theirs: Mapping[str, str], expected: Mapping[str, str]) -> None:
