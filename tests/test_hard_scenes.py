@@ -229,6 +229,34 @@ def test_rod_released_at_31_degrees_is_followed_to_the_singular_point():
     assert math.degrees(phi[sliding][-1]) > 40
 
 
+def test_a_jam_is_reached_at_every_tolerance():
+    """In front of D = 0 steps shrink to nothing, refused by whatever is first: always a jam."""
+    lean = math.atan(0.51427)
+
+    @jax.jit
+    def follow(load, rtol):
+        blade = wiperjax.Wiper(
+            belt=wiperjax.SteadyBelt(0.1),
+            hinge_mass=2e-2,
+            hinge_damping=2e-5,
+            gravity=9.81,
+            attack_angle=0.3205,
+            mu_static=1.2797,
+            stribeck_speed=0.2834,
+            normal_load=load,
+        )
+        start = (6e-3 * math.sin(lean), 0.0), (0.6, 0.0)
+        s = wiperjax.solve(blade, 5e-4, initial_state=start, rtol=rtol, max_events=4)
+        return s.result, s.events.kind, s.final_position[0]
+
+    for load in (10.0, 15.0, 20.0):
+        runs = [follow(load, rtol) for rtol in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9)]
+        assert all(int(result) == Result.FINISHED for result, _, _ in runs)
+        assert all(int(kinds[0]) == Event.JAM for _, kinds, _ in runs)
+        x = np.array([float(x) for _, _, x in runs])
+        np.testing.assert_allclose(x[1:], x[-1], rtol=1e-4)
+
+
 def test_jam_in_a_stribeck_blade_agrees_with_the_reference():
     """Slip slows down, mu grows, D falls to zero under load; found by drawing blades."""
     rng = np.random.default_rng(7)

@@ -146,8 +146,9 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     located, miss, lost, newton, retarget = keep((located, miss, lost, newton, retarget))
 
     accept = trial.ok & ~obstructed & (~pending | miss)
-    fire = (trial.ok & first.violated) | trial.jams
-    rejected = ~trial.ok & ~trial.jams & state.active
+    inaccurate = ~trial.ok & state.active
+    blocked = trial.ok & (first.murky | first.undecided)
+    fire = trial.ok & first.violated
 
     h = stop_gradient(trial.h)
     dtype = h.dtype
@@ -160,11 +161,14 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
         trial.lands | pending, jnp.maximum(state.step, trial.next_step), trial.next_step
     )
     step = jnp.where(accept, grown, state.step)
-    step = jnp.where(rejected, trial.next_step, step)
+    step = jnp.where(inaccurate, trial.next_step, step)
     step = jnp.where(trial.ok & first.murky, 0.25 * h, step)
     # well inside what is proved: just at its end the next trial would be as undecided
     step = jnp.where(trial.ok & first.undecided, h * jnp.maximum(0.9 * theta, 0.1), step)
     step = jnp.where(lost, 0.5 * h, step)
+    refused = inaccurate | blocked | lost
+    tiny = 64 * jnp.finfo(dtype).eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
+    jams = trial.braking & refused & (step < tiny)
 
     correction = time_to_event(
         jnp.where(located & near, shift.astype(dtype) * h, 0.0),
@@ -181,11 +185,11 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
         Plan(
             accept=accept,
             arrive=located,
-            fire=fire,
-            slot=jnp.where(trial.jams, JAM, jnp.where(fire, first.slot, slot)).astype(jnp.int32),
+            fire=fire | jams,
+            slot=jnp.where(jams, JAM, jnp.where(fire, first.slot, slot)).astype(jnp.int32),
             correction=correction,
             unproved=(accept | located) & first.doubtful,
-            rejected=rejected | lost | (trial.ok & (first.murky | first.undecided)),
+            rejected=refused & ~jams,
             step=step,
             target=target,
             trial=new_trial,

@@ -60,7 +60,7 @@ class Trial(NamedTuple):
 
     h: Scalar
     lands: Scalar  # it ends on a known time (``mark``)
-    jams: Scalar  # the step has shrunk to nothing in front of D = 0 (MODEL.md section 7)
+    braking: Scalar  # slip is just in front of D = 0 under load (MODEL.md section 7)
     mark: Scalar
     step: Step
     ok: Scalar  # finite and within the tolerance
@@ -161,7 +161,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     return Trial(
         h=h,
         lands=lands,
-        jams=_jams(problem, state, ok, next_step),
+        braking=_braking(problem, state),
         mark=mark,
         step=step,
         ok=ok,
@@ -231,17 +231,15 @@ def examine(values, order, size, sliver, highest: int) -> Guard:
     )
 
 
-def _jams(problem: Problem, state: State, ok, next_step):
+def _braking(problem: Problem, state: State):
     """True where slip runs into D = 0 under load: the normal force grows without bound there, so
     that steps shrink to nothing in front of it and never reach it."""
     if not problem.system.coupled:
-        return jnp.zeros_like(ok)
+        return jnp.zeros_like(state.flagged)
     sliding = (state.regime == Regime.SLIP_POS) | (state.regime == Regime.SLIP_NEG)
-    floor = 64 * jnp.finfo(state.time.dtype).eps
-    floor = floor * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
     d, pressing = state.guards[JAM], state.guards[SECOND]
     near = (d > 0) & (d < 1e-2) & (pressing > 0)
-    return sliding & ~ok & (next_step < floor) & near & state.active
+    return sliding & near & state.active
 
 
 def pick(slots, index):
