@@ -284,3 +284,29 @@ def test_smallest_change_that_makes_steady_slip_stable():
     given = (np.array([1.0, 1.0]) - low) / (high - low)
     cost = (share[None, :] - given[0]) ** 2 + (share[:, None] - given[1]) ** 2
     assert float(best.cost) < np.min(cost[stable])
+
+
+@pytest.mark.slow
+def test_least_noise_from_several_starts():
+    """Each search ends lower than where it began, and what it reports is what a run shows."""
+    from wiperjax import remedy
+
+    blade = wiperjax.Wiper(attack_angle=math.radians(5.0))
+    bounds = {"support_damping": (0.5, 12.0), "mu_static": (0.35, 1.0)}
+    times = {"duration": 0.04, "window": 0.02}
+    found = remedy.quieten(blade, bounds, starts=3, most=12, **times)
+    before = found.parameters.attrs["velocity_rms_before"]
+    late = wiperjax.simulate(blade, 0.04, sample_interval=1e-5, rtol=1e-7).isel(
+        time=slice(-2000, None)
+    )
+    assert before == pytest.approx(float(late["velocity"].sel(axis="x").std()), rel=1e-2)
+    for name, (low, high) in bounds.items():
+        values = found.parameters[name].values
+        assert np.all((values >= low) & (values <= high))
+    assert np.all(found.parameters["velocity_rms"] < 0.02 * before)
+    assert remedy.verdict(blade)["label"] == "squeal"
+    assert remedy.verdict(found.blade)["label"] == "quiet"
+    with pytest.raises(ValueError, match=r"bounds of mu_static must be \(low, high\), but were"):
+        remedy.quieten(blade, {"mu_static": (1.0, 0.5)})
+    with pytest.raises(ValueError, match=r"window must lie in \(0, duration = 0.1\] s, but was 1"):
+        remedy.quieten(blade, bounds, duration=0.1, window=1.0)

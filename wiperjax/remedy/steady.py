@@ -15,6 +15,7 @@ from .. import named
 from ..belts import SteadyBelt
 from ..stability import equilibria
 from ..wiper import Wiper
+from .box import Box
 
 
 class Stabilised(NamedTuple):
@@ -40,45 +41,34 @@ def stabilise(
 
     **Returns** a `Stabilised`. Stable steady slip is no promise of quiet: see `verdict`.
     """
-    names = tuple(bounds)
-    low, high = (jnp.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
-    system: Any = named.traceable(blade, *names)
-    given = (jnp.array([named.value(blade, name) for name in names]) - low) / (high - low)
-    others = np.random.default_rng(seed).uniform(0.05, 0.95, (starts - 1, len(names)))
-    # an angle whose sine spans the box: the bounds hold by themselves
-    angle = jnp.arcsin(2 * jnp.clip(jnp.vstack([given, others]), 0.01, 0.99) - 1)
-    shares, rate = _stabilise(system, names, low, high, given, angle, jnp.asarray(margin, float))
+    box, system = Box.of(bounds), named.traceable(blade, *bounds)
+    given = box.shares_of(blade)
+    angles = box.starts(blade, starts, seed)
+    shares, rate = _stabilise(system, box, given, angles, jnp.asarray(margin, float))
     shares, rate = np.asarray(shares), np.asarray(rate)
     cost = np.sum((shares - np.asarray(given)) ** 2, axis=1)
     rank = np.argsort(np.where(rate < 0, cost, np.inf))
-    values = np.asarray(low) + shares[rank] * np.asarray(high - low)
     found = xr.Dataset(
-        {name: ("start", values[:, i]) for i, name in enumerate(names)}
+        box.columns(shares[rank])
         | {
             "cost": ("start", cost[rank], {"long_name": "squared share of the ranges"}),
             "growth_rate": ("start", rate[rank], {"units": "1/s"}),
         }
     )
-    for name, value in zip(names, values[0], strict=True):
-        system = named.replaced(system, name, value)
-    return Stabilised(found, system)
+    return Stabilised(found, box.blade(system, shares[rank[0]]))
 
 
 @eqx.filter_jit
-def _stabilise(system, names, low, high, given, angles, margin):
+def _stabilise(system: Any, box: Box, given, angles, margin):
     def rate(share):
-        changed: Any = system
-        for i, name in enumerate(names):
-            changed = named.replaced(changed, name, low[i] + share[i] * (high[i] - low[i]))
+        changed = box.blade(system, share)
         slip = equilibria(replace(changed, belt=SteadyBelt(changed.belt.peak)), 1)
         return slip.growth_rate[0]
 
-    def share(angle):
-        return 0.5 * (1 + jnp.sin(angle))
-
     def price(angle, _):
-        excess = jnp.maximum(rate(share(angle)) / margin + 1, 0.0)
-        return jnp.sum((share(angle) - given) ** 2) + 10.0 * excess**2
+        share = box.share(angle)
+        excess = jnp.maximum(rate(share) / margin + 1, 0.0)
+        return jnp.sum((share - given) ** 2) + 10.0 * excess**2
 
     def one(angle):
         found = optx.minimise(
@@ -89,6 +79,6 @@ def _stabilise(system, names, low, high, given, angles, margin):
             throw=False,
             options={"autodiff_mode": "fwd"},
         ).value
-        return share(found), rate(share(found))
+        return box.share(found), rate(box.share(found))
 
     return jax.vmap(one)(angles)

@@ -1,0 +1,115 @@
+"""The least noise of a simulated blade within bounds, from many starts at once."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+import xarray as xr
+
+from .. import named
+from ..results import Result
+from ..solve import solve
+from ..wiper import Wiper
+from .box import Box
+
+_FLOOR = 1e-6  # of the belt's speed: the level of a tip at rest, whose root has no derivative
+
+
+class Quietened(NamedTuple):
+    """What the search found, one blade from each start, quietest first."""
+
+    parameters: xr.Dataset  # over ``start``: the parameters, ``velocity_rms``, ``cost``, ``steps``
+    blade: Wiper  # the best one
+
+
+def quieten(
+    blade: Wiper,
+    bounds: Mapping[str, tuple[float, float]],
+    *,
+    duration: float = 0.2,
+    window: float = 0.1,
+    effort: float = 0.1,
+    starts: int = 8,
+    seed: int = 0,
+    most: int = 40,
+    rtol: float = 1e-7,
+) -> Quietened:
+    """Return blades inside ``bounds`` with the least noise: the spread of the tip's velocity.
+
+    Simulated from the blade's default start for ``duration`` [s], of which the last ``window`` [s]
+    counts. The derivative is that of the simulation, forward through its events; where the window
+    cuts a period it is off by a share of one period in the window, and beyond a change of events it
+    does not see, so the search is a means and the simulated value is what is reported.
+
+    **Arguments:** ``bounds``, name -> (low, high), SI units; ``effort``, price of a change by a
+    whole range, relative to the noise of the blade as it is: 0 asks for the quietest blade at any
+    price; ``starts``, points in the bounds to begin from, the blade itself and random ones of
+    ``seed``, all in one batch (`optimistix.BFGS`, bounds by a sine); ``most`` steps of it.
+
+    **Returns** a `Quietened`. A failed simulation counts as twice the noise of the blade as it is.
+    """
+    if not 0 < window <= duration:
+        raise ValueError(f"window must lie in (0, duration = {duration:g}] s, but was {window:g}")
+    box, system = Box.of(bounds), named.traceable(blade, *bounds)
+    given = box.shares_of(blade)
+    angles = box.starts(blade, starts, seed)
+    times = jnp.array([duration, window]), jnp.asarray(rtol, float)
+    shares, noise, steps = _quieten(system, box, given, angles, effort, *times, most)
+    shares, noise, steps = np.asarray(shares), np.asarray(noise), np.asarray(steps)
+    cost = np.sum((shares - np.asarray(given)) ** 2, axis=1)
+    before = float(noise[0])  # of the blade as it is; the rest are the ends of the searches
+    rank = np.argsort(noise[1:] + effort * before * cost)
+    found = xr.Dataset(
+        box.columns(shares[rank])
+        | {
+            "velocity_rms": ("start", noise[1:][rank], {"units": "m/s"}),
+            "cost": ("start", cost[rank], {"long_name": "squared share of the ranges"}),
+            "steps": ("start", steps[rank], {"long_name": "steps of the search"}),
+        },
+        attrs={"velocity_rms_before": before},
+    )
+    return Quietened(found, box.blade(system, shares[rank[0]]))
+
+
+@eqx.filter_jit
+def _quieten(system: Any, box: Box, given, angles, effort, times, rtol, most: int):
+    duration, window = times
+
+    def noise(share):
+        changed = box.blade(system, share)
+        run = solve(changed, duration, rtol=rtol, statistics_start=duration - window, max_events=0)
+        totals = run.statistics
+        mean = totals.output_integral / window
+        spread = totals.output_square_integral / window - mean**2
+        fine = run.result == Result.FINISHED
+        floor = (_FLOOR * changed.belt.peak) ** 2
+        return jnp.sqrt(jnp.where(fine, jnp.maximum(spread, 0.0), 0.0) + floor), fine
+
+    before, _ = noise(given)
+
+    def level(share):
+        found, fine = noise(share)
+        return jnp.where(fine, found, 2 * before)
+
+    def price(angle, _):
+        share = box.share(angle)
+        return level(share) / before + effort * jnp.sum((share - given) ** 2)
+
+    def one(angle):
+        found = optx.minimise(
+            price,
+            optx.BFGS(rtol=1e-4, atol=1e-4),
+            angle,
+            max_steps=most,
+            throw=False,
+            options={"autodiff_mode": "fwd"},
+        )
+        share = box.share(found.value)
+        return share, level(share), found.stats["num_steps"]
+
+    shares, found, steps = jax.vmap(one)(angles)
+    return shares, jnp.concatenate([before[None], found]), steps
