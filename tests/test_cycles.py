@@ -306,6 +306,10 @@ def test_least_noise_from_several_starts():
     assert np.all(found.parameters["velocity_rms"] < 0.02 * before)
     assert remedy.verdict(blade)["label"] == "squeal"
     assert remedy.verdict(found.blade)["label"] == "quiet"
+    steep = wiperjax.Wiper(attack_angle=math.radians(80.0), normal_load=200.0)
+    assert int(wiperjax.solve(steep, 0.04, max_events=0).result) == wiperjax.Result.COLLAPSED
+    with pytest.raises(ValueError, match="blade must be one whose simulation finishes"):
+        remedy.quieten(steep, bounds, starts=3, most=12, **times)
     with pytest.raises(ValueError, match=r"bounds of mu_static must be \(low, high\), but were"):
         remedy.quieten(blade, {"mu_static": (1.0, 0.5)})
     with pytest.raises(ValueError, match=r"window must lie in \(0, duration = 0.1\] s, but was 1"):

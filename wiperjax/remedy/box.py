@@ -1,12 +1,13 @@
 """Bounds of the numbers that may change, and points within them to begin a search from."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
 
 from .. import named
 from ..wiper import Wiper
@@ -57,3 +58,25 @@ class Box(eqx.Module):
         """Values of the numbers at ``shares`` (starts, n), as variables over ``start``."""
         values = np.asarray(self.low) + np.asarray(shares) * np.asarray(self.high - self.low)
         return {name: ("start", values[:, i]) for i, name in enumerate(self.names)}
+
+
+def search(price: Callable[[jax.Array], Any], angles: jax.Array, tolerance, most: int):
+    """Return (angles, steps) where BFGS from each of ``angles`` (starts, n) ends, all in one batch.
+
+    At most ``most`` steps each; derivatives of ``price`` are taken forwards. ``tolerance``:
+    (relative, absolute).
+    """
+    solver = optx.BFGS(*tolerance)
+
+    def one(angle):
+        found = optx.minimise(
+            lambda angle, _: price(angle),
+            solver,
+            angle,
+            max_steps=most,
+            throw=False,
+            options={"autodiff_mode": "fwd"},
+        )
+        return found.value, found.stats["num_steps"]
+
+    return jax.vmap(one)(angles)

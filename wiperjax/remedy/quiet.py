@@ -7,14 +7,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 import xarray as xr
 
 from .. import named
 from ..results import Result
 from ..solve import solve
 from ..wiper import Wiper
-from .box import Box
+from .box import Box, search
 
 _FLOOR = 1e-6  # of the belt's speed: the level of a tip at rest, whose root has no derivative
 
@@ -50,7 +49,9 @@ def quieten(
     price; ``starts``, points in the bounds to begin from, the blade itself and random ones of
     ``seed``, all in one batch (`optimistix.BFGS`, bounds by a sine); ``most`` steps of it.
 
-    **Returns** a `Quietened`. A failed simulation counts as twice the noise of the blade as it is.
+    **Returns** a `Quietened`. To the search a failed simulation is twice the noise of the blade as
+    it is; where one ends in it, ``velocity_rms`` is NaN, and it comes last. If the simulation of
+    the blade as it is fails, a ValueError is raised.
     """
     if not 0 < window <= duration:
         raise ValueError(f"window must lie in (0, duration = {duration:g}] s, but was {window:g}")
@@ -62,6 +63,8 @@ def quieten(
     shares, noise, steps = np.asarray(shares), np.asarray(noise), np.asarray(steps)
     cost = np.sum((shares - np.asarray(given)) ** 2, axis=1)
     before = float(noise[0])  # of the blade as it is; the rest are the ends of the searches
+    if np.isnan(before):
+        raise ValueError("blade must be one whose simulation finishes, but this one's fails")
     rank = np.argsort(noise[1:] + effort * before * cost)
     found = xr.Dataset(
         box.columns(shares[rank])
@@ -89,27 +92,16 @@ def _quieten(system: Any, box: Box, given, angles, effort, times, rtol, most: in
         floor = (_FLOOR * changed.belt.peak) ** 2
         return jnp.sqrt(jnp.where(fine, jnp.maximum(spread, 0.0), 0.0) + floor), fine
 
-    before, _ = noise(given)
+    before, fine = noise(given)
 
-    def level(share):
-        found, fine = noise(share)
-        return jnp.where(fine, found, 2 * before)
-
-    def price(angle, _):
+    def price(angle):
         share = box.share(angle)
-        return level(share) / before + effort * jnp.sum((share - given) ** 2)
+        found, fine = noise(share)
+        level = jnp.where(fine, found / before, 2.0)
+        return level + effort * jnp.sum((share - given) ** 2)
 
-    def one(angle):
-        found = optx.minimise(
-            price,
-            optx.BFGS(rtol=1e-4, atol=1e-4),
-            angle,
-            max_steps=most,
-            throw=False,
-            options={"autodiff_mode": "fwd"},
-        )
-        share = box.share(found.value)
-        return share, level(share), found.stats["num_steps"]
-
-    shares, found, steps = jax.vmap(one)(angles)
-    return shares, jnp.concatenate([before[None], found]), steps
+    angles, steps = search(price, angles, (1e-4, 1e-4), most)
+    shares = box.share(angles)
+    after, finished = jax.vmap(noise)(shares)
+    levels, fine = jnp.append(before, after), jnp.append(fine, finished)
+    return shares, jnp.where(fine, levels, jnp.nan), steps

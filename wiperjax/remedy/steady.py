@@ -8,14 +8,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 import xarray as xr
 
 from .. import named
 from ..belts import SteadyBelt
 from ..stability import equilibria
 from ..wiper import Wiper
-from .box import Box
+from .box import Box, search
 
 
 class Stabilised(NamedTuple):
@@ -65,20 +64,10 @@ def _stabilise(system: Any, box: Box, given, angles, margin):
         slip = equilibria(replace(changed, belt=SteadyBelt(changed.belt.peak)), 1)
         return slip.growth_rate[0]
 
-    def price(angle, _):
+    def price(angle):
         share = box.share(angle)
         excess = jnp.maximum(rate(share) / margin + 1, 0.0)
         return jnp.sum((share - given) ** 2) + 10.0 * excess**2
 
-    def one(angle):
-        found = optx.minimise(
-            price,
-            optx.BFGS(rtol=1e-6, atol=1e-8),
-            angle,
-            max_steps=100,
-            throw=False,
-            options={"autodiff_mode": "fwd"},
-        ).value
-        return box.share(found), rate(box.share(found))
-
-    return jax.vmap(one)(angles)
+    shares = box.share(search(price, angles, (1e-6, 1e-8), 100)[0])
+    return shares, jax.vmap(rate)(shares)
