@@ -66,7 +66,9 @@ class Stretch(NamedTuple):
         inside = (bend < 0) & (jnp.abs(s) < 2)
         high = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
         highest = jnp.maximum(jnp.maximum(b, c), d)
-        return jnp.maximum(jnp.maximum(a, end), jnp.where(inside, high, highest))
+        # never below a node: Newton may have gone to the lower of two vertices
+        high = jnp.where(inside, jnp.maximum(high, highest), highest)
+        return jnp.maximum(jnp.maximum(a, end), high)
 
 
 def outputs(stretch: Stretch) -> list[Scalar]:
