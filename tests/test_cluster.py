@@ -246,3 +246,19 @@ def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
     assert set(np.unique(found["one"].regime_raster)) <= {0, 1, 2, 3, 255}
     xr.testing.assert_identical(found["two"], found["one"])
     xr.testing.assert_identical(found["cluster"], found["one"])
+
+
+def test_a_sweep_without_workers_stops_with_a_word():
+    """dask itself would wait for one for ever."""
+
+    def never(seconds):
+        raise TimeoutError
+
+    class Deserted:
+        class _client:
+            @staticmethod
+            def nthreads():
+                return {}
+
+    with pytest.raises(cluster.ClusterError, match="^no worker was left for 0 s; finished blocks"):
+        cluster.Workers._result(Deserted(), never, "a block", alone=0.0)  # type: ignore[arg-type]

@@ -1,5 +1,6 @@
 """Scenes at which event-driven codes fail, each with a known or independently computed answer."""
 
+import dataclasses
 import math
 
 import jax
@@ -11,6 +12,7 @@ from test_against_reference import common, largest_shift, listed, logged, twin
 
 import wiperjax
 from wiperjax import Event, Regime, Result, SteadyBelt, Wiper
+from wiperjax_bench.hard_scenes import near_painleve
 
 BASE = {
     k: v for k, v in REFERENCE.items() if k not in ("belt_speed", "hinge_mass", "hinge_damping")
@@ -231,22 +233,13 @@ def test_rod_released_at_31_degrees_is_followed_to_the_singular_point():
 
 def test_a_jam_is_reached_at_every_tolerance():
     """In front of D = 0 steps shrink to nothing, refused by whatever is first: always a jam."""
-    lean = math.atan(0.51427)
+    scene = near_painleve()
+    x, y, vx, vy = (float(value) for value in scene.start[0])
 
     @jax.jit
     def follow(load, rtol):
-        blade = wiperjax.Wiper(
-            belt=wiperjax.SteadyBelt(0.1),
-            hinge_mass=2e-2,
-            hinge_damping=2e-5,
-            gravity=9.81,
-            attack_angle=0.3205,
-            mu_static=1.2797,
-            stribeck_speed=0.2834,
-            normal_load=load,
-        )
-        start = (6e-3 * math.sin(lean), 0.0), (0.6, 0.0)
-        s = wiperjax.solve(blade, 5e-4, initial_state=start, rtol=rtol, max_events=4)
+        blade = dataclasses.replace(scene.wiper, normal_load=load)
+        s = wiperjax.solve(blade, 5e-4, initial_state=((x, y), (vx, vy)), rtol=rtol, max_events=4)
         return s.result, s.events.kind, s.final_position[0]
 
     for load in (10.0, 15.0, 20.0):

@@ -61,9 +61,9 @@ def signal_columns(
         signal = _strokes(signal, weight, interval, wiping)
         found["velocity_rms_stroke"] = weighted_rms(signal, weight)
         found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), weight)
-        # halves of a window compare if each holds whole periods
         found |= tones(vibration, interval, since, quiet_below)
         found["reversal_count"] = np.sum((since[:, :-1] < 0) & (since[:, 1:] >= 0), axis=1)
+        # halves of a window compare if each holds whole periods
         periods = wiping * interval * signal.shape[1] / 2
         halves_agree = (np.round(periods) >= 1) & (np.abs(periods - np.round(periods)) < 1e-6)
     found["dominant_frequency"] = dominant_frequency(signal, interval)
