@@ -74,7 +74,8 @@ class State(NamedTuple):
     step: Scalar  # the controller's next step
     step_of: tuple  # remembered step of stick, slip, flight
     last_event: Scalar  # time
-    last_error: Scalar  # of the last accepted step, relative to the tolerance
+    last_error: Scalar  # of the last accepted step, relative to the tolerance,
+    last_step: Scalar  # and its length; 1 and 0 after an event
     target: Scalar  # slot of an event being located, or -1
     trial: Scalar  # step that should end on it
     tries: Scalar
@@ -216,6 +217,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         step_of=(step, step, step),
         last_event=start,
         last_error=jnp.ones_like(position[0]),
+        last_step=jnp.zeros_like(step),
         target=z - 1,
         trial=step,
         tries=z,

@@ -91,14 +91,19 @@ def error_norm(problem: Problem, y0, step: Step):
     return largest(ratios)
 
 
-def step_factor(error, last_error, ok, order: int):
-    """Return next step over this one: PI control (Gustafsson) where ``ok``, else the plain rule.
+def step_factor(error, last_error, growth, ok, order: int):
+    """Return next step over this one: the smaller of PI and predictive control (Gustafsson) where
+    ``ok``, else the plain rule.
 
-    With the plain rule alone every other step is refused where friction steepens towards v_t = 0.
-    In single precision, whose logarithm vectorises; a step size needs no more digits.
+    ``growth``: this step over the last accepted one. Where friction steepens towards v_t = 0 the
+    steps have to shrink at a steady rate: the plain rule has every other one refused there, PI
+    control still a good part of them; the predictive rule expects the error to go on changing as it
+    did. In single precision, whose logarithm vectorises; a step size needs no more digits.
     """
-    now, before = (jnp.log(e.astype(jnp.float32)) for e in (error, last_error))
-    exponent = jnp.where(ok, 0.4 * before - 0.7 * now, -now) / order
+    now, before, growth = (jnp.log(e.astype(jnp.float32)) for e in (error, last_error, growth))
+    proportional = (0.4 * before - 0.7 * now) / order
+    predictive = growth + (before - 2 * now) / order
+    exponent = jnp.where(ok, jnp.minimum(proportional, predictive), -now / order)
     return jnp.clip(0.9 * jnp.exp(exponent), 0.2, 5.0)
 
 
@@ -146,7 +151,9 @@ def attempt(problem: Problem, state: State) -> Trial:
     order = solver.order(TERM)
     assert order is not None  # check_solver: a Runge-Kutta pair
     error = jnp.where(finite, jnp.maximum(error, 1e-8), 1e10)
-    factor = step_factor(error, state.last_error, ok, order)
+    # infinite after an event; a rest of time may be below zero by rounding
+    growth = jnp.maximum(h, jnp.finfo(h.dtype).tiny) / state.last_step
+    factor = step_factor(error, state.last_error, growth, ok, order)
     next_step = stop_gradient(h) * factor.astype(h.dtype)
     ok, finite, error, next_step = keep((ok, finite, error, next_step))
 
