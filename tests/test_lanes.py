@@ -141,7 +141,9 @@ def test_the_signal_is_the_output_velocity(pool):
         dense = sampled_solver(one, jnp.asarray(times)).samples.velocity[0]
         speed = float(one.belt.speed)
         # friction bends the curve sharply at captures: the cubic is good to a part in a thousand
-        assert np.max(np.abs(np.asarray(signal.output)[case] - dense)) < 2e-3 * max(speed, 0.3)
+        assert np.max(np.abs(np.asarray(signal.output)[case, :SAMPLES] - dense)) < 2e-3 * max(
+            speed, 0.3
+        )
 
 
 @eqx.filter_jit

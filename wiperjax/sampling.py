@@ -109,9 +109,9 @@ class Signal(eqx.Module):
         regimes = jnp.zeros((self.ring, *lanes), jnp.uint8) if self.regimes else None
         return Ring(output, regimes, jnp.zeros(lanes, jnp.int32))
 
-    def record(self, lanes: int) -> "Record":
-        """Return empty records, (lanes, samples), with room for a ring behind the last sample."""
-        shape = (lanes, self.count + self.ring)
+    def record(self, cases: int) -> "Record":
+        """Return empty records, (cases, samples), with room for a ring behind the last sample."""
+        shape = (cases, self.count + self.ring)
         output = jnp.full(shape, jnp.nan, jnp.float32)
         return Record(output, jnp.full(shape, 255, jnp.uint8) if self.regimes else None)
 
@@ -125,7 +125,7 @@ class Ring(NamedTuple):
 
 
 class Record(NamedTuple):
-    """Samples of every lane, (lanes, samples)."""
+    """Samples of every case, (cases, samples and more); NaN and 255 where there is none."""
 
     output: jax.Array
     regime: jax.Array | None
@@ -171,14 +171,21 @@ def take_signal(signal: Signal, system, state: State, q, v, rate, moves, length)
     return index, ring
 
 
-def flush(record: Record, ring: Ring, index) -> tuple[Record, Ring]:
-    """Move the ring of every lane into its record; ``index`` samples are then recorded."""
+def flush(record: Record, ring: Ring, case, index) -> tuple[Record, Ring]:
+    """Move the ring of every lane into the row ``case`` of the record, if there is such a row;
+    ``index`` samples are then recorded."""
+    at = jnp.stack([case, ring.first], axis=-1)
+    taken = jnp.arange(ring.output.shape[0])[:, None] < index - ring.first
+    windows = jax.lax.ScatterDimensionNumbers(
+        update_window_dims=(1,), inserted_window_dims=(0,), scatter_dims_to_operand_dims=(0, 1)
+    )
 
-    def write(rows, new):
-        put = jax.vmap(lambda row, values, at: jax.lax.dynamic_update_slice(row, values, (at,)))
-        return put(rows, new.T, ring.first)
+    def write(rows, new, none):
+        new = jnp.where(taken, new, jnp.asarray(none, new.dtype)).T
+        drop = jax.lax.GatherScatterMode.FILL_OR_DROP
+        return jax.lax.scatter(rows, at, new, windows, mode=drop)
 
     regime = record.regime
     if regime is not None:
-        regime = write(regime, ring.regime)
-    return Record(write(record.output, ring.output), regime), ring._replace(first=index)
+        regime = write(regime, ring.regime, 255)
+    return Record(write(record.output, ring.output, jnp.nan), regime), ring._replace(first=index)

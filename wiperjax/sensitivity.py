@@ -71,7 +71,8 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
         wiper, theta, state, seeds = given
         return _tangents(wiper, theta, state, seeds, number, limit, settings, kind)
 
-    (outcome, signal, slopes), effort = cells.deal(compute, (base, theta, state, seeds[:2]), count)
+    order = cells.dearest_first(wiper, count)
+    (outcome, signal, slopes), effort = cells.deal(compute, (base, theta, state, seeds[:2]), order)
     columns = cells.columns_of(spec, outcome, signal, effort, wiper, count)
     slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
 
@@ -182,7 +183,7 @@ def _check(spec, theta, base, columns, slopes, checked, word):
         wiper, theta, state = given
         return _plain(wiper, theta, state, number, limit, settings, kind)
 
-    (found, words), _ = cells.deal(compute, (at, moved, state), copies)
+    (found, words), _ = cells.deal(compute, (at, moved, state), np.arange(copies))
     found |= {name: np.asarray(x)[:copies] for name, x in known.items()}
     other = np.any(words.reshape(-1, n) != word[checked], axis=0)
     rests = (columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"]))[checked]

@@ -16,8 +16,8 @@ from . import dataset, labels
 from .results import RESULTS
 from .signals import signal_columns
 
-MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy,
-SMALL_SWEEP = 2**13  # and at most an eighth of a sweep larger than this, so that little can be lost
+MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy
+BLOCK_TIME = 2**13  # s of motion in a block: half a minute on two cores, so that little can be lost
 FEWEST_CELLS = 256
 BLOCK_BYTES = 2**27  # of samples and event logs
 
@@ -37,14 +37,19 @@ class Block(NamedTuple):
 
 
 def block_size(spec: Any) -> int:
-    """Cells in a block: many, for the lanes idle at its end, but fewer where each has long samples
-    or event logs, so that the memory of a sweep is bounded whatever is asked of its cells.
+    """Cells in a block: many, for the lanes idle at its end, but fewer where each takes long, or
+    has long samples or event logs, so that the memory of a sweep is bounded whatever is asked of
+    its cells.
     """
-    most = min(max(spec.size // 8, SMALL_SWEEP), MOST_CELLS)
     run = spec.run
+    most = min(int(BLOCK_TIME / (run.transient + run.window)), MOST_CELLS)
     event = sum(np.dtype(c.dtype).itemsize for c in dataset.SCHEMA.values() if c.along == "event")
     of_a_cell = run.samples * (5 if run.raster else 4) + event * (run.event_log or 0)
-    return int(np.clip(BLOCK_BYTES // of_a_cell, FEWEST_CELLS, most))
+    most = max(min(BLOCK_BYTES // of_a_cell, most), FEWEST_CELLS)
+    blocks = -(-spec.size // most)
+    return max(
+        1, -(-spec.size // blocks)
+    )  # all alike: one compilation, and no small one at the end
 
 
 def made_by(spec: Any) -> dict[str, str]:
