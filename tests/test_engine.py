@@ -288,6 +288,9 @@ def test_result_codes():
     assert Result(int(trajectory(ball, 3.0, start).result)) == Result.FINISHED
     s = trajectory(ball, 3.0, start, max_steps=3)
     assert Result(int(s.result)) == Result.STEP_BUDGET_SPENT and int(s.steps) == 3
+    # it gets nowhere: not the whole budget is spent on it
+    s = trajectory(ball, 3.0, start, max_step=1e-9, max_steps=10**6)
+    assert Result(int(s.result)) == Result.STEP_TOO_SMALL and int(s.steps) < 10**4
     s = trajectory(ball, 3.0, ((-0.1,), (0.0,)))
     assert Result(int(s.result)) == Result.INCONSISTENT_START
     s = trajectory(Ball(np.nan, 0.5), 3.0, start)

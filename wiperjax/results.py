@@ -54,8 +54,8 @@ RESULTS = {result.name.lower(): int(result) for result in Result}
 ADVICE = {
     Result.FINISHED: "reached the end of the time asked for",
     Result.COLLAPSED: "the lip reached collapse_angle: a result of the model, not an error",
-    Result.STEP_TOO_SMALL: "the step shrank to the resolution of time: the motion is stiffer than "
-    "the tolerance allows; loosen rtol, or look for a parameter many decades off",
+    Result.STEP_TOO_SMALL: "the step shrank to the resolution of time, or thousands of steps got "
+    "nowhere: loosen rtol, look for a parameter many decades off, or for a max_step far too small",
     Result.STEP_BUDGET_SPENT: "max_steps were spent before the end: raise max_steps",
     Result.NON_FINITE: "an acceleration became infinite or undefined: look at the parameters "
     "and the initial state",

@@ -87,6 +87,7 @@ class State(NamedTuple):
     rejected: Scalar
     unproved: Scalar  # committed steps whose guards could not be proved free of zeros
     streak: Scalar  # events in a row without time passing
+    paced_time: Scalar  # when the pace was last looked at (`step.PACE_TURNS`)
     events: Scalar
     # output buffers
     log: EventLog
@@ -227,6 +228,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         rejected=z,
         unproved=z,
         streak=z,
+        paced_time=jnp.full_like(start, -jnp.inf),
         events=z,
         log=log,
         sample_index=z,

@@ -21,6 +21,8 @@ from .transition import settle, transition, where
 from .trial import Trial, attempt
 
 ZERO_TIME_EVENTS = 24  # events at one instant after which no lasting regime is expected
+PACE_TURNS = 4096  # after each so many turns (a power of two) the pace is looked at:
+HOPELESS = 1e3  # so many times the budget of steps would be spent, were it to stay
 
 
 def advance(problem: Problem, state: State) -> State:
@@ -198,10 +200,17 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     """Give the trajectory its failure code where it cannot keep its promise."""
     eps = jnp.finfo(state.time.dtype).eps
     floor = 4 * eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
-    too_small = plan.rejected & (state.step < floor)
+    # a lane that gets nowhere, as at the end of a state's digits, must not keep its batch
+    paced = state.active & (state.attempts & (PACE_TURNS - 1) == 0)
+    least = jnp.abs(problem.end) * (PACE_TURNS / HOPELESS / problem.max_steps)
+    stalls = paced & (state.time - state.paced_time < least)
+    too_small = (plan.rejected & (state.step < floor)) | stalls
     why = jnp.where(trial.finite, int(Result.STEP_TOO_SMALL), int(Result.NON_FINITE))
     running = state.result == RUNNING
     result = jnp.where(running & too_small, why, state.result)
     spent = (result == RUNNING) & (state.attempts >= problem.max_steps)
     result = jnp.where(spent, int(Result.STEP_BUDGET_SPENT), result)
-    return state._replace(result=result.astype(jnp.int32))
+    return state._replace(
+        result=result.astype(jnp.int32),
+        paced_time=stop_gradient(jnp.where(paced, state.time, state.paced_time)),
+    )

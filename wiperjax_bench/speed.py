@@ -27,6 +27,7 @@ from .rivals.diffrax_phases import PerPhase
 from .rivals.engine import Engine
 from .rivals.scipy_phases import Phases
 
+RTOL = {"float64": 1e-6, "float32": 1e-5}  # of the engine; 1e-6 is below the digits of float32
 RTOLS = (1e-6, 1e-7, 1e-8)  # of the peers: their cost is read off at the engine's error
 ACCURACY = 0.02  # s, at which accuracy is judged
 PATIENCE = 5.0  # s: the trajectories of a peer are cut so that one call takes no longer
@@ -111,7 +112,7 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
         if not ours and method.cells > 64:
             cells = affordable(method, duration, trajectories)
         scene = scenes.workload(cells * (used if quick and ours else 1), duration)
-        for rtol in (1e-6,) if quick or ours else RTOLS:
+        for rtol in (RTOL[method.precision],) if ours else RTOLS[: 1 if quick else None]:
             started = time.perf_counter()
             try:
                 call = method.prepare(scene, rtol)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from wiperjax import Result, Wiper
-from wiperjax.cells import lane_count
+from wiperjax.cells import dearest_first, lane_count
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.solve import begin, make_problem, solution
 from wiperjax.solve import run as run_one
@@ -161,10 +161,11 @@ class Engine:
         )
         shared = jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, shared)
         duration, control = jnp.asarray(scene.duration), self._control(scene.duration, setting)
+        order = dearest_first(given[0], scene.cells)
 
         def share(i: int):
             """Cells of one core, dealt like cards; a program for one device, run by each thread."""
-            mine = jax.tree.map(lambda x: jnp.asarray(x[i :: self.cores]), varying)
+            mine = jax.tree.map(lambda x: jnp.asarray(x[order[i :: self.cores]]), varying)
             wiper, position, velocity, scales = eqx.combine(mine, shared)
             count = position[0].shape[0]
             lanes = lane_count(self.precision, count)
