@@ -153,10 +153,14 @@ def measure_smooth(solver, width: float, stiffness: float, disturbed: int) -> tu
     start = tuple(rest.at[disturbed].add(DISTURBANCE))
 
     def grows(step: float) -> bool:
-        states = _fixed_steps(start, smooth, jnp.asarray(step), solver)[:STEPS]
-        # the largest on the way, for saturated friction may end anywhere; not a number has grown
-        off = jnp.abs(states[:, disturbed] - rest[disturbed])
-        return not bool(jnp.all(off < GROWTH * DISTURBANCE))
+        states = np.asarray(_fixed_steps(start, smooth, jnp.asarray(step), solver)[:STEPS])
+        # the largest on the way, for saturated friction may end anywhere
+        off = np.abs(states[:, disturbed] - float(rest[disturbed]))
+        known = off[np.isfinite(off)]
+        if np.any(known > GROWTH * DISTURBANCE):
+            return True
+        # the root search of an implicit solver may give up once all that is left is rounding
+        return len(known) < STEPS and not known[-1:] < 0.1 * DISTURBANCE
 
     fastest = float(np.abs(eigenvalues).max())
     return theoretical(stability_function(solver), eigenvalues), bisect(grows, fastest)
