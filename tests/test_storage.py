@@ -398,6 +398,8 @@ def test_blocks_hold_some_time_of_motion_and_are_alike():
         assert size <= 2**15
         assert -(-spec.size // size) == blocks
         assert blocks * size - spec.size < blocks
+    assert block_size(make_spec(angles=50, loads=10, speeds=100), workers=4) == 3125
+    assert block_size(make_spec(angles=50, loads=10, speeds=100), workers=100) == 1021
 
 
 # --- interruption ---------------------------------------------------------------------------------

@@ -91,6 +91,11 @@ class Workers:
         self._hosts: set[str] = set()
 
     @property
+    def threads(self) -> int:
+        """Blocks that are computed at a time, as of now: workers come and go."""
+        return sum(self._client.nthreads().values())
+
+    @property
     def host(self) -> str:
         """Kinds of the machines that computed blocks."""
         return "; ".join(sorted(self._hosts))
@@ -126,8 +131,7 @@ class Workers:
             return waited.done.pop()
 
         def submit() -> None:
-            threads = sum(self._client.nthreads().values())  # workers come and go
-            room = max(2, AHEAD * threads) - len(flying)
+            room = max(2, AHEAD * self.threads) - len(flying)
             for number, (start, stop) in itertools.islice(waiting, max(0, room)):
                 key = f"wiperjax-{run}-{number}"
                 future = self._client.submit(_compute, spec, start, stop, evaluate, key=key)

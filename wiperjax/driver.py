@@ -75,7 +75,8 @@ def run(
         spec = load_sweep(spec)
     elif isinstance(spec, Mapping):
         spec = parse_sweep(spec)
-    block = work.block_size(spec) if block is None else block
+    if block is None:
+        block = work.block_size(spec, 1 if workers is None else workers.threads)
     known = work.made_by(spec) | dict(identity or {})
     if workers is not None:
         known |= workers.made_by(spec, evaluate)

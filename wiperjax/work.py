@@ -19,6 +19,8 @@ from .signals import signal_columns
 MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy
 BLOCK_TIME = 2**13  # s of motion in a block: half a minute on two cores, so that little can be lost
 FEWEST_CELLS = 256
+SHARES = 4  # blocks for each of several workers, at least: they end at about the same time,
+SHARED_CELLS = 1024  # if blocks of so many cells are enough for that
 BLOCK_BYTES = 2**27  # of samples and event logs
 
 Evaluate = Callable[[Any, np.ndarray], Mapping[str, Any]]
@@ -36,15 +38,17 @@ class Block(NamedTuple):
     seconds: float
 
 
-def block_size(spec: Any) -> int:
-    """Cells in a block: many, for the lanes idle at its end, but fewer where each takes long, or
-    has long samples or event logs, so that the memory of a sweep is bounded whatever is asked of
-    its cells.
+def block_size(spec: Any, workers: int = 1) -> int:
+    """Cells in a block: many, for the lanes idle at its end, but fewer where each takes long, has
+    long samples or event logs (the memory of a sweep is bounded whatever is asked of its cells), or
+    where `workers` threads of a cluster share the sweep.
     """
     run = spec.run
     most = min(int(BLOCK_TIME / (run.transient + run.window)), MOST_CELLS)
     event = sum(np.dtype(c.dtype).itemsize for c in dataset.SCHEMA.values() if c.along == "event")
     of_a_cell = run.samples * (5 if run.raster else 4) + event * (run.event_log or 0)
+    if workers > 1:
+        most = min(most, max(spec.size // (SHARES * workers), SHARED_CELLS))
     most = max(min(BLOCK_BYTES // of_a_cell, most), FEWEST_CELLS)
     blocks = -(-spec.size // most)
     return max(
