@@ -22,7 +22,8 @@ from .trial import Trial, attempt
 
 ZERO_TIME_EVENTS = 24  # events at one instant after which no lasting regime is expected
 PACE_TURNS = 4096  # after each so many turns (a power of two) the pace is looked at:
-HOPELESS = 1e3  # so many times the budget of steps would be spent, were it to stay
+HOPELESS = 30  # so many times the budget of steps would be spent, were it to stay
+LEAST_BUDGET = 1e5  # steps; a smaller one says nothing about the pace
 
 
 def advance(problem: Problem, state: State) -> State:
@@ -202,7 +203,8 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     floor = 4 * eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
     # a lane that gets nowhere, as at the end of a state's digits, must not keep its batch
     paced = state.active & (state.attempts & (PACE_TURNS - 1) == 0)
-    least = jnp.abs(problem.end) * (PACE_TURNS / HOPELESS / problem.max_steps)
+    budget = HOPELESS * jnp.maximum(problem.max_steps, LEAST_BUDGET)
+    least = jnp.abs(problem.end) * (PACE_TURNS / budget)
     stalls = paced & (state.time - state.paced_time < least)
     too_small = (plan.rejected & (state.step < floor)) | stalls
     why = jnp.where(trial.finite, int(Result.STEP_TOO_SMALL), int(Result.NON_FINITE))
