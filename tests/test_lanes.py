@@ -141,9 +141,8 @@ def test_the_signal_is_the_output_velocity(pool):
         dense = sampled_solver(one, jnp.asarray(times)).samples.velocity[0]
         speed = float(one.belt.speed)
         # friction bends the curve sharply at captures: the cubic is good to a part in a thousand
-        assert np.max(np.abs(np.asarray(signal.output)[case, :SAMPLES] - dense)) < 2e-3 * max(
-            speed, 0.3
-        )
+        found = np.asarray(signal.output)[case, :SAMPLES]
+        assert np.max(np.abs(found - dense)) < 2e-3 * max(speed, 0.3)
 
 
 @eqx.filter_jit
@@ -189,6 +188,54 @@ def test_a_cell_that_spends_its_budget_fails_alone():
     assert 0 < spent.sum() < 7
     assert np.all(np.isnan(columns["stick_fraction"][spent]))
     assert np.all(np.isfinite(columns["stick_fraction"][~spent]))
+    # samples up to where it came, and nothing behind
+    run = sweep_spec().run
+    time = run.transient + run.window / run.samples * np.arange(run.samples)
+    reached = time <= columns["final_time"][:, None]
+    np.testing.assert_array_equal(np.isfinite(columns["signal"]), reached)
+    assert not reached[spent].all()
+
+
+@pytest.mark.parametrize("shares", [1, 2, 3, 7])
+def test_cells_are_dealt_out_and_come_back_in_their_order(shares, monkeypatch):
+    monkeypatch.setattr(cells, "_devices", lambda: jax.devices()[:1] * shares)
+    size = cells._capacity(1000, shares)
+    order = np.random.default_rng(shares).permutation(1000)
+    taken = []
+
+    def compute(given, count):
+        values, plain = given
+        taken.append((np.asarray(values)[: int(count)], plain))
+        return values[::-1][::-1], values[:, None] * np.ones(3), (1.0, 2.0)
+
+    (one, three), effort = cells.deal(compute, (np.arange(float(size)), "plain"), order)
+    np.testing.assert_array_equal(one, np.arange(1000))
+    np.testing.assert_array_equal(three, np.arange(1000.0)[:, None] * np.ones(3))
+    np.testing.assert_array_equal(effort, (shares, 2 * shares))
+    found = sorted(taken, key=lambda part: order.tolist().index(int(part[0][0])))
+    for share, (values, plain) in enumerate(found):
+        np.testing.assert_array_equal(values, order[share::shares])
+        assert plain == "plain"
+
+
+def test_blocks_of_any_size_can_be_dealt_to_any_number_of_devices():
+    for shares in (*range(1, 17), 24, 64):
+        for count in (1, 63, 64, 65, 1000, 4096, 8192, 9471, 32768):
+            capacity = cells._capacity(count, shares)
+            assert capacity % shares == 0 and capacity >= count
+            assert capacity // shares >= -(-count // shares)
+            assert capacity <= 1.26 * count + 128 * shares
+
+
+def test_dear_cells_begin_first():
+    blades = Wiper(
+        belt=SteadyBelt(np.array([1.0, 0.1, 0.1, 0.5])),
+        normal_load=np.array([5.0, 5.0, 20.0, 20.0]),
+    )
+    assert cells.dearest_first(blades, 4).tolist() == [2, 3, 1, 0]
+    assert cells.dearest_first(blades, 2).tolist() == [1, 0]
+    same_load = Wiper(belt=SteadyBelt(0.3), normal_load=15.0)
+    assert cells.dearest_first(same_load, 3).tolist() == [0, 1, 2]
 
 
 def test_the_event_log_of_a_cell_is_that_of_its_settled_window():

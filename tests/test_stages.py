@@ -8,6 +8,7 @@ import pytest
 
 import wiperjax
 from wiperjax.stages import check_solver, node_states, rk_step
+from wiperjax.trial import step_factor
 
 SOLVERS = [diffrax.Tsit5(), diffrax.Dopri5(), diffrax.Dopri8(), diffrax.Bosh3()]
 
@@ -60,3 +61,22 @@ def test_the_compiled_program_does_not_repeat_itself():
 
     program = jax.jit(run).lower(0.1).compile().as_text()
     assert program.count("\n") < 20_000
+
+
+def test_the_controller_expects_a_steady_change_to_go_on():
+    """Errors that stay while steps shrink by 0.7 each: the next one shrinks by 0.7 as well."""
+    even, no_event = 0.9**5, 1.0  # the plain rule would keep the step at this error
+
+    def factor(error, before, growth, ok=True):
+        error, before, growth = (jnp.asarray(x, jnp.float64) for x in (error, before, growth))
+        return float(step_factor(error, before, growth, jnp.asarray(ok), 5))
+
+    assert factor(even, even, 0.7) == pytest.approx(0.7, rel=1e-5)
+    # after an event nothing is expected, and a step that grew is no reason to grow
+    pi = 0.9 * even ** (-0.3 / 5)
+    assert factor(even, even, np.inf) == pytest.approx(pi, rel=1e-5)
+    assert factor(even, even, 3.0) == pytest.approx(pi, rel=1e-5)
+    # a refused step is judged by its error alone
+    assert factor(32.0, even, 0.3, ok=False) == pytest.approx(0.45, rel=1e-5)
+    assert factor(1e9, no_event, 1.0, ok=False) == pytest.approx(0.2, rel=1e-5)
+    assert factor(1e-8, no_event, np.inf) == pytest.approx(5.0, rel=1e-5)

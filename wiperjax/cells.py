@@ -147,7 +147,7 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
         per_cell = jax.tree.map(lambda x: _cellwise(x, count)[:, None], wiper.belt)
         columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
         columns["wiping_frequency"] = _cellwise(wiper.belt.wiping_frequency, count)
-    columns["occupancy"] = float(useful / executed)
+    columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
     linear = steady_slip(wiper, operating_speed(wiper.belt))
     columns["growth_rate"] = _cellwise(linear.growth_rate, count)
     columns["linear_frequency"] = _cellwise(linear.frequency, count)
@@ -191,8 +191,9 @@ def _devices() -> list:
 
 def _capacity(cells: int, shares: int) -> int:
     """Cells a block is filled up to, so that blocks of about the same size have the same shapes."""
-    step = max(64 * shares, (1 << (cells - 1).bit_length()) // 8)
-    return -(-cells // step) * step
+    share = -(-cells // shares)
+    step = max(64, (1 << (share - 1).bit_length()) // 8)
+    return -(-share // step) * step * shares
 
 
 def _arrays(system: AbstractSystem, precision: str) -> AbstractSystem:

@@ -91,9 +91,9 @@ class Workers:
         self._hosts: set[str] = set()
 
     @property
-    def threads(self) -> int:
-        """Blocks that are computed at a time, as of now: workers come and go."""
-        return sum(self._client.nthreads().values())
+    def count(self) -> int:
+        """Workers there are now: they come and go. Each computes one block at a time."""
+        return len(self._result(lambda seconds: self._client.nthreads(), "workers"))
 
     @property
     def host(self) -> str:
@@ -131,7 +131,8 @@ class Workers:
             return waited.done.pop()
 
         def submit() -> None:
-            room = max(2, AHEAD * self.threads) - len(flying)
+            threads = sum(self._client.nthreads().values())
+            room = max(2, AHEAD * threads) - len(flying)
             for number, (start, stop) in itertools.islice(waiting, max(0, room)):
                 key = f"wiperjax-{run}-{number}"
                 future = self._client.submit(_compute, spec, start, stop, evaluate, key=key)

@@ -76,7 +76,7 @@ def run(
     elif isinstance(spec, Mapping):
         spec = parse_sweep(spec)
     if block is None:
-        block = work.block_size(spec, 1 if workers is None else workers.threads)
+        block = work.block_size(spec, 1 if workers is None else workers.count)
     known = work.made_by(spec) | dict(identity or {})
     if workers is not None:
         known |= workers.made_by(spec, evaluate)

@@ -6,6 +6,13 @@ A library cannot impose them on a process that already computes, so they are one
 
 import os
 
+_configured: int | None = None  # cores that this process was told to use
+
+
+def cores() -> int:
+    """Return how many cores this process may use: what `configure` was told, else all it has."""
+    return _configured or os.cpu_count() or 1
+
 
 def configure(cores: int | None = None) -> int:
     """Set JAX up for batches on this machine's processor; return the number of host devices.
@@ -16,8 +23,9 @@ def configure(cores: int | None = None) -> int:
     loops for its kernels instead of tiles, which copy what they read first.
     Settings already made by the user win. Has no effect once JAX has started a device.
     """
+    global _configured
     count = len(os.sched_getaffinity(0)) if cores is None else int(cores)
-    count = max(1, count)
+    _configured = count = max(1, count)
     wanted = {
         "--xla_force_host_platform_device_count": str(count),
         "--xla_cpu_prefer_vector_width": "512",

@@ -17,11 +17,12 @@ fundamental. In a period-doubled motion the strongest line wins as long as its s
 than half as high.
 """
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import scipy.fft
+
+from . import launch
 
 PADDING = 4  # spectrum points per bin of the unpadded transform, or a little more
 NEWTON_STEPS = 3
@@ -61,9 +62,7 @@ def dominant_frequency(
     flat = signal.reshape(-1, samples)
     rows = max(1, CHUNK // (PADDING * samples))
     chunks = [flat[i : i + rows] for i in range(0, len(flat), rows)]
-    with ThreadPoolExecutor(
-        len(os.sched_getaffinity(0))
-    ) as pool:  # most of it is numpy and scipy, without GIL
+    with ThreadPoolExecutor(launch.cores()) as pool:  # most of it is numpy and scipy, without GIL
         parts = list(pool.map(lambda x: _strongest_line(x, minimum_cycles, harmonics), chunks))
     cycles_per_sample = np.concatenate(parts) if parts else np.zeros(0)
     return (cycles_per_sample / sample_interval).reshape(signal.shape[:-1])

@@ -204,7 +204,7 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     # a lane that gets nowhere, as at the end of a state's digits, must not keep its batch
     paced = state.active & (state.attempts & (PACE_TURNS - 1) == 0)
     budget = HOPELESS * jnp.maximum(problem.max_steps, LEAST_BUDGET)
-    least = jnp.abs(problem.end) * (PACE_TURNS / budget)
+    least = (problem.end - state.time) * (PACE_TURNS / budget)
     stalls = paced & (state.time - state.paced_time < least)
     too_small = (plan.rejected & (state.step < floor)) | stalls
     why = jnp.where(trial.finite, int(Result.STEP_TOO_SMALL), int(Result.NON_FINITE))

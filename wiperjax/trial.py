@@ -27,6 +27,7 @@ from .stages import NODES, Step, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact, rates
 
+LEAST_GROWTH = 0.2  # of a step over the last one, as the controller may ask for
 NOISE = 256  # rounding errors of a guard, in units of its size's last digit
 
 
@@ -151,8 +152,9 @@ def attempt(problem: Problem, state: State) -> Trial:
     order = solver.order(TERM)
     assert order is not None  # check_solver: a Runge-Kutta pair
     error = jnp.where(finite, jnp.maximum(error, 1e-8), 1e10)
-    # infinite after an event; a rest of time may be below zero by rounding
-    growth = jnp.maximum(h, jnp.finfo(h.dtype).tiny) / state.last_step
+    # infinite after an event; of a step cut short for other reasons the rule learns nothing
+    least = jnp.maximum(LEAST_GROWTH * state.last_step, jnp.finfo(h.dtype).tiny)
+    growth = jnp.maximum(stop_gradient(h), least) / state.last_step
     factor = step_factor(error, state.last_error, growth, ok, order)
     next_step = stop_gradient(h) * factor.astype(h.dtype)
     ok, finite, error, next_step = keep((ok, finite, error, next_step))

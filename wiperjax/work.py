@@ -20,7 +20,7 @@ MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy
 BLOCK_TIME = 2**13  # s of motion in a block: half a minute on two cores, so that little can be lost
 FEWEST_CELLS = 256
 SHARES = 4  # blocks for each of several workers, at least: they end at about the same time,
-SHARED_CELLS = 1024  # if blocks of so many cells are enough for that
+SHARED_CELLS = 1024  # unless blocks would have fewer cells than this
 BLOCK_BYTES = 2**27  # of samples and event logs
 
 Evaluate = Callable[[Any, np.ndarray], Mapping[str, Any]]
@@ -41,7 +41,7 @@ class Block(NamedTuple):
 def block_size(spec: Any, workers: int = 1) -> int:
     """Cells in a block: many, for the lanes idle at its end, but fewer where each takes long, has
     long samples or event logs (the memory of a sweep is bounded whatever is asked of its cells), or
-    where `workers` threads of a cluster share the sweep.
+    where `workers` of a cluster share the sweep.
     """
     run = spec.run
     most = min(int(BLOCK_TIME / (run.transient + run.window)), MOST_CELLS)
@@ -50,10 +50,9 @@ def block_size(spec: Any, workers: int = 1) -> int:
     if workers > 1:
         most = min(most, max(spec.size // (SHARES * workers), SHARED_CELLS))
     most = max(min(BLOCK_BYTES // of_a_cell, most), FEWEST_CELLS)
+    # all alike: one compilation, and no small one at the end
     blocks = -(-spec.size // most)
-    return max(
-        1, -(-spec.size // blocks)
-    )  # all alike: one compilation, and no small one at the end
+    return -(-spec.size // blocks)
 
 
 def made_by(spec: Any) -> dict[str, str]:

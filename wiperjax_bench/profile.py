@@ -233,15 +233,16 @@ def control(problem, state):
     """The step, its error and the next step size."""
     from wiperjax.stages import rk_step
     from wiperjax.state import TERM, vector_field
-    from wiperjax.trial import error_norm
+    from wiperjax.trial import error_norm, step_factor
 
     args = (_local(problem, state), state.regime)
     y0 = (state.position, state.velocity)
     arrive = lambda t, y: (vector_field(t, y, args), ())
     step = rk_step(problem.solver, TERM, state.time, y0, state.step, state.rate, args, arrive)
     error = error_norm(problem, y0, step)
-    change = jnp.exp(-(0.7 * jnp.log(error + 1e-8) - 0.4 * jnp.log(state.last_error)) / 5)
-    return step.y1, step.stages, step.rate1, state.step * jnp.clip(0.9 * change, 0.2, 5.0)
+    growth = state.step / state.last_step
+    factor = step_factor(error + 1e-8, state.last_error, growth, error <= 1, 5)
+    return step.y1, step.stages, step.rate1, state.step * factor
 
 
 def detection(problem, state):

@@ -18,7 +18,7 @@ from wiperjax.wiper import ENGINE_FIELDS
 LENGTH = 6e-3  # m, the reference lip
 TURN_SPEED = 0.8  # m/s, of the belt that turns
 SAMPLES = 20
-CELLS = 4096  # the engine takes 16 cases a lane at least: fewer would leave lanes out
+CELLS = 4096  # the engine takes 8 cases a lane at least: fewer would leave lanes out
 
 
 @dataclass(frozen=True)

@@ -179,7 +179,7 @@ def effort(found) -> dict[str, float]:
     useful, executed = np.sum([effort for _, effort in found], axis=0)
     codes = np.concatenate([np.asarray(o.result) for o, _ in found])
     return {
-        "occupancy": float(useful / executed),
+        "occupancy": float(useful / max(executed, 1)),
         "events": float(np.mean([np.mean(o.events) for o, _ in found])),
         "steps": float(np.mean([np.mean(o.steps) for o, _ in found])),
         "failed": float(np.mean(codes > 1)),

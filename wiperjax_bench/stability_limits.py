@@ -160,7 +160,8 @@ def measure_smooth(solver, width: float, stiffness: float, disturbed: int) -> tu
         if np.any(known > GROWTH * DISTURBANCE):
             return True
         # the root search of an implicit solver may give up once all that is left is rounding
-        return len(known) < STEPS and not known[-1:] < 0.1 * DISTURBANCE
+        ends = known[-1] if known.size else np.inf
+        return len(known) < STEPS and ends >= 0.1 * DISTURBANCE
 
     fastest = float(np.abs(eigenvalues).max())
     return theoretical(stability_function(solver), eigenvalues), bisect(grows, fastest)

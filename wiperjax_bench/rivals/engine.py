@@ -116,10 +116,9 @@ SETTINGS = {
 class Engine:
     """The engine with one Runge-Kutta scheme in one precision, and one way to choose steps.
 
-    ``control``: ``scaled``, the default (a PI controller, absolute tolerances rtol times the
-    scene's scales); ``relative``, absolute tolerances a hundredth of that, so that small values
-    count by their own size; ``fixed``, steps of a set share of the duration, cut short by events
-    only.
+    ``control``: ``scaled``, the default (absolute tolerances rtol times the scene's scales);
+    ``relative``, absolute tolerances a hundredth of that, so that small values count by their own
+    size; ``fixed``, steps of a set share of the duration, cut short by events only.
     """
 
     def __init__(
