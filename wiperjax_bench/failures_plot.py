@@ -103,9 +103,9 @@ def _caption(dataset: xr.Dataset, first: np.ndarray, i: int, j: int) -> str:
     if np.all(dataset.outcome.values[i, j] == Outcome.NOT_RUN):
         return "not run"
     if level < 0:
-        right = np.flatnonzero(dataset.outcome.values[i, j] == Outcome.RIGHT)
-        at = ", ".join(f"{x:.0e}" for x in dataset.setting.values[i, j, right])
-        return f"right at {at} only" if at else "never right"
+        right = np.sum(dataset.outcome.values[i, j] == Outcome.RIGHT)
+        ran = np.sum(dataset.outcome.values[i, j] != Outcome.NOT_RUN)
+        return f"right at {right} of {ran}" if right else "never right"
     setting, seconds = dataset.setting.values[i, j, level], dataset.seconds.values[i, j, level]
     return f"{setting:.0e}: {duration(seconds)}"
 
