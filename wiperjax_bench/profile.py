@@ -21,6 +21,7 @@ from jax import lax
 
 from . import measure, scenes
 from .rivals import engine
+from .speed import RTOL
 
 FLOPS = {"add", "sub", "mul", "div", "sqrt", "rsqrt", "exp", "exp2", "log", "sin", "cos", "pow",
          "integer_pow", "neg", "add_any", "square", "asin", "tan", "log1p", "expm1"}  # fmt: skip
@@ -127,12 +128,12 @@ def bandwidth(size: int) -> float:
 
 
 def problem_of(scene: scenes.Scene, precision: str):
-    """Return (problem, position, velocity, start) of a scene at rtol 1e-6, as the chart runs it."""
+    """Return (problem, position, velocity, start) of a scene as `bench speed` runs it."""
     wiper, position, velocity, scales = jax.tree.map(
         lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x,
         engine.arrays(scene, precision),
     )
-    control = engine.Control(*map(jnp.asarray, (1e-6, 1.0, np.inf)))
+    control = engine.Control(*map(jnp.asarray, (RTOL[precision], 1.0, np.inf)))
     return engine._problem(
         wiper, position, velocity, scene.duration, control, scales, diffrax.Tsit5(), precision
     )
@@ -327,8 +328,8 @@ def run(precision: str = "float64", quick: bool = False, say=print) -> str:
         [
             f"# Profile, {precision}, {lanes} lanes on one core of {measure.machine()}",
             "",
-            f"Processor time; rtol 1e-6, Tsit5, {cells} trajectories of 20 ms of the speed "
-            f"workload: {seconds / cells * 1e6:.1f} us each, {steps.mean():.0f} trial steps and "
+            f"Processor time; rtol {RTOL[precision]:.0e}, Tsit5, {cells} trajectories of 20 ms of "
+            f"the speed workload: {seconds / cells * 1e6:.1f} us each, {steps.mean():.0f} trial steps and "
             f"{events.mean():.1f} events each, occupancy {useful / executed:.2f}, "
             f"{seconds / executed * 1e9:.1f} ns a lane-turn, all in all. {FLOWS} flows a jump. "
             f"Load average {measure.load():.1f}.",
