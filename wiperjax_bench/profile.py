@@ -329,8 +329,8 @@ def run(precision: str = "float64", quick: bool = False, say=print) -> str:
             f"# Profile, {precision}, {lanes} lanes on one core of {measure.machine()}",
             "",
             f"Processor time; rtol {RTOL[precision]:.0e}, Tsit5, {cells} trajectories of 20 ms of "
-            f"the speed workload: {seconds / cells * 1e6:.1f} us each, {steps.mean():.0f} trial steps and "
-            f"{events.mean():.1f} events each, occupancy {useful / executed:.2f}, "
+            f"the speed workload: {seconds / cells * 1e6:.1f} us each, {steps.mean():.0f} trial "
+            f"steps and {events.mean():.1f} events each, occupancy {useful / executed:.2f}, "
             f"{seconds / executed * 1e9:.1f} ns a lane-turn, all in all. {FLOWS} flows a jump. "
             f"Load average {measure.load():.1f}.",
             "",
