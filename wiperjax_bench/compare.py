@@ -103,7 +103,8 @@ def statements(dataset: xr.Dataset, clock: str = "wall") -> list[str]:
     found = ratios(dataset, clock=clock)
     lines = []
     for method in dataset.solver.values:
-        if method.startswith("engine"):
+        ran = bool(dataset.state_error.sel(solver=method).notnull().any())
+        if method.startswith("engine") or not ran:
             continue
         for target in TARGETS:
             part = found.sel(solver=method, error=target)
