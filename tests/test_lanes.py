@@ -206,7 +206,7 @@ def test_cells_are_dealt_out_and_come_back_in_their_order(shares, monkeypatch):
     def compute(given, count):
         values, plain = given
         taken.append((np.asarray(values)[: int(count)], plain))
-        return values[::-1][::-1], values[:, None] * np.ones(3), (1.0, 2.0)
+        return values, values[:, None] * np.ones(3), (1.0, 2.0)
 
     (one, three), effort = cells.deal(compute, (np.arange(float(size)), "plain"), order)
     np.testing.assert_array_equal(one, np.arange(1000))

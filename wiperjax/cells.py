@@ -88,7 +88,8 @@ def dearest_first(wiper: Wiper, count: int) -> np.ndarray:
 
     A cell that takes many turns and begins late keeps its lane busy while the others are empty. The
     more load and the slower the glass, the more sticking and slipping there is: of random blades
-    with load / speed^(1/3) falling, 16 a lane, 98 % of the turns are used, in any order 87 %.
+    with load / speed^(1/3) falling, 16 a lane, 98 % of the turns are used, in any order 87 % (list
+    scheduling of turns that were counted; a lane that waits for others to jump is not in it).
     """
     load, speed = (_cellwise(x, count) for x in (wiper.normal_load, wiper.belt.peak))
     return np.argsort(-load / np.cbrt(np.maximum(speed, 1e-30)), kind="stable")

@@ -18,6 +18,7 @@ than half as high.
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import scipy.fft
@@ -62,8 +63,12 @@ def dominant_frequency(
     flat = signal.reshape(-1, samples)
     rows = max(1, CHUNK // (PADDING * samples))
     chunks = [flat[i : i + rows] for i in range(0, len(flat), rows)]
-    with ThreadPoolExecutor(launch.cores()) as pool:  # most of it is numpy and scipy, without GIL
-        parts = list(pool.map(lambda x: _strongest_line(x, minimum_cycles, harmonics), chunks))
+    line = partial(_strongest_line, minimum_cycles=minimum_cycles, harmonics=harmonics)
+    if len(chunks) > 1:  # most of it is numpy and scipy, without GIL
+        with ThreadPoolExecutor(launch.cores()) as pool:
+            parts = list(pool.map(line, chunks))
+    else:
+        parts = [line(chunk) for chunk in chunks]
     cycles_per_sample = np.concatenate(parts) if parts else np.zeros(0)
     return (cycles_per_sample / sample_interval).reshape(signal.shape[:-1])
 

@@ -21,7 +21,7 @@ from jax import lax
 
 from . import measure, scenes
 from .rivals import engine
-from .speed import RTOL
+from .rivals.engine import RTOL
 
 FLOPS = {"add", "sub", "mul", "div", "sqrt", "rsqrt", "exp", "exp2", "log", "sin", "cos", "pow",
          "integer_pow", "neg", "add_any", "square", "asin", "tan", "log1p", "expm1"}  # fmt: skip

@@ -24,10 +24,9 @@ from . import errors, measure, scenes
 from .keep import Parts
 from .rivals.compiled import Compiled
 from .rivals.diffrax_phases import PerPhase
-from .rivals.engine import Engine
+from .rivals.engine import RTOL, Engine
 from .rivals.scipy_phases import Phases
 
-RTOL = {"float64": 1e-6, "float32": 1e-5}  # of the engine; 1e-6 is below the digits of float32
 RTOLS = (1e-6, 1e-7, 1e-8)  # of the peers: their cost is read off at the engine's error
 ACCURACY = 0.02  # s, at which accuracy is judged
 PATIENCE = 5.0  # s: the trajectories of a peer are cut so that one call takes no longer
