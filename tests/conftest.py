@@ -1,10 +1,18 @@
 """Shared by all tests: 64-bit numbers, which importing wiperjax switches on before any array."""
 
+import os
+import tempfile
 from pathlib import Path
 
 import pytest
 
-import wiperjax  # noqa: F401
+# Most of the suite's time is compilation: the two processes, and those that tests start, share what
+# they compile in one folder, which goes with the run. A folder named by the environment stays.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    _compiled = tempfile.TemporaryDirectory(prefix="wiperjax-tests-", ignore_cleanup_errors=True)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = _compiled.name
+
+import wiperjax  # noqa: E402, F401
 
 
 @pytest.fixture(scope="session")

@@ -206,7 +206,8 @@ def scaling(cores: int, duration: float, sizes: tuple[int, ...], repeats: int, s
         call.call.warm()
     facts = {}
     say("cost per trajectory over the size of the batch")
-    for cells, call, cost in zip(sizes, calls, measure.interleaved(calls, repeats), strict=True):
+    costs = measure.interleaved(calls, repeats, patience=30)  # the million is timed once
+    for cells, call, cost in zip(sizes, calls, costs, strict=True):
         facts[f"wall_{cells}"] = cost.wall / cells
         facts[f"wall_low_{cells}"], facts[f"wall_high_{cells}"] = (
             cost.low / cells,
