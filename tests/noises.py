@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from wiperjax import cells
-from wiperjax.dataset import BANDS, LABELS, MECHANISMS, SETTLED
 from wiperjax.parameters import PARAMETERS
+from wiperjax.schema import BANDS, LABELS, MECHANISMS, SETTLED
 from wiperjax.spec import load_scene, load_sweep
 from wiperjax.work import evaluate_block
 

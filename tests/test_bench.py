@@ -10,7 +10,7 @@ import xarray as xr
 from reference.blade import REFERENCE, Steady, Trapezoid, simulate
 
 import wiperjax
-from wiperjax import Event, TrapezoidBelt, accuracy, cli, cli_bench
+from wiperjax import Event, TrapezoidBelt, accuracy, cli
 from wiperjax_bench import (
     chart,
     compare,
@@ -374,7 +374,7 @@ def test_quick_chart(tmp_path, capsys):
 
 
 def test_without_numba_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(cli_bench.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(cli.bench.importlib.util, "find_spec", lambda name: None)
     assert cli.main(["bench", "chart", "-o", str(tmp_path / "x.h5")]) == 1
     assert "pip install 'wiperjax[bench]'" in capsys.readouterr().err
 
@@ -385,7 +385,7 @@ def test_the_library_does_not_import_the_bench():
 
     code = "import sys, wiperjax, wiperjax.cli; print([m for m in sys.modules if 'bench' in m])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "['wiperjax.cli_bench']"
+    assert out.stdout.strip() == "['wiperjax.cli.bench']"
 
 
 # --- the rule -------------------------------------------------------------------------------------
@@ -446,6 +446,6 @@ def test_a_sweep_with_a_target_error(tmp_path, capsys):
     assert cli.main([*words, "2"]) == 1
     assert "target_error must be at least" in capsys.readouterr().err
     spec = wiperjax.load_sweep(file)
-    chosen = cli._at_error(spec, 1e-4, file)
+    chosen = cli.compute.at_error(spec, 1e-4, file)
     assert chosen.run.rtol == accuracy.choose(1e-4).rtol
     assert chosen.digest() != spec.digest()

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax import dataset
+from wiperjax import dataset, provenance, schema
 from wiperjax.results import RESULTS
 from wiperjax.spec import parse_sweep
 from wiperjax.storage import open_map, write_dataset
 
 DATA_SIDE = (
     "dataset",
+    "schema",
+    "provenance",
     "storage",
     "blocks",
     "manifest",
@@ -69,13 +71,13 @@ def test_dimensions_coordinates_and_values():
     np.testing.assert_array_equal(ds.stick_fraction.values.ravel(), np.sin(np.arange(60)))
     assert ds.impact_count.sel(attack_angle=40, normal_load=30).values[-1] == 590
     assert "unheard_of" not in ds and "velocity_rms" not in ds
-    assert all(ds[name].dtype == dataset.SCHEMA[name].dtype for name in ds.data_vars)
+    assert all(ds[name].dtype == schema.SCHEMA[name].dtype for name in ds.data_vars)
     assert all("long_name" in ds[name].attrs for name in ds.variables)
 
 
 def test_attributes_say_how_it_was_made():
     spec = small_spec()
-    ds = dataset.assemble(spec, columns_of(spec), attributes=dataset.provenance("typed", 1.5))
+    ds = dataset.assemble(spec, columns_of(spec), attributes=provenance.record("typed", 1.5))
     assert ds.attrs["Conventions"] == "CF-1.11"
     assert (
         ds.attrs["shoulder_angle"] == pytest.approx(30.0)
@@ -94,8 +96,11 @@ def test_attributes_say_how_it_was_made():
     )
     assert parse_sweep(json.loads(ds.attrs["specification"])).digest() == spec.digest()
     assert ds.attrs["specification_digest"] == spec.digest()
-    assert dataset.version("jax") != "none" and dataset.version("wiperjax") == wiperjax.__version__
-    assert set(dataset.RUN_ATTRIBUTES) <= set(ds.attrs)
+    assert (
+        provenance.version("jax") != "none"
+        and provenance.version("wiperjax") == wiperjax.__version__
+    )
+    assert set(provenance.RUN_ATTRIBUTES) <= set(ds.attrs)
 
 
 def test_plain_xarray_opens_it_where_wiperjax_is_not_installed(tmp_path):
@@ -127,8 +132,8 @@ def test_plain_xarray_opens_it_where_wiperjax_is_not_installed(tmp_path):
 
 def test_flags_are_those_of_the_engine():
     ds = dataset.assemble(small_spec(), columns_of(small_spec()))
-    assert {name: code for code, name in dataset.flag_names(ds.result).items()} == RESULTS
-    assert {name: code for code, name in dataset.flag_names(ds.label).items()} == dataset.LABELS
+    assert {name: code for code, name in schema.flag_names(ds.result).items()} == RESULTS
+    assert {name: code for code, name in schema.flag_names(ds.label).items()} == schema.LABELS
 
 
 def test_wrong_columns_are_refused():
@@ -157,7 +162,7 @@ def test_attributes_are_types_that_netcdf_can_hold():
 def test_host_kind_is_no_host_name():
     import socket
 
-    assert "cores" in dataset.host_kind() and socket.gethostname() not in dataset.host_kind()
+    assert "cores" in provenance.host_kind() and socket.gethostname() not in provenance.host_kind()
 
 
 PACKAGE = Path(wiperjax.__file__).parent

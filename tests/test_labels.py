@@ -2,15 +2,16 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wiperjax import dataset, labels
+from wiperjax import labels, schema
 from wiperjax.results import RESULTS
 from wiperjax.spec import parse_sweep
 
 FLAGS = {
-    name: {code: word for word, code in (dataset.SCHEMA[name].flags or {}).items()}
+    name: {code: word for word, code in (schema.SCHEMA[name].flags or {}).items()}
     for name in ("label", "mechanism", "band", "settled")
 }
 NAN = float("nan")
@@ -159,7 +160,7 @@ def test_a_tone_at_the_turn(label, mechanism, band, values):
 def test_a_slip_that_falls_between_two_samples_is_no_failure():
     """Stick and one short slip: all samples are equal, so no frequency, but exact statistics."""
     seen = {"dominant_frequency": NAN, "stick_fraction": 0.99, "velocity_rms": 0.02}
-    finite, lost = dataset.SETTLED["yes"], dataset.SETTLED["unknown"]
+    finite, lost = schema.SETTLED["yes"], schema.SETTLED["unknown"]
     found = codes(**seen, settled=finite)
     assert found == {"label": "other", "mechanism": "stick_slip", "band": "none"} | {
         "settled": "unknown"
@@ -215,8 +216,8 @@ def test_anatomy_of_a_class():
     }
     names = ("label", "mechanism", "band")
     found = labels.classify(cells)
-    ds = dataset.xr.Dataset(
-        {name: ("case", found[name], dataset.SCHEMA[name].attributes()) for name in names}
+    ds = xr.Dataset(
+        {name: ("case", found[name], schema.SCHEMA[name].attributes()) for name in names}
     )
     assert labels.anatomy(ds) == [
         ("stick_slip", "high", 2),
@@ -271,10 +272,10 @@ def test_thresholds_are_arguments_and_those_of_a_sweep_fit():
 
 def test_class_table_counts_what_is_there():
     codes = np.array([[0, 0, 1], [6, 2, -1]], dtype=np.int8)  # -1: not computed
-    column = dataset.SCHEMA["label"]
-    ds = dataset.xr.Dataset({"label": (("a", "b"), codes, column.attributes())})
+    column = schema.SCHEMA["label"]
+    ds = xr.Dataset({"label": (("a", "b"), codes, column.attributes())})
     table = labels.class_table(ds)
-    assert [name for name, *_ in table] == list(dataset.LABELS)
+    assert [name for name, *_ in table] == list(schema.LABELS)
     assert {name: count for name, count, _ in table if count} == {
         "quiet": 2,
         "squeal": 1,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax import Event, Regime, Result, SteadyBelt, Wiper, cells, dataset
+from wiperjax import Event, Regime, Result, SteadyBelt, Wiper, cells, schema
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.sampling import Signal
 from wiperjax.solve import make_problem
@@ -243,7 +243,7 @@ def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
     columns = cells.evaluate(spec, np.arange(7))
     kind, time = columns["event_kind"], columns["event_time"]
     held = np.minimum(columns["event_count"], 12)
-    np.testing.assert_array_equal(np.sum(kind != dataset.NONE, axis=1), held)
+    np.testing.assert_array_equal(np.sum(kind != schema.NONE, axis=1), held)
     np.testing.assert_array_equal(columns["event_overflow"], columns["event_count"] > 12)
     assert 0 < columns["event_overflow"].sum() < 7
     used = np.arange(12) < held[:, None]

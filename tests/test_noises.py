@@ -14,8 +14,8 @@ from scipy import signal
 
 from wiperjax import Event
 from wiperjax.cells import evaluate
-from wiperjax.dataset import BANDS, LABELS, MECHANISMS, SETTLED
 from wiperjax.scene import run as play
+from wiperjax.schema import BANDS, LABELS, MECHANISMS, SETTLED
 from wiperjax.spec import load_scene, load_sweep
 from wiperjax.work import evaluate_block
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 matplotlib.use("Agg")
 
-from wiperjax import dataset, labels, mapfile, plots  # noqa: E402
+from wiperjax import dataset, labels, mapfile, plots, schema  # noqa: E402
 from wiperjax.plots import axes as plot_axes  # noqa: E402
 from wiperjax.plots import categories, palette, planes  # noqa: E402
 from wiperjax.results import RESULTS  # noqa: E402
@@ -132,8 +132,8 @@ def test_boundary_is_where_the_growth_rate_vanishes(small_map):
 def test_failed_and_collapsed_cells_are_hatched(small_map):
     ax = Figure().subplots()
     broken = small_map.copy(deep=True)
-    broken["label"][:3, :, :3] = dataset.LABELS["failed"]
-    broken["label"][-3:, :, :3] = dataset.LABELS["collapsed"]
+    broken["label"][:3, :, :3] = schema.LABELS["failed"]
+    broken["label"][-3:, :, :3] = schema.LABELS["collapsed"]
     plots.class_map(broken, ax)
     hatches = {c.get_hatch() for c in ax.collections if c.get_hatch()}
     assert hatches == {palette.HATCHES["failed"][0], palette.HATCHES["collapsed"][0]}
@@ -153,7 +153,7 @@ def test_maps_without_a_number_anywhere_are_still_drawn(small_map):
     empty = small_map.copy(deep=True)
     for name in ("dominant_frequency", "velocity_rms", "growth_rate"):
         empty[name][:] = np.nan
-    empty["label"][:] = dataset.LABELS["failed"]
+    empty["label"][:] = schema.LABELS["failed"]
     plots.map_overview(empty).savefig("/dev/null", format="png")
 
 
@@ -183,14 +183,14 @@ def test_regime_map_names_what_occurs_in_the_motion(small_map):
     }
     cells = small_map.isel(attack_angle=slice(0, len(shares)), normal_load=[0], belt_speed=[0, 1])
     cells = cells.copy(deep=True)
-    cells["label"][:] = dataset.LABELS["other"]
+    cells["label"][:] = schema.LABELS["other"]
     for k, (stick, flight, speed) in enumerate(shares.values()):
         cells["stick_fraction"][k], cells["flight_fraction"][k] = stick, flight
         cells["velocity_rms"][k] = speed * cells["belt_speed"].values
     found = plots.motion(cells)
-    names = dataset.flag_names(found)
+    names = schema.flag_names(found)
     assert [names[int(code)] for code in found[:, 0, 0]] == list(shares)
-    cells["label"][0], cells["label"][1] = dataset.LABELS["failed"], dataset.LABELS["collapsed"]
+    cells["label"][0], cells["label"][1] = schema.LABELS["failed"], schema.LABELS["collapsed"]
     found = plots.motion(cells)
     assert [names[int(code)] for code in found[:2, 0, 1]] == ["failed", "collapsed"]
     assert plots.regime_map(cells).shape == (1,)
@@ -203,10 +203,10 @@ def test_mechanism_map_shows_also_what_failed(small_map):
     codes.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
     ds = small_map.assign(mechanism=codes)
     ds["label"] = ds["label"].copy(deep=True)
-    ds["label"][0] = dataset.LABELS["failed"]
+    ds["label"][0] = schema.LABELS["failed"]
     axes = plots.mechanism_map(ds)
     texts = [text.get_text() for text in axes[0].figure.legends[0].get_texts()]
-    share = float((ds["label"] == dataset.LABELS["failed"]).mean())
+    share = float((ds["label"] == schema.LABELS["failed"]).mean())
     assert f"failed ({share:.1%})" in texts
     assert any(text.startswith("self-excited slip (") for text in texts)
     assert any(text.startswith("quiet (") for text in texts)
@@ -216,7 +216,7 @@ def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
     at = {"attack_angle": 5.0, "normal_load": 17.5}
     axes = plots.along_axis(small_map, at=at)
     cells = small_map.sel(at)
-    loud = cells["label"].values != dataset.LABELS["quiet"]
+    loud = cells["label"].values != schema.LABELS["quiet"]
     offsets = np.concatenate([c.get_offsets() for c in axes[0].collections if _is_marks(c)])
     drawn = offsets[np.isfinite(offsets[:, 1].filled(np.nan))]
     assert drawn.shape[0] == loud.sum() > 0
@@ -237,7 +237,7 @@ def _is_marks(collection):
 def test_raster_shows_the_regime_over_time(small_map):
     times = np.arange(4) * 0.01
     codes = np.arange(small_map["label"].size * 4).reshape(*small_map["label"].shape, 4) % 4
-    raster = dataset.SCHEMA["regime_raster"]
+    raster = schema.SCHEMA["regime_raster"]
     dims = (*small_map["label"].dims, "raster_time")
     ds = small_map.assign_coords(raster_time=("raster_time", times))
     ds["regime_raster"] = (dims, codes.astype(np.uint8), raster.attributes())
@@ -279,7 +279,7 @@ def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypat
     codes = partial["label"].attrs["flag_values"]
     partial["label"].attrs["flag_values"] = np.append(codes, np.int8(-1))
     partial["label"].attrs["flag_meanings"] += " not_computed"
-    partial["label"][8:] = dataset.NOT_COMPUTED
+    partial["label"][8:] = schema.NOT_COMPUTED
     partial.attrs |= {"cells": 459, "cells_done": 216}
     parts = tmp_path / "map.h5.parts"
     parts.mkdir()

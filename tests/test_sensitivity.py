@@ -10,7 +10,7 @@ import pytest
 import test_storage
 import xarray as xr
 
-from wiperjax import cells, dataset, driver, sensitivity, work
+from wiperjax import cells, driver, schema, sensitivity, work
 from wiperjax.cluster import Workers
 from wiperjax.observers import Stretch
 from wiperjax.spec import SpecError, parse_sweep
@@ -74,7 +74,7 @@ def columns(found):
 @pytest.mark.slow
 def test_derivatives_agree_with_central_differences(found, columns):
     """Issue 7, item 6: over stick-slip, chatter with flight and reversal."""
-    fine = columns["sensitivity_code"] == dataset.VALIDITY["fine"]
+    fine = columns["sensitivity_code"] == schema.VALIDITY["fine"]
     reverses = np.arange(CELLS) >= CELLS // 2
     worst = np.max(list(found[1].values()), axis=0)
     kinds = {
@@ -93,9 +93,9 @@ def test_derivatives_agree_with_central_differences(found, columns):
 
 @pytest.mark.slow
 def test_what_does_not_hold_is_masked(columns):
-    bad = columns["sensitivity_code"] != dataset.VALIDITY["fine"]
+    bad = columns["sensitivity_code"] != schema.VALIDITY["fine"]
     names = [name for name in columns if name.startswith("d_")]
-    assert len(names) == 3 * len(dataset.DIFFERENTIABLE)
+    assert len(names) == 3 * len(schema.DIFFERENTIABLE)
     for name in names:
         assert np.all(np.isnan(columns[name][bad])), name
     assert np.all(np.isnan(columns["sensitivity_agreement"][bad]))
@@ -105,9 +105,9 @@ def test_what_does_not_hold_is_masked(columns):
 @pytest.mark.slow
 def test_units_are_those_of_files(columns):
     """Degrees: against the closed form of the belt's speed, and the map's own attributes."""
-    fine = columns["sensitivity_code"] == dataset.VALIDITY["fine"]
+    fine = columns["sensitivity_code"] == schema.VALIDITY["fine"]
     np.testing.assert_allclose(columns["d_belt_speed_rms_d_belt_speed"][fine], 0.5**0.5)
-    units = dataset.SCHEMA["d_velocity_rms_d_attack_angle"].attributes()["units"]
+    units = schema.SCHEMA["d_velocity_rms_d_attack_angle"].attributes()["units"]
     assert units == "(m/s)/(degrees)"
 
 

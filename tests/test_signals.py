@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wiperjax import signals
-from wiperjax.dataset import SETTLED
 from wiperjax.labels import Thresholds
+from wiperjax.schema import SETTLED
 
 INTERVAL = 1 / 4096
 TIME = INTERVAL * np.arange(8192)  # 2 s: two periods at 1 Hz

@@ -25,8 +25,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wiperjax import dataset, manifest, mapfile, work
 from wiperjax import driver as sweep
+from wiperjax import manifest, mapfile, provenance, schema, work
 from wiperjax.blocks import BlockStore
 from wiperjax.cli import main
 from wiperjax.results import RESULTS
@@ -87,7 +87,7 @@ def whole(spec):
 def data_of(ds):
     """A map without the attributes that differ from run to run."""
     ds = ds.load().copy()
-    for name in (*dataset.RUN_ATTRIBUTES, "cells", "block_cells"):
+    for name in (*provenance.RUN_ATTRIBUTES, "cells", "block_cells"):
         ds.attrs.pop(name, None)
     return ds
 
@@ -149,7 +149,7 @@ def test_a_sweep_makes_one_ordinary_file(tmp_path):
     assert_same_map(path, spec)
     assert ds.attrs["command"] == "typed" and ds.attrs["cells"] == 385 and ds.attrs["wall_time"] > 0
     assert set(np.unique(ds.label)) == {
-        dataset.LABELS[n] for n in ("quiet", "squeal", "chattering", "failed")
+        schema.LABELS[n] for n in ("quiet", "squeal", "chattering", "failed")
     }
     finished = ds.result == RESULTS["finished"]
     assert np.isnan(ds.dominant_frequency.where(~finished)).all()
@@ -246,7 +246,7 @@ def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
     ds = run(spec, path, evaluate=with_raster)
     np.testing.assert_array_equal(ds.regime_raster, expected)
     assert ds.regime_raster.dtype == np.uint8 and ds.regime_raster.dims[-1] == "raster_time"
-    assert dataset.flag_names(ds.regime_raster)[255] == "none"
+    assert schema.flag_names(ds.regime_raster)[255] == "none"
     step = spec.run.window / spec.run.samples
     np.testing.assert_allclose(ds.raster_time, np.arange(7) * 256 // 7 * step)
     whole_ = sweep.run(spec, evaluate=with_raster, block=BLOCK, progress=False)
@@ -265,9 +265,9 @@ def with_events(spec, index):
         "event_count": count,
         "event_overflow": count > room,
         "event_time": np.where(held, 1e-3 * np.arange(room) + 1e-6 * index[:, None], np.nan),
-        "event_kind": np.where(held, 1 + index[:, None] % 4, dataset.NONE),
-        "regime_before": np.where(held, 0, dataset.NONE),
-        "regime_after": np.where(held, 1, dataset.NONE),
+        "event_kind": np.where(held, 1 + index[:, None] % 4, schema.NONE),
+        "regime_before": np.where(held, 0, schema.NONE),
+        "regime_after": np.where(held, 1, schema.NONE),
         "event_impulse": np.where(held, np.cos(index)[:, None], np.nan),
     }
 
@@ -280,14 +280,14 @@ def test_the_event_log_survives_like_all_else(tmp_path, capsys):
     for name in ("event_time", "event_kind", "event_impulse"):
         found = part[name].values.reshape(385, 5)
         np.testing.assert_array_equal(found[:150], expected[name][:150])
-        none = dataset.SCHEMA[name].missing
+        none = schema.SCHEMA[name].missing
         np.testing.assert_array_equal(found[150:], np.full((235, 5), none))
     run(spec, path, resume=True, evaluate=with_events)
     with open_map(path) as ds:
         whole_ = sweep.run(spec, evaluate=with_events, block=BLOCK, progress=False)
         xr.testing.assert_identical(data_of(ds), data_of(whole_))
         assert ds.event_time.dims == ("attack_angle", "normal_load", "belt_speed", "event")
-        assert dataset.flag_names(ds.event_kind)[5] == "impact"
+        assert schema.flag_names(ds.event_kind)[5] == "impact"
         cell = ds.isel(attack_angle=0, normal_load=0, belt_speed=8)  # as a person reads one cell
         assert int(cell.event_count) == 8 and int(cell.event_overflow) == 1
         assert cell.event_time.dropna("event").size == 5
@@ -916,7 +916,7 @@ def test_an_unfinished_store_opens_with_a_mask(tmp_path, capsys):
         found = ds[name].values.ravel()
         np.testing.assert_array_equal(found[cells], expected[name].values.ravel()[cells])
         assert (np.isnan(found) if found.dtype.kind == "f" else found == -1)[~cells].all()
-    assert dataset.flag_names(ds.label)[-1] == "not_computed" and ds.attrs["cells_done"] == 85
+    assert schema.flag_names(ds.label)[-1] == "not_computed" and ds.attrs["cells_done"] == 85
     assert list(mapfile.open_partial(parts_of(path), ["label"]).data_vars) == ["label", "done"]
     with pytest.raises(StoreError, match="not the folder of an unfinished sweep"):
         mapfile.open_partial(tmp_path)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .dataset import BANDS, LABELS, MECHANISMS, SETTLED, flag_names
 from .labels import classify, stored
 from .results import RESULTS
+from .schema import BANDS, LABELS, MECHANISMS, SETTLED, flag_names
 from .signals import signal_columns
 
 TURN = 2 * np.pi

@@ -24,7 +24,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from . import dataset, manifest
+from . import dataset, manifest, schema
 from .lock import acquire, release
 from .manifest import MANIFEST
 from .storage import StoreError, log, naming, parts_of, reason, write_bytes
@@ -201,7 +201,7 @@ class BlockStore:
         if content is None:
             return None
         with h5py.File(io.BytesIO(content), "r") as file:
-            wanted = [name for name in dataset.SCHEMA if names is None or name in names]
+            wanted = [name for name in schema.SCHEMA if names is None or name in names]
             columns = {name: np.asarray(file[name]) for name in wanted if name in file}
             return columns, float(np.asarray(file.attrs["wall_time"]))
 

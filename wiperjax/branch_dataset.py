@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from . import dataset, named
+from . import dataset, named, provenance
 from .branch import Branch
 from .wiper import Wiper
 
@@ -73,7 +73,7 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
             "over": name,
             "system": type(first.system).__name__,
             "ends": "; ".join(branch.ends),
-            "source": f"wiperjax {dataset.version('wiperjax')}",
+            "source": f"wiperjax {provenance.version('wiperjax')}",
         },
     )
 

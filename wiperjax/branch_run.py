@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from . import dataset, named
+from . import dataset, named, provenance
 from .belts import SteadyBelt
 from .branch import follow
 from .branch_dataset import branch_dataset
@@ -72,7 +72,7 @@ def run(
         "title": spec.title or f"cycles over {entry.long_name}",
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
-        **dataset.provenance(None, time.perf_counter() - begun),
+        **provenance.record(None, time.perf_counter() - begun),
     }
     found = branch_dataset(branch).assign_attrs(dataset.plain_attributes(attrs))
     if simulate:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .belts import SteadyBelt
-from .dataset import NONE, raster_index
+from .dataset import raster_index
 from .ladder import on_rung, operating_speed, start_on_rung
 from .lanes import Outcome, Pool, run_pool
 from .margins import Watched, regime_totals, watch
@@ -18,6 +18,7 @@ from .observers import RegimeTotals
 from .results import Result
 from .sampling import SAMPLES_PER_STEP, Signal
 from .scene import SOLVERS, build_wiper, start_state
+from .schema import NONE
 from .solve import make_problem
 from .stability import steady_slip
 from .state import EventLog
@@ -44,7 +45,7 @@ def identity() -> dict[str, str]:
 def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     """Return the columns of the cells ``index`` of a `SweepSpec`, each of shape (len(index),).
 
-    Beside columns of `dataset.SCHEMA`: ``signal`` (cells, samples), the tip velocity [m/s] at
+    Beside columns of `schema.SCHEMA`: ``signal`` (cells, samples), the tip velocity [m/s] at
     ``sample_interval`` [s], and ``occupancy`` of the batch.
     """
     if spec.sensitivities is not None:
@@ -291,7 +292,7 @@ def statistics(outcome: Outcome, window) -> dict[str, Any]:
 
 
 def _events(log: EventLog, run) -> dict[str, np.ndarray]:
-    """Columns of the event log; the room that a cell leaves empty holds NaN and `dataset.NONE`."""
+    """Columns of the event log; the room that a cell leaves empty holds NaN and `schema.NONE`."""
     used = np.arange(run.event_log) < log.count[:, None]
 
     def code(values):

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import dataset, work
+from . import provenance, work
 from .launch import configure
 from .lock import acquire
 from .storage import StoreError, log
@@ -197,7 +197,7 @@ def _compute(spec: Any, start: int, stop: int, evaluate: work.Evaluate | None) -
         evaluate = evaluate or work.engine()[0]
         columns, occupancy = work.evaluate_block(spec, np.arange(start, stop), evaluate)
         seconds = time.perf_counter() - begun
-        return _Answer(columns, occupancy, seconds, made_by, dataset.host_kind())
+        return _Answer(columns, occupancy, seconds, made_by, provenance.host_kind())
 
 
 def _made_by(spec: Any, evaluate: work.Evaluate | None) -> dict[str, str]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from . import dataset, work
+from . import dataset, provenance, work
 from .blocks import BlockStore
 from .mapfile import finalize
 from .progress import Report
@@ -105,7 +105,7 @@ def run(
             except KeyboardInterrupt:
                 raise SweepInterrupted(_how_to_resume(store, output, command)) from None
         host = workers.host if workers is not None else None
-        finalize(store, output, _made(known) | dataset.provenance(command, 0.0, host))
+        finalize(store, output, _made(known) | provenance.record(command, 0.0, host))
     return open_map(output)
 
 
@@ -152,7 +152,7 @@ def _in_memory(
             start, stop = spans[number]
             report.update(columns, stop - start, occupancy)
     whole = {name: np.concatenate([pieces[k][name] for k in spans]) for name in pieces[0]}
-    made = _made(known) | dataset.provenance(command, time.perf_counter() - begun)
+    made = _made(known) | provenance.record(command, time.perf_counter() - begun)
     return dataset.assemble(spec, whole, attributes=made)
 
 
@@ -160,7 +160,7 @@ def _made(known: Mapping[str, str]) -> dict[str, str]:
     """Attributes that say what made a map."""
     return {
         "identity": json.dumps(dict(known), sort_keys=True),
-        "versions": json.dumps(dataset.versions(), sort_keys=True),
+        "versions": json.dumps(provenance.versions(), sort_keys=True),
     }
 
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .dataset import BANDS, LABELS, MECHANISMS, SETTLED, flag_names
 from .results import RESULTS
+from .schema import BANDS, LABELS, MECHANISMS, SETTLED, flag_names
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def stored(attrs: Mapping[str, Any]) -> Thresholds:
 
 
 def label(columns: Mapping[str, Any], thresholds: Any = None) -> np.ndarray:
-    """Class codes (`dataset.LABELS`) of cells; see `classify`."""
+    """Class codes (`schema.LABELS`) of cells; see `classify`."""
     return classify(columns, thresholds)["label"]
 
 

@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from . import dataset
+from . import dataset, schema
 from .blocks import BlockStore
 from .spill import SpillFile
 from .storage import StoreError, log, replacing
@@ -88,7 +88,7 @@ def finalize(
 
     - `store`: all its blocks done.
     - `output`: replaced if it exists; the caller has asked.
-    - `attributes`: further attributes of the map, such as `dataset.provenance(...)`.
+    - `attributes`: further attributes of the map, such as `provenance.record(...)`.
 
     Raises: `StoreError` if blocks are missing or damaged (the store is kept, resuming computes
         them again), or `output` cannot be written (it is as it was).
@@ -130,7 +130,7 @@ def _write(
             shape = tuple(len(coords[name]["values"]) for name in dims)
             chunk = chunk_shape(shape)
             for name in names:
-                column = dataset.SCHEMA[name]
+                column = schema.SCHEMA[name]
                 variable = file.create_variable(
                     name,
                     dims,
@@ -179,7 +179,7 @@ class _Reader:
         self._columns: dict[str, np.ndarray] = {}
         self._times: dict[int, float] = {}
         self._load(0)
-        self.names = [name for name in dataset.SCHEMA if name in self._columns]
+        self.names = [name for name in schema.SCHEMA if name in self._columns]
 
     @property
     def wall_time(self) -> float:
@@ -190,7 +190,7 @@ class _Reader:
         """Columns `names` of the cells from `start` up to `stop`."""
         columns = {
             name: np.empty(
-                (stop - start, *self._columns[name].shape[1:]), dtype=dataset.SCHEMA[name].dtype
+                (stop - start, *self._columns[name].shape[1:]), dtype=schema.SCHEMA[name].dtype
             )
             for name in names
         }
@@ -250,7 +250,7 @@ def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> x
             if name not in columns:
                 columns[name] = np.full(
                     (store.cells, *values.shape[1:]),
-                    dataset.SCHEMA[name].missing,
+                    schema.SCHEMA[name].missing,
                     dtype=values.dtype,
                 )
             columns[name][start:stop] = values
@@ -258,7 +258,7 @@ def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> x
     for variable in ds.data_vars.values():
         if "flag_values" in variable.attrs and variable.dtype.kind == "i":
             codes = variable.attrs["flag_values"]
-            variable.attrs["flag_values"] = np.append(codes, codes.dtype.type(dataset.NOT_COMPUTED))
+            variable.attrs["flag_values"] = np.append(codes, codes.dtype.type(schema.NOT_COMPUTED))
             variable.attrs["flag_meanings"] += " not_computed"
     ds["done"] = (
         tuple(described["coords"]),

@@ -18,7 +18,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from . import dataset
+from . import schema
 
 
 class Report:
@@ -68,7 +68,7 @@ class Report:
         """Counts classes and results of cells that were finished before."""
         for counter, name in ((self.classes, "label"), (self.results, "result")):
             if name in columns:
-                meaning = {code: text for text, code in (dataset.SCHEMA[name].flags or {}).items()}
+                meaning = {code: text for text, code in (schema.SCHEMA[name].flags or {}).items()}
                 codes, counts = np.unique(columns[name], return_counts=True)
                 counter.update(
                     {

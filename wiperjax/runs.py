@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from .dataset import flag_names
 from .labels import stored
+from .schema import flag_names
 from .spectrum import dominant_frequency
 
 FEWEST_PERIODS = 2  # in the settled half: less is no period

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from . import dataset
+from . import dataset, provenance
 from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
 from .ladder import as_lip, on_rung, start_on_rung
 from .parameters import BELTS, PARAMETERS
@@ -72,7 +72,7 @@ def run(spec: SceneSpec) -> xr.Dataset:
         **{f"class_{key}": value for key, value in spec.thresholds()},
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
-        **dataset.provenance(None, time.perf_counter() - begun),
+        **provenance.record(None, time.perf_counter() - begun),
     }
     return ds.assign_attrs(stated | dataset.plain_attributes(attrs))
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.signal
 
-from .dataset import SETTLED
+from .schema import SETTLED
 from .spectrum import dominant_frequency
 from .turns import tones
 

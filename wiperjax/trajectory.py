@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from . import dataset
+from . import dataset, provenance
 from .belts import AbstractBelt
 from .ladder import Bar, Block
 from .observers import Nothing
@@ -159,8 +159,8 @@ def simulate(
         "rejected_steps": int(state.rejected),
         "unproved_steps": int(state.unproved),
         "result_message": ADVICE[Result(int(state.result))],
-        "source": f"wiperjax {dataset.version('wiperjax')}",
-        "versions": json.dumps(dataset.versions(), sort_keys=True),
+        "source": f"wiperjax {provenance.version('wiperjax')}",
+        "versions": json.dumps(provenance.versions(), sort_keys=True),
     }
     return _labelled(given, problem, state, log, attributes)
 

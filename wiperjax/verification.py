@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from . import dataset
+from . import provenance
 from .spec import parse_sweep
 from .storage import StoreError, open_map
 from .work import Evaluate, engine, evaluate_block
@@ -77,7 +77,7 @@ def verify(
             raise StoreError(
                 f"{path}: was not made from this specification by this version of wiperjax"
             )
-        same = json.loads(ds.attrs.get("versions", "{}")) == dataset.versions()
+        same = json.loads(ds.attrs.get("versions", "{}")) == provenance.versions()
         index = np.sort(
             np.random.default_rng(seed).choice(spec.size, size=min(cells, spec.size), replace=False)
         )

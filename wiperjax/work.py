@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import dataset, labels
+from . import dataset, labels, provenance, schema
 from .results import RESULTS
 from .signals import signal_columns
 
@@ -45,7 +45,7 @@ def block_size(spec: Any, workers: int = 1) -> int:
     """
     run = spec.run
     most = min(int(BLOCK_TIME / (run.transient + run.window)), MOST_CELLS)
-    event = sum(np.dtype(c.dtype).itemsize for c in dataset.SCHEMA.values() if c.along == "event")
+    event = sum(np.dtype(c.dtype).itemsize for c in schema.SCHEMA.values() if c.along == "event")
     of_a_cell = run.samples * (5 if run.raster else 4) + event * (run.event_log or 0)
     if workers > 1:
         most = min(most, max(spec.size // (SHARES * workers), SHARED_CELLS))
@@ -57,7 +57,7 @@ def block_size(spec: Any, workers: int = 1) -> int:
 
 def made_by(spec: Any) -> dict[str, str]:
     """What must agree between blocks of one map, beside the specification."""
-    made = {name: dataset.version(name) for name in DECISIVE}
+    made = {name: provenance.version(name) for name in DECISIVE}
     return made | {"precision": str(spec.run.precision), "machine": platform.machine()}
 
 

@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.ticker import FuncFormatter
 
-from ..dataset import flag_names
+from ..schema import flag_names
 from .axes import page
 from .caption import set_caption
 from .history import regime_bands

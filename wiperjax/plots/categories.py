@@ -11,8 +11,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..dataset import NOT_COMPUTED, flag_names
 from ..labels import class_table
+from ..schema import NOT_COMPUTED, flag_names
 from .axes import edges, page, set_axis, shown
 from .caption import footnote, set_caption
 from .palette import BOUNDARY, CLASSES, HATCHES, MECHANISMS, MOTIONS, UNKNOWN, readable

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ..dataset import LABELS, NOT_COMPUTED, flag_names
 from ..labels import class_table
+from ..schema import LABELS, NOT_COMPUTED, flag_names
 from .categories import category_map
 from .palette import CLASSES, HATCHES, MOTIONS, UNKNOWN, readable
 

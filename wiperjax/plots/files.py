@@ -9,8 +9,8 @@ from typing import Any
 import xarray as xr
 from matplotlib.animation import FuncAnimation
 
-from ..dataset import SCHEMA
 from ..runs import is_run
+from ..schema import SCHEMA
 from ..storage import StoreError, check_output, open_map, replacing
 from . import animation
 from .catalogue import PICTURES, Drawn, draw, find

@@ -7,7 +7,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..dataset import LABELS, flag_names
+from ..schema import LABELS, flag_names
 from .axes import edges, page, plain_log, set_axis, shown
 from .caption import set_caption
 from .palette import BOUNDARY, CLASSES, REGIMES, UNKNOWN, readable

@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
-from ..dataset import LABELS, flag_names
+from ..schema import LABELS, flag_names
 from .axes import edges, label, log_marks, long_name, page, set_axis, shown, shown_unit, value_text
 from .caption import set_caption
 from .palette import BOUNDARY, UNKNOWN

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.ticker import MaxNLocator
 
-from ..dataset import flag_names
+from ..schema import flag_names
 from .axes import label, page, shown, shown_unit
 from .caption import set_caption
 from .history import DIRECTIONS

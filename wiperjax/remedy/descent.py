@@ -10,10 +10,10 @@ import xarray as xr
 from .. import named
 from ..bifurcations import same_word
 from ..cycles import Cycle, Found, close, find_cycle
-from ..dataset import LABELS
 from ..labels import label
 from ..results import Regime
 from ..return_map import Lost
+from ..schema import LABELS
 from ..spectrum import dominant_frequency
 from ..trajectory import simulate
 from ..wiper import Wiper

@@ -1,0 +1,90 @@
+"""Command line: files in, files and short tables out; no physics.
+
+What can be wrong with paths and files is checked before anything is computed. Heavy modules (jax,
+xarray, matplotlib) are imported inside the commands, after `launch.configure`, for two reasons:
+`--help` stays fast, and the settings of XLA have to precede `import jax`.
+"""
+
+import importlib.metadata
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from . import bench
+from .compute import follow, ladder, simulate, sweep, verify
+from .options import INTERRUPTED
+from .show import LISTEN_HELP, PLOT_HELP, info, listen, plot
+
+app = typer.Typer(
+    name="wiperjax",
+    help="Noise maps of windscreen wipers: stick, slip and flight of a blade lip.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+for command in (sweep, simulate, follow):
+    app.command()(command)
+app.command(help=PLOT_HELP)(plot)
+app.command(help=LISTEN_HELP)(listen)
+for command in (info, ladder, verify):
+    app.command()(command)
+app.add_typer(bench.app, name="bench")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command; every error of a user becomes one line on stderr.
+
+    Arguments:
+        arguments: words after the program's name; those of the process if None.
+
+    Returns: exit status, 0 if all went well, 2 for a wrong command line, 130 after Ctrl-C, else 1.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    try:
+        status = app(words, prog_name="wiperjax", standalone_mode=False)
+        return status if isinstance(status, int) else 0
+    except (KeyboardInterrupt, typer.Abort):  # outside of a long command
+        return _complain("interrupted", INTERRUPTED)
+    except Exception as error:
+        usage = getattr(error, "format_message", None)  # only errors of the command line have it
+        if usage is not None:
+            return _complain(f"{usage().rstrip('.')}; try 'wiperjax --help'", 2)
+        if not isinstance(error, OSError | ValueError | RuntimeError):
+            raise  # a bug: its traceback is wanted
+        if "WIPERJAX_TRACEBACK" in os.environ:
+            traceback.print_exc()
+        return _complain(_one_line(error), 1)
+
+
+def _complain(text: str, status: int) -> int:
+    print(f"wiperjax: {' '.join(text.split())}", file=sys.stderr)
+    return status
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else type(error).__name__
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        try:
+            print(f"wiperjax {importlib.metadata.version('wiperjax')}")
+        except importlib.metadata.PackageNotFoundError:
+            print("wiperjax (not installed)")
+        raise typer.Exit
+
+
+@app.callback(epilog="WIPERJAX_TRACEBACK=1 in the environment shows where an error came from.")
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass

@@ -1,0 +1,254 @@
+"""Commands that compute: a map, a run, a branch, a ladder of models, a map's sample again."""
+
+import contextlib
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .options import (
+    INTERRUPTED,
+    MAP_SUFFIXES,
+    PICTURE_SUFFIXES,
+    STILL_SUFFIXES,
+    Force,
+    Model,
+    check_input,
+    check_output,
+    configure,
+)
+from .tables import (
+    cost,
+    print_classes,
+    print_events,
+    print_plan,
+    print_sensitivities,
+    print_special,
+)
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="SWEEP.toml", help="What to sweep.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="MAP.h5", help="Map to make.")],
+    force: Force = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a sweep that was stopped.")
+    ] = False,
+    picture: Annotated[
+        bool, typer.Option("--picture/--no-picture", help="Draw the map beside it as .png.")
+    ] = True,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Cores to use.", show_default="all")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Compute on this dask cluster."),
+    ] = None,
+    local_cluster: Annotated[
+        int | None, typer.Option(min=1, help="Compute on a dask cluster of N processes here.")
+    ] = None,
+    sensitivities: Annotated[
+        bool,
+        typer.Option(
+            "--sensitivities",
+            help="Store derivatives by parameters too; which ones: [sensitivities] in the file.",
+        ),
+    ] = False,
+    block: Annotated[
+        int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
+    ] = None,
+    model: Model = None,
+    target_error: Annotated[
+        float | None,
+        typer.Option(help="Pick solver, precision and rtol for this error (of the lip's length)."),
+    ] = None,
+) -> None:
+    """Compute a map: classes of noise and statistics over the axes of a sweep file."""
+    from wiperjax.spec import load_sweep
+
+    begun = time.monotonic()
+    if force and resume:
+        raise ValueError("--force starts anew and --resume continues: give one of them")
+    if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
+        raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
+    spec = load_sweep(file, model)
+    if target_error is not None:
+        spec = at_error(spec, target_error, file)
+    if sensitivities:
+        spec = spec.with_sensitivities()
+    check_output(output, MAP_SUFFIXES, force or resume, file)
+    drawing = output.with_suffix(".png") if picture else None
+    if drawing is not None:
+        check_output(drawing, STILL_SUFFIXES, force or resume, file)
+    print_plan(spec)
+
+    embedded = scheduler is None and local_cluster is None
+    if embedded:
+        configure(workers)
+    from wiperjax.driver import run
+    from wiperjax.labels import class_table
+
+    command = ["wiperjax", "sweep", str(file), "-o", str(output)]
+    command += ["--sensitivities"] if sensitivities else []
+    command += [] if picture else ["--no-picture"]
+    command += [] if workers is None else ["--workers", str(workers)]
+    command += [] if scheduler is None else ["--scheduler", scheduler]
+    command += [] if local_cluster is None else ["--local-cluster", str(local_cluster)]
+    command += [] if model is None else ["--model", model]
+    command += [] if target_error is None else ["--target-error", str(target_error)]
+    chosen: dict[str, Any] = {} if block is None else {"block": block}
+    try:
+        with contextlib.ExitStack() as stack:
+            if not embedded:
+                from wiperjax.cluster import connect
+
+                chosen["workers"] = stack.enter_context(connect(scheduler, local_cluster))
+            dataset = run(
+                spec, output, resume=resume, force=force, command=shlex.join(command), **chosen
+            )
+    except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
+        print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    print_classes(class_table(dataset))
+    print_sensitivities(dataset)
+    print_events(dataset)
+    print(f"map      {output}: {cost(output, begun)}")
+    if drawing is not None:
+        from wiperjax.plots import plot_file
+
+        plot_file(output, drawing, force=force or resume)
+        print(f"picture  {drawing}")
+
+
+def at_error(spec: Any, target: float, file: Path) -> Any:
+    """Return the sweep with the settings that `accuracy.choose` picks; say which."""
+    from wiperjax.accuracy import choose
+
+    for key in ("solver", "precision", "rtol", "atol"):
+        if key in spec.run.model_fields_set:
+            raise ValueError(
+                f"{file}: run.{key} must be left out with --target-error, which picks it"
+            )
+    found = choose(target)
+    print(
+        f"target error {target:g}: {found.solver}, {found.precision}, rtol {found.rtol:g} "
+        f"(measured {found.error:.1e})"
+    )
+    run = spec.run.model_copy(
+        update={"solver": found.solver, "precision": found.precision, "rtol": found.rtol}
+    )
+    return spec.model_copy(update={"run": run})
+
+
+def simulate(
+    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="What to simulate.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.h5", help="Run to make.")],
+    force: Force = False,
+    model: Model = None,
+) -> None:
+    """Compute one trajectory: samples over time and every event."""
+    from wiperjax.spec import load_scene
+
+    spec = load_scene(file, model)
+    check_output(output, MAP_SUFFIXES, force, file)
+
+    configure(1)
+    from wiperjax.scene import run
+    from wiperjax.storage import write_dataset
+
+    try:
+        dataset = run(spec)
+    except KeyboardInterrupt:
+        print("wiperjax: interrupted, nothing was written", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    write_dataset(dataset, output, force)
+    print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
+
+
+def follow(
+    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="A blade that makes a noise.")],
+    over: Annotated[str, typer.Option(help="Parameter to vary, such as belt_speed.")],
+    low: Annotated[float, typer.Option("--from", help="Its range, in the units of files.")],
+    high: Annotated[float, typer.Option("--to", help="The upper end.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="BRANCH.h5", help="To make.")],
+    step: Annotated[float, typer.Option(min=1e-4, max=0.5, help="Length of a step.")] = 0.03,
+    simulate: Annotated[
+        int,
+        typer.Option(min=2, metavar="N", help="Simulate up and down the range too, at N values."),
+    ] = 0,
+    force: Force = False,
+) -> None:
+    """Follow the limit cycle of a scene over a parameter, stable and unstable."""
+    from wiperjax.spec import load_scene
+
+    spec = load_scene(file)
+    picture = output.with_suffix(".png")
+    check_output(output, MAP_SUFFIXES, force, file)
+    check_output(picture, PICTURE_SUFFIXES, force, file)
+
+    configure(1)
+    from wiperjax.branch_run import run
+    from wiperjax.plots import plot_file
+    from wiperjax.storage import write_dataset
+
+    branch = run(spec, over, low, high, step, simulate)
+    write_dataset(branch, output, force)
+    plot_file(output, picture, force=force)
+    print_special(branch)
+    print(f"branch   {output}: {branch.sizes['point']} cycles")
+    print(f"picture  {picture}")
+
+
+def ladder(
+    files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml...", help="Scenes.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="TABLE.md", help="Write it here.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
+    from wiperjax.spec import load_scene
+
+    for file in files:
+        load_scene(file)  # wrong ones are named before any work
+    if output is not None:
+        check_output(output, (".md",), force, files[0])
+    configure(1)
+    from wiperjax.compare import compare, preface, summary, table
+
+    results = []
+    for file in files:
+        results.append(compare(file))
+        print(table(results[-1:], head=len(results) == 1), end="", flush=True)
+    if output is not None:
+        text = preface() + summary(results) + "\n" + table(results)
+        output.write_text(text, encoding="utf-8")
+        print(f"table    {output}")
+
+
+def verify(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A map.")],
+    cells: Annotated[int, typer.Option(min=1, help="Cells to compute again.")] = 64,
+    seed: Annotated[int, typer.Option(min=0, help="Which cells are drawn.")] = 0,
+) -> None:
+    """Compute a random sample of the cells of a map again and compare."""
+    check_input(file)
+    configure(None)
+    from wiperjax.verification import verify as verify_map
+
+    report = verify_map(file, cells, seed)
+    if report.passed:
+        how = "identical" if report.identical else f"equal within {report.tolerance:g}"
+        print(f"{report.cells} cells computed again, {report.columns} columns compared: {how}")
+    else:
+        print(f"{len(report.differing)} of {report.cells} cells differ, the first: ", end="")
+        print(*report.differing[:10], sep=", ")
+    for name, difference in report.largest.items():
+        print(f"  {name}: largest relative difference {difference:.3g}")
+    if not report.same_versions:
+        print("  the map was made with other versions of the libraries; see 'wiperjax info'")
+    if not report.passed:
+        raise typer.Exit(1)

@@ -1,0 +1,68 @@
+"""What the commands share: options, and checks of paths before any work."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+MAP_SUFFIXES = (".h5", ".hdf5", ".nc")
+STILL_SUFFIXES = (".png", ".pdf", ".svg")
+PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
+SOUND_SUFFIXES = (".wav",)
+INTERRUPTED = 130  # what a shell reports for a command ended by Ctrl-C
+
+Model = Annotated[
+    str | None,
+    typer.Option(
+        metavar="block|bar|lip",
+        help="Model instead of the file's: a block on a belt, the lip held on the glass, or all.",
+        show_default="the file's, or lip",
+    ),
+]
+Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
+
+
+def check_input(path: Path) -> None:
+    """Raises OSError or StoreError if `path` can be neither read nor is an unfinished sweep."""
+    if path.is_dir():
+        return
+    if not path.exists():
+        from wiperjax.storage import StoreError, parts_of
+
+        if (parts := parts_of(path)).is_dir():
+            raise StoreError(f"{path}: is not finished; name {parts} to look at what there is")
+    with path.open("rb"):
+        pass
+
+
+def check_output(path: Path, suffixes: Sequence[str], force: bool, source: Path) -> None:
+    """Raises ValueError or StoreError if `path` is no place for a new file made from `source`."""
+    if path.suffix not in suffixes:
+        raise ValueError(f"{path}: must end in {' or '.join(suffixes)}")
+    if path.exists() and source.exists() and path.samefile(source):
+        raise ValueError(f"{path}: must be another file than the input")
+    from wiperjax.storage import check_output
+
+    check_output(path, force)
+
+
+def cuts(texts: Sequence[str] | None) -> dict[str, float] | None:
+    """`AXIS=VALUE` options as a mapping. Raises ValueError for any other form."""
+    cuts = {}
+    for text in texts or ():
+        name, _, value = text.partition("=")
+        try:
+            cuts[name.strip()] = float(value)
+        except ValueError:
+            raise ValueError(
+                f"--at must be AXIS=NUMBER, such as normal_load=15, was {text}"
+            ) from None
+    return cuts or None
+
+
+def configure(cores: int | None) -> None:
+    """Settings of XLA, which must precede the first `import jax`."""
+    from wiperjax.launch import configure
+
+    configure(cores=cores)

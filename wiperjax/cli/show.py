@@ -1,0 +1,205 @@
+"""Commands that show what there is: pictures, sound, text."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import (
+    PICTURE_SUFFIXES,
+    SOUND_SUFFIXES,
+    STILL_SUFFIXES,
+    Force,
+    check_input,
+    check_output,
+    cuts,
+)
+from .tables import print_classes, print_events, print_special
+
+PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
+    "Draw a map, a run or a branch.\n\n"
+    "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
+    "frequency, value (over two axes), line (along one axis: frequency, amplitude, regimes), "
+    "raster (regime over time).\n\n"
+    "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
+    "spectrogram, animation.\n\n"
+    "Pictures of a branch: overview, cycles (any number of them over the parameter), multipliers."
+)
+LISTEN_HELP = (
+    "Hear a run: its tip velocity as a WAV file (48 kHz, mono, 32-bit float).\n\n"
+    "Full scale is a velocity, the same for every run. Levels are no sound pressure and no dB(A): "
+    "what blade and screen radiate is not modelled."
+)
+
+
+def plot(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.h5",
+            help="A map, a run, a branch, or MAP.h5.parts of an unfinished sweep.",
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE.png",
+            help="Picture to make: .png, .pdf, .svg; .gif or .mp4 for an animation.",
+        ),
+    ],
+    force: Force = False,
+    picture: Annotated[
+        str | None,
+        typer.Option("-p", "--picture", metavar="NAME", help="Which one.", show_default="overview"),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="All that FILE allows, as FILE-NAME.png each.")
+    ] = False,
+    start: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")
+    ] = None,
+    stop: Annotated[
+        float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")
+    ] = None,
+    quantity: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Variable for history, spectrum, spectrogram, value."),
+    ] = None,
+    component: Annotated[
+        int | None,
+        typer.Option(min=0, help="Run: 0 along the glass, 1 normal to it.", show_default="0"),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0.1, max=120, help="Animation: how long it plays (s)."),
+    ] = None,
+    x: Annotated[
+        str | None, typer.Option("--x", metavar="AXIS", help="Map: the axis across.")
+    ] = None,
+    y: Annotated[str | None, typer.Option("--y", metavar="AXIS", help="Map: the axis up.")] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AXIS=VALUE", help="Map: cut another axis here (degrees), not in the middle."
+        ),
+    ] = None,
+    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
+) -> None:
+    check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, force or every, file)
+    check_input(file)
+    if every and picture is not None:
+        raise ValueError("--all draws every picture and --picture one: give one of them")
+    options = {
+        "start": start,
+        "stop": stop,
+        "quantity": quantity,
+        "component": component,
+        "seconds": seconds,
+        "x": x,
+        "y": y,
+        "at": cuts(at),
+    }
+    chosen = {name: value for name, value in options.items() if value is not None}
+    from wiperjax.plots import plot_all, plot_file
+
+    if every:
+        for path in plot_all(file, output, force=force, dpi=dpi, **chosen):
+            print(f"picture  {path}")
+        return
+    plot_file(file, output, picture=picture, force=force, dpi=dpi, **chosen)
+    print(f"picture  {output}")
+
+
+def listen(
+    file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="A run.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="RUN.wav", help="Sound to make.")
+    ],
+    force: Force = False,
+    quantity: Annotated[
+        str, typer.Option(metavar="NAME", help="velocity (of the tip) or normal_force.")
+    ] = "velocity",
+    reference: Annotated[
+        float | None,
+        typer.Option(
+            metavar="VALUE", help="Value at full scale (m/s or N/m).", show_default="1 or 20"
+        ),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Repeat its settled periods for so long (s)."),
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", metavar="S", help="Begin here (s).")
+    ] = None,
+    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="End here (s).")] = None,
+) -> None:
+    check_output(output, SOUND_SUFFIXES, force, file)
+    check_input(file)
+    from wiperjax.runs import is_run
+    from wiperjax.sound import sound
+    from wiperjax.storage import StoreError, open_map
+
+    with open_map(file) as dataset:
+        if not is_run(dataset):
+            what = "is a map" if "label" in dataset else "holds no trajectory"
+            raise StoreError(f"{file}: {what}; only a run can be heard ('wiperjax simulate')")
+        heard = sound(
+            dataset.load(),
+            quantity=quantity,
+            reference=reference,
+            start=start,
+            stop=stop,
+            seconds=seconds,
+        )
+    heard.write(output, force)
+    print(f"sound    {output}: {heard.describe()}")
+    print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
+    if warning := heard.warning():
+        print(f"note: {warning}", file=sys.stderr)
+
+
+def info(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A map, a run, a branch, or MAP.h5.parts of an unfinished sweep."
+        ),
+    ],
+) -> None:
+    """Show what a file holds, how it was made, and the classes of a map."""
+    from wiperjax.labels import anatomy, class_table, unsettled
+    from wiperjax.storage import open_map
+
+    with open_map(file) as dataset:
+        print(", ".join(f"{name} {count}" for name, count in dataset.sizes.items()))
+        for name, value in dataset.attrs.items():
+            if name in ("specification", "specification_canonical"):  # for machines
+                continue
+            lines = str(value).splitlines()
+            if len(lines) > 1:
+                print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")
+            else:
+                print(f"{name}: {value}")
+        if "label" in dataset:
+            print_classes(class_table(dataset))
+            if lost := unsettled(dataset):
+                print(f"not settled  {lost} cells: growing, dying or irregular (docs/classes.md)")
+            if "mechanism" in dataset:
+                for mechanism, band, count in anatomy(dataset):
+                    print(f"other: {count} cells of {mechanism}, band {band}")
+        elif "cells_done" in dataset.attrs:
+            print("no cell is computed yet")
+        elif "special_kind" in dataset:
+            print_special(dataset)
+        elif "belt_kind" in dataset.attrs:
+            from wiperjax.assess import assess, words
+
+            found = assess(dataset)
+            for name, word in words(found).items():
+                print(f"{name:<12}{word}")
+            print(f"{'frequency':<12}{float(found['dominant_frequency']):.1f} Hz")
+        print_events(dataset)

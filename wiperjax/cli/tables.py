@@ -1,0 +1,83 @@
+"""What the commands print: short tables of what a file holds and what it took."""
+
+import resource
+import sys
+import time
+from collections.abc import Sequence
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+
+def print_plan(spec: Any) -> None:
+    """Axes with their units, so that a wrong unit is seen before hours are spent on it."""
+    from wiperjax.parameters import PARAMETERS
+
+    for name, values in spec.axes_values().items():
+        unit = PARAMETERS[name].edge_unit
+        print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit} ({values.size} values)")
+    for note in spec.notes():
+        print(f"note: {note}", file=sys.stderr)
+
+
+def print_classes(table: Sequence[tuple[str, int, float]]) -> None:
+    print(f"{'class':<12}{'cells':>9}{'share':>9}")
+    for name, count, share in table:
+        if name == "not_computed":  # of an unfinished sweep: has no share
+            continue
+        print(f"{name:<12}{count:>9}{share:>9.1%}")
+
+
+def print_sensitivities(dataset: Any) -> None:
+    """Where derivatives hold, and how those that were checked agree with central differences."""
+    if "sensitivity_code" not in dataset:
+        return
+    import numpy as np
+
+    from wiperjax.schema import flag_names
+
+    codes = dataset["sensitivity_code"]
+    for code, name in flag_names(codes).items():
+        count = int((codes == code).sum())
+        print(f"derivatives {name:<20}{count:>9}{count / codes.size:>9.1%}")
+    found = dataset["sensitivity_agreement"].values
+    found = found[np.isfinite(found)]
+    if found.size:
+        print(
+            f"checked by differences: {found.size} cells; the worst derivative of each differs by "
+            f"{np.median(found):.1e} (median), {found.max():.1e} (largest)"
+        )
+
+
+def print_events(dataset: Any) -> None:
+    """What the event log of a map holds and what it had no room for."""
+    if "event_count" not in dataset:
+        return
+    count, room = dataset["event_count"].values, dataset.sizes["event"]
+    count = count[count >= 0]  # cells that are computed
+    if not count.size:
+        return
+    cut = int((dataset["event_overflow"].values == 1).sum())
+    print(f"events: {count.sum(dtype=int)} in the settled windows, {count.max()} in the fullest;")
+    print(f"    the log has room for {room} of a cell, {cut} of {count.size} cells had more")
+
+
+def print_special(branch: Any) -> None:
+    """Special points of a branch of cycles, and why it ends."""
+    over = branch.attrs["over"]
+    unit = branch[over].attrs["units"]
+    for kind, value, detail in zip(
+        *(branch[f"special_{key}"].values for key in ("kind", "parameter", "detail")), strict=True
+    ):
+        print(f"{over} {value:.6g} {unit}: {str(kind).replace('_', ' ')} ({detail})")
+    stable = branch["stable"].values.astype(bool)
+    print(f"cycles   {stable.sum()} stable, {(~stable).sum()} unstable")
+    print(f"ends     {branch.attrs['ends']}")
+
+
+def cost(output: Path, begun: float) -> str:
+    """What a file took: its size, the time since `begun`, and the most memory of this process."""
+    unit = 1 if sys.platform == "darwin" else 1024  # of the system's own number
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    elapsed = timedelta(seconds=round(time.monotonic() - begun))
+    return f"{output.stat().st_size / 1e6:.3g} MB, {elapsed}, {memory / 1e9:.2f} GB of memory"

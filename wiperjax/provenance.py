@@ -1,0 +1,58 @@
+"""How a file came to be: command, date, kind of machine, versions; no name of the host."""
+
+import importlib.metadata
+import os
+import platform
+import sys
+from datetime import UTC, datetime
+from typing import Any
+
+RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time")
+"""Attributes that say how a map came to be; two runs of one sweep agree in everything else, bit for
+bit.
+"""
+
+LIBRARIES = (
+    *("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "optimistix"),
+    *("numpy", "scipy", "xarray", "h5py", "h5netcdf"),
+)
+
+
+def record(command: str | None, wall_time: float, host: str | None = None) -> dict[str, Any]:
+    """Values of `RUN_ATTRIBUTES`; `wall_time` in seconds, summed over blocks."""
+    return {
+        "command": command or "",
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "host": host or host_kind(),
+        "wall_time": float(wall_time),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the libraries a map rests on, without importing any."""
+    return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
+
+
+def version(library: str) -> str:
+    """Installed version of a library, else `none`; of wiperjax, also in a mere checkout."""
+    if library == "wiperjax" and (own := getattr(sys.modules.get(library), "__version__", None)):
+        return str(own)
+    try:
+        return importlib.metadata.version(library)
+    except importlib.metadata.PackageNotFoundError:
+        return "none"
+
+
+def host_kind() -> str:
+    """Kind of machine (processor, cores, system), not its name."""
+    processor = platform.processor() or platform.machine()
+    if sys.platform.startswith("linux"):
+        try:
+            with open("/proc/cpuinfo", encoding="utf-8") as lines:
+                names = [
+                    line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")
+                ]
+        except OSError:
+            names = []
+        processor = names[0] if names else processor
+    return f"{processor}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
