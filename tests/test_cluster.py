@@ -167,7 +167,7 @@ def test_one_process_deals_a_block_to_all_its_accelerators():
     code = """
         import threading
         import jax, numpy as np
-        from wiperjax import cells
+        from wiperjax import cells, dealing
         from wiperjax.spec import parse_sweep
 
         class Enough(Exception):
@@ -182,7 +182,7 @@ def test_one_process_deals_a_block_to_all_its_accelerators():
 
         seen, together = [], threading.Barrier(3)
 
-        cells._compute, cells._devices = note, jax.devices
+        cells._compute, dealing.devices = note, jax.devices
         axis = {"start": 0.1, "stop": 0.7, "num": 7}
         spec = parse_sweep({"axes": {"belt_speed": axis}, "run": {"transient": 0, "window": 1}})
         try:

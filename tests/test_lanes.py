@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax import Event, Regime, Result, SteadyBelt, Wiper, cells, schema
+from wiperjax import Event, Regime, Result, SteadyBelt, Wiper, cells, dealing, schema
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.sampling import Signal
 from wiperjax.solve import make_problem
@@ -198,8 +198,8 @@ def test_a_cell_that_spends_its_budget_fails_alone():
 
 @pytest.mark.parametrize("shares", [1, 2, 3, 7])
 def test_cells_are_dealt_out_and_come_back_in_their_order(shares, monkeypatch):
-    monkeypatch.setattr(cells, "_devices", lambda: jax.devices()[:1] * shares)
-    size = cells._capacity(1000, shares)
+    monkeypatch.setattr(dealing, "devices", lambda: jax.devices()[:1] * shares)
+    size = dealing.capacity(1000, shares)
     order = np.random.default_rng(shares).permutation(1000)
     taken = []
 
@@ -208,7 +208,7 @@ def test_cells_are_dealt_out_and_come_back_in_their_order(shares, monkeypatch):
         taken.append((np.asarray(values)[: int(count)], plain))
         return values, values[:, None] * np.ones(3), (1.0, 2.0)
 
-    (one, three), effort = cells.deal(compute, (np.arange(float(size)), "plain"), order)
+    (one, three), effort = dealing.deal(compute, (np.arange(float(size)), "plain"), order)
     np.testing.assert_array_equal(one, np.arange(1000))
     np.testing.assert_array_equal(three, np.arange(1000.0)[:, None] * np.ones(3))
     np.testing.assert_array_equal(effort, (shares, 2 * shares))
@@ -221,7 +221,7 @@ def test_cells_are_dealt_out_and_come_back_in_their_order(shares, monkeypatch):
 def test_blocks_of_any_size_can_be_dealt_to_any_number_of_devices():
     for shares in (*range(1, 17), 24, 64):
         for count in (1, 63, 64, 65, 1000, 4096, 8192, 9471, 32768):
-            capacity = cells._capacity(count, shares)
+            capacity = dealing.capacity(count, shares)
             assert capacity % shares == 0 and capacity >= count
             assert capacity // shares >= -(-count // shares)
             assert capacity <= 1.26 * count + 128 * shares
@@ -232,10 +232,10 @@ def test_dear_cells_begin_first():
         belt=SteadyBelt(np.array([1.0, 0.1, 0.1, 0.5])),
         normal_load=np.array([5.0, 5.0, 20.0, 20.0]),
     )
-    assert cells.dearest_first(blades, 4).tolist() == [2, 3, 1, 0]
-    assert cells.dearest_first(blades, 2).tolist() == [1, 0]
+    assert dealing.dearest_first(blades, 4).tolist() == [2, 3, 1, 0]
+    assert dealing.dearest_first(blades, 2).tolist() == [1, 0]
     same_load = Wiper(belt=SteadyBelt(0.3), normal_load=15.0)
-    assert cells.dearest_first(same_load, 3).tolist() == [0, 1, 2]
+    assert dealing.dearest_first(same_load, 3).tolist() == [0, 1, 2]
 
 
 def test_the_event_log_of_a_cell_is_that_of_its_settled_window():

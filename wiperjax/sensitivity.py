@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from . import cells
+from .columns import columns_of, statistics
+from .dealing import capacity, deal, dearest_first
 from .parameters import BELTS, PARAMETERS
 from .results import Result
 from .scene import start_state
@@ -71,9 +73,9 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
         wiper, theta, state, seeds = given
         return _tangents(wiper, theta, state, seeds, number, limit, settings, kind)
 
-    order = cells.dearest_first(wiper, count)
-    (outcome, signal, slopes), effort = cells.deal(compute, (base, theta, state, seeds[:2]), order)
-    columns = cells.columns_of(spec, outcome, signal, effort, wiper, count)
+    order = dearest_first(wiper, count)
+    (outcome, signal, slopes), effort = deal(compute, (base, theta, state, seeds[:2]), order)
+    columns = columns_of(spec, outcome, signal, effort, wiper, count)
     slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
 
     watched = outcome.observed
@@ -116,7 +118,7 @@ def _tangents(wiper, theta, state, seeds, count, limit, s, kind):
             w, position, velocity, count, limit, s, watched=True
         )
         seconds = outcome.observed.seconds._asdict()
-        found = cells.statistics(outcome, s.window) | {SECOND[k]: x for k, x in seconds.items()}
+        found = statistics(outcome, s.window) | {SECOND[k]: x for k, x in seconds.items()}
         return found, (outcome, signal, effort)
 
     def push(dtheta, dstate):
@@ -131,7 +133,7 @@ def _plain(wiper, theta, state, count, limit, s, kind):
     w = with_parameters(wiper, theta, kind)
     position, velocity = state
     outcome, _, effort = cells.outcomes(w, position, velocity, count, limit, s, watched=True)
-    return cells.statistics(outcome, s.window), outcome.observed.word, effort
+    return statistics(outcome, s.window), outcome.observed.word, effort
 
 
 def _mask_contested(slopes, columns, theta, wiper, asked) -> None:
@@ -163,7 +165,7 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     names = list(theta)
     copies = len(STENCIL) * len(names) * n
     scale = {name: _scale(name, np.asarray(x)[checked]) for name, x in theta.items()}
-    size = cells._capacity(copies, len(cells._devices()))
+    size = capacity(copies)
     whole = theta[names[0]].shape[-1]
     # every cell with each parameter at all places of the stencil; filled up with the last
     place = np.tile(checked, len(STENCIL) * len(names))
@@ -183,7 +185,7 @@ def _check(spec, theta, base, columns, slopes, checked, word):
         wiper, theta, state = given
         return _plain(wiper, theta, state, number, limit, settings, kind)
 
-    (found, words), _ = cells.deal(compute, (at, moved, state), np.arange(copies))
+    (found, words), _ = deal(compute, (at, moved, state), np.arange(copies))
     found |= {name: np.asarray(x)[:copies] for name, x in known.items()}
     other = np.any(words.reshape(-1, n) != word[checked], axis=0)
     rests = (columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"]))[checked]

@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from wiperjax import Result, Wiper
-from wiperjax.cells import dearest_first, lane_count
+from wiperjax.cells import lane_count
+from wiperjax.dealing import dearest_first
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.solve import begin, make_problem, solution
 from wiperjax.solve import run as run_one
