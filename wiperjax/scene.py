@@ -14,10 +14,11 @@ from . import dataset, provenance
 from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
 from .ladder import as_lip, on_rung, start_on_rung
 from .parameters import BELTS, PARAMETERS
+from .run_dataset import units_text
 from .spec import SceneSpec
 from .spec_tables import Start
 from .stability import map_shape, steady_slip
-from .trajectory import simulate, units_text
+from .trajectory import simulate
 from .wiper import Wiper
 
 SOLVERS = {
