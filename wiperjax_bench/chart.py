@@ -23,7 +23,7 @@ from .scenes import Scene
 
 JUDGED = 128  # cells whose motion is compared
 BATCH = 4096  # cells of the random batch
-PATIENCE = 1.5  # s of processor time: after a call that takes longer finer settings are left out
+PATIENCE = 1.0  # s of processor time: after a call that takes longer finer settings are left out
 VALUES = {  # name: (unit, meaning)
     "wall": ("s", "wall time per trajectory, median of interleaved repeats"),
     "wall_low": ("s", "10th percentile of the repeats"),
@@ -103,13 +103,13 @@ def measure_scene(name: str, chosen: list[Rival], quick: bool, repeats: int, say
     scene: Scene = getattr(scenes, name)(cells)
     part = scene.head(judged)
     true = errors.truth(part)
+    compiled = compile_ahead(chosen, scene, part)
     second = confirm(part, true, quick)
     say(
         f"{name}: {cells} cells, horizon {np.median(true.horizon):g} of {scene.duration:g} s, "
         f"reference confirmed to {second.state_p90:.1e}, other events in {second.wrong:.0%}"
     )
     rows, calls = [], []
-    compiled = compile_ahead(chosen, scene, part)
     for method in chosen:
         started = time.process_time()
         found, timed, note = try_method(method, scene, part, true, quick)
@@ -217,7 +217,8 @@ SECOND = ("engine Dopri8 at rtol 1e-10", "scipy DOP853 at rtol 1e-11")  # in ful
 def confirm(scene: Scene, true: errors.Truth, quick: bool) -> errors.Errors:
     """Return the errors of a second method at high accuracy: what the reference is worth.
 
-    For the block that is its exact answer, else `SECOND` on some of the cells.
+    For the block that is its exact answer, else `SECOND`: the engine's is compiled already if it is
+    among the methods.
     """
     if scene.name == "block":
         return errors.judge(scene, true, exact_block(scene))
@@ -229,7 +230,7 @@ def confirm(scene: Scene, true: errors.Truth, quick: bool) -> errors.Errors:
 
     from .rivals.engine import Engine
 
-    answer = Engine(diffrax.Dopri8).prepare(scene.head(32), 1e-10).answer()  # type: ignore
+    answer = Engine(diffrax.Dopri8).prepare(scene, 1e-10).answer()  # type: ignore
     return errors.judge(scene, true, answer)
 
 

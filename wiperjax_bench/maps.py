@@ -98,7 +98,7 @@ def evaluate(code: str, changes: dict, index: np.ndarray) -> dict:
     return columns
 
 
-def run(output: Path, *, quick: bool = False, count: int = 4096, seed: int = 5, say=print):
+def run(output: Path, *, quick: bool = False, count: int = 2048, seed: int = 5, say=print):
     """Return the dataset of wrong classes and errors of the map's variables.
 
     A finished setting is kept in `<output>.parts/` until all are done.

@@ -38,7 +38,8 @@ class Cost(NamedTuple):
 def interleaved(calls: Sequence[Callable], repeats: int, patience: float = np.inf) -> list[Cost]:
     """Return the cost of each call: every one once, then every one again, ``repeats`` times.
 
-    A slow machine, or a neighbour, then falls on all alike. Calls that took longer than
+    A slow machine, or a neighbour, then falls on all alike. Processor time that a call spends in
+    another process is its ``elsewhere`` [s]. Calls that took longer than
     ``patience`` [s] are not repeated.
     """
     wall = [[] for _ in calls]
@@ -50,7 +51,8 @@ def interleaved(calls: Sequence[Callable], repeats: int, patience: float = np.in
             cpu_start, start = time.process_time(), time.perf_counter()
             call()
             wall[i].append(time.perf_counter() - start)
-            cpu[i].append(time.process_time() - cpu_start)
+            spent = time.process_time() - cpu_start
+            cpu[i].append(spent + getattr(call, "elsewhere", 0.0))
     return [
         Cost(
             float(np.median(w)),

@@ -205,7 +205,7 @@ def rule(
 def maps(
     output: Output = Path("maps.h5"),
     quick: Quick = False,
-    cells: Annotated[int, typer.Option(min=16, help="Random cells of the reference sweep.")] = 4096,
+    cells: Annotated[int, typer.Option(min=16, help="Random cells of the reference sweep.")] = 2048,
 ) -> None:
     """Share of cells whose class differs, and errors of map variables, by setting.
 

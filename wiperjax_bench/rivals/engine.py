@@ -131,7 +131,7 @@ class Engine:
     ):
         self.solver, self.precision, self.cores = solver(), precision, cores
         self.control = control
-        self.cells = 1 << 20 if control == "scaled" else 1024  # the others are slow
+        self.cells = 1 << 20 if control == "scaled" else 512  # the others are slow
         self.name = f"engine {solver.__name__}"
         self.name += f" {precision}" * (precision != "float64")
         self.name += {"scaled": "", "relative": ", relative control", "fixed": ", fixed steps"}[
