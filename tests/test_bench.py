@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from wiperjax_bench import (
     speed_report,
 )
 from wiperjax_bench import speed as bench_speed
+from wiperjax_bench.alone import Alone
 from wiperjax_bench.interface import NotForThisScene
 from wiperjax_bench.keep import Parts
 from wiperjax_bench.rivals import compiled, every, scipy_phases
@@ -449,3 +451,12 @@ def test_a_sweep_with_a_target_error(tmp_path, capsys):
     chosen = cli.compute.at_error(spec, 1e-4, file)
     assert chosen.run.rtol == accuracy.choose(1e-4).rtol
     assert chosen.digest() != spec.digest()
+
+
+def test_a_call_in_a_process_of_its_own():
+    call = Alone(partial(partial, sum, [1, 2]), float)
+    assert call() == 3.0
+    assert call.elsewhere >= 0
+    broken = Alone(partial(partial, sum, ["a"]), float)
+    with pytest.raises(RuntimeError, match="has ended"):
+        broken()

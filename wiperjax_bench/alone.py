@@ -34,7 +34,7 @@ class Alone:
     """The call that ``make()`` returns there; a call gives ``reduce`` of its result.
 
     ``make`` and ``reduce`` must be picklable. ``elsewhere``: processor time [s] of the last call,
-    which this process's clock does not see.
+    which this process's clock does not see. Raises RuntimeError when that process has ended.
     """
 
     def __init__(self, make: Callable[[], Any], reduce: Callable[[Any], Any]):
@@ -47,7 +47,10 @@ class Alone:
 
     def _ask(self, what: str) -> Any:
         self._connection.send(what)
-        self.elsewhere, found = self._connection.recv()
+        try:
+            self.elsewhere, found = self._connection.recv()
+        except EOFError:
+            raise RuntimeError("the process of its own has ended; it says why above") from None
         return found
 
     def warm(self) -> None:
