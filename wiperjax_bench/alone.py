@@ -20,6 +20,7 @@ def _serve(connection, make: Callable[[], Any], reduce: Callable[[Any], Any]) ->
 
     configure(1)
     call = make()
+    connection.send((0.0, None))  # ready
     while True:
         try:
             asked = connection.recv()
@@ -43,10 +44,9 @@ class Alone:
         self._process = context.Process(target=_serve, args=(theirs, make, reduce), daemon=True)
         self._process.start()
         theirs.close()  # or the end of the other process would not be noticed here
-        self.elsewhere = 0.0
+        self._answer()
 
-    def _ask(self, what: str) -> Any:
-        self._connection.send(what)
+    def _answer(self) -> Any:
         try:
             self.elsewhere, found = self._connection.recv()
         except EOFError:
@@ -55,7 +55,9 @@ class Alone:
 
     def warm(self) -> None:
         """Compile; compute hardly anything."""
-        self._ask("warm")
+        self._connection.send("warm")
+        self._answer()
 
     def __call__(self) -> Any:
-        return self._ask("run")
+        self._connection.send("run")
+        return self._answer()

@@ -39,8 +39,8 @@ def interleaved(calls: Sequence[Callable], repeats: int, patience: float = np.in
     """Return the cost of each call: every one once, then every one again, ``repeats`` times.
 
     A slow machine, or a neighbour, then falls on all alike. Processor time that a call spends in
-    another process is its ``elsewhere`` [s]. Calls that took longer than
-    ``patience`` [s] are not repeated.
+    another process is its ``elsewhere`` [s]. Calls that took longer than ``patience`` [s] are not
+    repeated.
     """
     wall = [[] for _ in calls]
     cpu = [[] for _ in calls]

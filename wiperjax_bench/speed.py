@@ -114,12 +114,13 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
             cells = affordable(method, duration, trajectories)
         scene = scenes.workload(cells * (used if quick and ours else 1), duration)
         for rtol in (RTOL[method.precision],) if ours else RTOLS[: 1 if quick else None]:
-            started = time.perf_counter()
             try:
-                call: Any = method.prepare(scene, rtol)
                 if ours and used == 1 < cores:
                     make = partial(engine_call, method.precision, scene.cells, duration, rtol)
-                    call = Alone(make, effort)
+                    call: Any = Alone(make, effort)
+                else:
+                    call = method.prepare(scene, rtol)
+                started = time.perf_counter()
                 getattr(call, "warm", call)()
                 compiled = time.perf_counter() - started
                 small = method.prepare(judged.head(min(method.cells, judged.cells)), rtol)

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from .options import configure
+
 app = typer.Typer(help="Measure speed and accuracy beside other methods (needs numba).")
 
 Output = Annotated[
@@ -22,9 +24,7 @@ def _begin(output: Path, cores: int | None, suffixes=(".h5", ".nc")) -> None:
         raise ValueError(f"{output}: must end in {' or '.join(suffixes)}")
     if not output.parent.is_dir():
         raise ValueError(f"{output.parent}: is not a directory")
-    from wiperjax.launch import configure
-
-    configure(cores=cores)
+    configure(cores)
 
 
 @app.command()

@@ -23,9 +23,7 @@ from ..scenes import Scene, blade_fields
 
 LOG = 1024  # events kept of a trajectory
 RTOL = {"float64": 1e-6, "float32": 1e-5}  # of its workload; 1e-6 is below the digits of float32
-MAX_STEPS = (
-    50_000  # thirty times what a smooth run of a scene takes: a blade that spends them creeps
-)
+MAX_STEPS = 50_000  # thirty times what an adaptive run takes: a blade that spends them creeps
 # Python numbers: terms that are 0, and a power of 1, are then left out of the program
 PLAIN = {"hinge_mass": 0.0, "hinge_damping": 0.0, "gravity": 0.0, "stribeck_shape": 1.0}
 FAILURES = [int(r) for r in Result if r not in (Result.FINISHED, Result.COLLAPSED)]
