@@ -1,8 +1,9 @@
 """Derivative of an event's time: the implicit function theorem.
 
-Steps carry no derivative, so the last correction of the time, -g / g', has to carry all of it:
-dt = -dg / g', with dg the change of the guard at a fixed time. Its value may come from a polynomial
-that is a per cent off, for it is far below the tolerance; its derivative may not.
+Steps carry no derivative, so the last correction of the time has to carry all of it: dt = -dg / g',
+with dg the change of the guard at the event's time and g' its slope along the motion. The value of
+the correction may come from a polynomial that is a per cent off, for it is below the tolerance; its
+derivative may not.
 """
 
 import equinox as eqx
@@ -15,30 +16,33 @@ from .system import contact, rates
 
 
 @eqx.filter_custom_jvp
-def time_to_event(correction, located, guard, system, t, q, v, regime, sides, slot):
-    """Return ``correction`` [s], the time from (t, q, v) to the event of ``slot``.
+def time_to_event(correction, located, system, t, q, v, regime, sides, slot):
+    """Return ``correction`` [s], the time from the end of a step to the event of ``slot``.
 
-    Its derivative is that of the event time, where ``located``; ``guard`` is the value of the slot
-    at (t, q, v). Costs nothing but where derivatives are taken.
+    (t, q, v) is the state that this time leads to, moved there by a correction that carries no
+    derivative. Where ``located``, the derivative of the result is that of the event time. Costs
+    nothing but where derivatives are taken.
     """
     return correction
 
 
 @time_to_event.def_jvp
 def _time_to_event_jvp(primals, tangents):
-    correction, located, _, system, t, q, v, regime, sides, slot = primals
-    change = tangents[2]
-    if change is None:
-        return correction, jnp.zeros_like(correction)
+    correction, located, system, t, q, v, regime, sides, slot = primals
+    _, _, *moved, _, _, _ = tangents
 
-    def along(t, q, v):
-        return guard_values(system, contact(system, t, q, v), t, q, v, regime, sides)
+    def guard(system, t, q, v):
+        values = guard_values(system, contact(system, t, q, v), t, q, v, regime, sides)
+        value = values[0]
+        for i, other in enumerate(values[1:], 1):
+            value = jnp.where(slot == i, other, value)
+        return value
 
     c = contact(system, t, q, v)
     motion = rates(system, t, q, v), acceleration(c, forces(system, c, regime))
-    slopes = jax.jvp(along, (t, q, v), (jnp.ones_like(t), *motion))[1]
-    slope = slopes[0]
-    for i, other in enumerate(slopes[1:], 1):
-        slope = jnp.where(slot == i, other, slope)
+    _, slope = jax.jvp(lambda *x: guard(system, *x), (t, q, v), (jnp.ones_like(t), *motion))
+    _, change = eqx.filter_jvp(guard, (system, t, q, v), tuple(moved))
+    if change is None:
+        return correction, jnp.zeros_like(correction)
     shift = -change / jnp.where(located & (slope < 0), slope, -1.0)
     return correction, jnp.where(located, shift, 0.0).astype(correction.dtype)

@@ -2,9 +2,10 @@
 
 An event is located in two strokes. The guard's polynomial gives the first zero; the next trial
 step is shortened to end there, so that the state at the event is a full Runge-Kutta result and
-its guard is the true one. Newton on the length of that step (a re-step each time) finishes; the
-last correction, far below the tolerance, is a Taylor step and carries the derivative of the event
-time (implicit function theorem), since step sizes themselves carry none.
+its guard is the true one. Newton on the length of that step (a re-step each time) goes on until the
+rest, in units of the step, is below sqrt(rtol): its square is what a linear estimate of it is off.
+That last correction is a Taylor step (`step.drift`) and carries the derivative of the event time
+(implicit function theorem), since step sizes themselves carry none.
 """
 
 from typing import NamedTuple
@@ -15,7 +16,6 @@ from jax.lax import stop_gradient
 
 from .barrier import keep
 from .guards import JAM
-from .implicit import time_to_event
 from .polynomials import first_root
 from .state import Problem, State
 from .system import Scalar
@@ -32,7 +32,7 @@ class Plan(NamedTuple):
     arrive: Scalar  # commit it, and the event of `slot` at its end
     fire: Scalar  # no motion: the guard of `slot` is violated already
     slot: Scalar
-    correction: Scalar  # time from the end of the step to the event
+    correction: Scalar  # time from the end of the step to the event (without derivative)
     unproved: Scalar  # accepted although some guard could not be proved free of zeros
     rejected: Scalar  # nothing committed because of the error estimate
     step: Scalar  # controller's step for the next trial
@@ -119,7 +119,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     # the event being located: Newton on the length of the step
     # (the slope comes from a polynomial and may be a per cent off, in stick most of all)
     eps = float(jnp.finfo(trial.guards[0].start.dtype).eps)
-    tolerance = jnp.clip(0.01 * jnp.sqrt(problem.rtol), 2000 * eps, 1e-3)
+    tolerance = jnp.clip(jnp.sqrt(problem.rtol), 2000 * eps, 1e-2)
     slot = jnp.maximum(state.target, 0)
     value, slope, start, proved = keep(
         pick([(g.value, g.slope, g.start, g.proved) for g in trial.guards], slot)
@@ -129,7 +129,11 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     flat = jnp.abs(slope) / jnp.maximum(jnp.abs(start), 1e-30)
     tolerance = stop_gradient(tolerance * jnp.minimum(flat, 1.0))
     shift = keep(-value / jnp.where(falling, slope, -1.0))
-    close = falling & (jnp.abs(stop_gradient(shift)) <= tolerance)
+    close = jnp.abs(stop_gradient(shift)) <= tolerance
+    # what lies past the end of the step is not proved: nothing else may vanish there first
+    ahead = 2 * jnp.maximum(stop_gradient(shift), 0.0)
+    for i, g in enumerate(trial.guards):
+        close = close & ((g.value + ahead * g.slope > 0) | (slot == i) | (ahead == 0))
     # as near as the clock can tell
     tick = 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
     small = (trial.h <= tick) & (jnp.abs(stop_gradient(shift) * trial.h) <= tick)
@@ -170,24 +174,13 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     tiny = 64 * jnp.finfo(dtype).eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
     jams = trial.braking & refused & (step < tiny)
 
-    correction = time_to_event(
-        jnp.where(located & near, shift.astype(dtype) * h, 0.0),
-        located,
-        value,
-        problem.system.on_piece(state.piece).on_sides(state.sides),
-        state.time + trial.h,
-        *trial.step.y1,
-        state.regime,
-        state.sides,
-        slot,
-    )
     return keep(
         Plan(
             accept=accept,
             arrive=located,
             fire=fire | jams,
             slot=jnp.where(jams, JAM, jnp.where(fire, first.slot, slot)).astype(jnp.int32),
-            correction=correction,
+            correction=stop_gradient(jnp.where(located & near, shift.astype(dtype) * h, 0.0)),
             unproved=(accept | located) & first.doubtful,
             rejected=refused & ~jams,
             step=step,

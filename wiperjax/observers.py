@@ -24,7 +24,9 @@ class Stretch(NamedTuple):
     system: Any
     start: Scalar  # time
     step: Scalar  # length of the step whose nodes are below
-    correction: Scalar  # from its end to an event: tiny, but it carries the event time's derivative
+    correction: (
+        Scalar  # from its end to an event: short, but it carries the event time's derivative
+    )
     regime: Scalar
     nodes: tuple  # of five `Node`, at equal distances from its start to its end
     guards: tuple  # of five node values, one a slot (see `guards`)
@@ -36,10 +38,19 @@ class Stretch(NamedTuple):
         return self.step + self.correction
 
     def integral(self, values) -> Scalar:
-        """Integral of something given at the nodes (Boole's rule, of order 6)."""
+        """Integral of something given at the nodes: Boole's rule, of order 6, over the step, and
+        the trapezoidal one from its end to the event."""
         dtype = values[-1].dtype
-        mean = sum(w * x for w, x in zip(BOOLE, values, strict=True))
-        return self.step.astype(dtype) * mean + self.correction.astype(dtype) * values[-1]
+        h, rest = self.step.astype(dtype), self.correction.astype(dtype)
+        bend = 0.5 * rest * self._past.astype(dtype)
+        weights = [h * w + bend * s for w, s in zip(BOOLE, END_SLOPE, strict=True)]
+        weights[-1] = weights[-1] + rest
+        return sum(w * x for w, x in zip(weights, values, strict=True))
+
+    @property
+    def _past(self) -> Scalar:
+        """The correction in units of the step."""
+        return self.correction / jnp.where(self.step > 0, self.step, 1.0)
 
     def peak(self, values) -> Scalar:
         """Largest value of something given at the nodes: that of an end, or the vertex of the
@@ -49,8 +60,7 @@ class Stretch(NamedTuple):
         end does, with the time of an event.
         """
         rise = sum(w * x for w, x in zip(END_SLOPE, values, strict=True))
-        step = jnp.where(self.step > 0, self.step, 1.0).astype(values[-1].dtype)
-        end = values[-1] + rise * self.correction.astype(step.dtype) / step
+        end = values[-1] + rise * self._past.astype(values[-1].dtype)
         a, b, c, d, e = values
         # powers of s, the place in quarters of the step from its middle
         c1 = (a - 8 * b + 8 * d - e) / 12
@@ -58,7 +68,7 @@ class Stretch(NamedTuple):
         c3 = (2 * (b - d) - (a - e)) / 12
         c4 = (a + e - 4 * (b + d) + 6 * c) / 24
         s = stop_gradient(jnp.where((b > c) & (b >= d), -1.0, jnp.where(d > c, 1.0, 0.0)))
-        s = s.astype(step.dtype)
+        s = s.astype(c.dtype)
         for _ in range(3):
             slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
             bend = (12 * c4 * s + 6 * c3) * s + 2 * c2

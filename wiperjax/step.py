@@ -11,6 +11,7 @@ from jax.lax import stop_gradient
 
 from .barrier import keep
 from .guards import first_switch
+from .implicit import time_to_event
 from .locate import Plan, locate
 from .observers import Happening, Stretch
 from .results import RUNNING, Regime, Result
@@ -45,7 +46,7 @@ def flow(problem: Problem, state: State) -> State:
     breaks = landed & (trial.mark == problem.system.break_time(state.piece))
     breaks = breaks & (trial.mark < problem.end)
 
-    moved = _move(problem, state, trial, moves, plan.correction)
+    moved = _move(problem, state, trial, moves, plan)
     due = jnp.where(fires, plan.slot, jnp.where(breaks, BREAK, state.due)).astype(jnp.int32)
     over = landed & (trial.mark >= problem.end)
     good = jnp.where(state.flagged, int(Result.PAINLEVE_INDETERMINATE), int(Result.FINISHED))
@@ -153,8 +154,24 @@ def _kind(regime):
     return jnp.where(regime == Regime.STICK, 0, jnp.where(regime == Regime.FLIGHT, 2, 1))
 
 
-def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> State:
-    """Commit the trial step where ``moves``, plus a Taylor step of length ``correction``."""
+def drift(state: State, h, q, v, rate, d):
+    """Return the state a time ``d``, far shorter than the step ``h`` from ``state`` to (q, v) with
+    ``rate``, past its end: a Taylor step.
+
+    It goes to the change of the acceleration (of the cubic through the velocities): the derivative
+    of an event's state then holds as well as the state, whatever the length of the last correction.
+    """
+    speeds, a = rate
+    h = h.astype(d.dtype)
+    u = d / jnp.where(h > 0, h, 1.0)
+    ends = zip(state.velocity, v, state.rate[1], a, strict=True)
+    bends = [h * (2 * y + 4 * z) - 6 * (x1 - x0) for x0, x1, y, z in ends]
+    q = tuple(x + d * (s + 0.5 * d * y) for x, s, y in zip(q, speeds, a, strict=True))
+    return q, tuple(x + d * y + 0.5 * u * u * z for x, y, z in zip(v, a, bends, strict=True))
+
+
+def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> State:
+    """Commit the trial step where ``moves``, and the rest of the time to an event."""
     system = problem.system.on_piece(state.piece)
     q, v = trial.step.y1
     touching = state.regime != Regime.FLIGHT
@@ -163,9 +180,18 @@ def _move(problem: Problem, state: State, trial: Trial, moves, correction) -> St
     _, a = trial.step.rate1
     speeds = rates(system, state.time + trial.h, q, v)
     rate = (speeds, a)
-    d = correction.astype(q[0].dtype)
-    q = tuple(x + d * (y + 0.5 * d * z) for x, y, z in zip(q, speeds, a, strict=True))
-    v = tuple(x + d * y for x, y in zip(v, a, strict=True))
+    dtype = q[0].dtype
+    correction = time_to_event(
+        plan.correction,
+        plan.arrive,
+        system.on_sides(state.sides),
+        state.time + trial.h + plan.correction,
+        *drift(state, trial.h, q, v, rate, plan.correction.astype(dtype)),
+        state.regime,
+        state.sides,
+        plan.slot,
+    )
+    q, v = drift(state, trial.h, q, v, rate, correction.astype(dtype))
     length = trial.h + correction
     stretch = Stretch(
         system,
