@@ -28,6 +28,7 @@ from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact, rates
 
 LEAST_GROWTH = 0.2  # of a step over the last one, as the controller may ask for
+ROUNDINGS = 2  # last digits of a position that its rates may be uncertain by
 NOISE = 256  # rounding errors of a guard, in units of its size's last digit
 
 
@@ -73,23 +74,42 @@ class Trial(NamedTuple):
     guards: tuple[Guard, ...]  # one a slot
 
 
-def error_norm(problem: Problem, y0, step: Step):
+def error_norm(problem: Problem, state: State, step: Step, h):
     """Largest ratio of the error estimate to atol + rtol |y| over the coordinates.
 
     The largest, not the mean: in contact half of the wiper's coordinates rest and would dilute it.
+    What is rounding in the estimate does not count, for no shorter step would lower it: without
+    that, steps in single precision shrink to nothing behind a stiff shoulder.
     """
+    y0 = (state.position, state.velocity)
     leaves = zip(
         jax.tree.leaves(step.error),
         jax.tree.leaves(y0),
         jax.tree.leaves(step.y1),
         jax.tree.leaves(problem.atol),
+        rate_noise(problem, state, step),
         strict=True,
     )
+    h = h.astype(state.velocity[0].dtype)
     ratios = tuple(
-        jnp.abs(e) / (a + problem.rtol * jnp.maximum(jnp.abs(y), jnp.abs(z)) + 1e-30)
-        for e, y, z, a in leaves
+        jnp.abs(e) / (a + problem.rtol * jnp.maximum(jnp.abs(y), jnp.abs(z)) + h * n + 1e-30)
+        for e, y, z, a, n in leaves
     )
     return largest(ratios)
+
+
+def rate_noise(problem: Problem, state: State, step: Step) -> list[Scalar]:
+    """Return the rounding errors of the rates, one a coordinate: how the rates changed along the
+    step, times the last digit of the position over the way it went.
+    """
+    scales = [a / problem.rtol for a in problem.atol[0]]
+    ends = zip(state.position, step.y1[0], scales, strict=True)
+    way = largest(tuple((z - y) / s for y, z, s in ends))
+    reach = largest(tuple(y / s for y, s in zip(state.position, scales, strict=True)))
+    digit = ROUNDINGS * float(jnp.finfo(reach.dtype).eps) * reach
+    share = digit / jnp.maximum(jnp.maximum(way, digit), 1e-30)
+    rates = zip(jax.tree.leaves(state.rate), jax.tree.leaves(step.rate1), strict=True)
+    return [share * jnp.abs(y - x) for x, y in rates]
 
 
 def step_factor(error, last_error, growth, ok, order: int):
@@ -144,7 +164,7 @@ def attempt(problem: Problem, state: State) -> Trial:
     step = rk_step(solver, TERM, state.time, y0, h, state.rate, args, arrive)
     last_node, last, end_values = step.end
 
-    error = keep(stop_gradient(error_norm(problem, y0, step)))
+    error = keep(stop_gradient(error_norm(problem, state, step, h)))
     finite = jnp.isfinite(error)
     for leaf in jax.tree.leaves(step.y1):
         finite = finite & jnp.isfinite(leaf)
