@@ -117,6 +117,7 @@ class _Motion(NamedTuple):
     holds: Scalar  # pressing, and D > 0: this slip can be
 
 
+@eqx.filter_jit  # traced once for all that asks for it
 def _slip(wiper: Wiper, x, velocity, regime) -> _Motion:
     """Return the engine's slip of ``regime`` with the tip at (x, 0) moving along the glass."""
     t = jnp.zeros_like(x)
@@ -154,7 +155,7 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
     # downwards from the collapse angle, so that the first bracket is the first branch
     edge = jnp.asarray(wiper.collapse_angle, float) * (1 - 1e-9)
     grid = edge * jnp.linspace(1.0, -1.0, GRID)
-    values, holds = push(grid)
+    values, holds = jax.vmap(push)(grid)
     rises = values >= 0
     brackets = (rises[1:] != rises[:-1]) & holds[1:] & holds[:-1] & (speed != 0)
     rank = jnp.cumsum(brackets)

@@ -133,7 +133,7 @@ def problem_of(scene: scenes.Scene, precision: str):
         lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x,
         engine.arrays(scene, precision),
     )
-    control = engine.Control(*map(jnp.asarray, (RTOL[precision], 1.0, np.inf)))
+    control = engine.Control(*map(jnp.asarray, (RTOL[diffrax.Tsit5, precision], 1.0, np.inf)))
     return engine._problem(
         wiper, position, velocity, scene.duration, control, scales, diffrax.Tsit5(), precision
     )
@@ -240,7 +240,7 @@ def control(problem, state):
     y0 = (state.position, state.velocity)
     arrive = lambda t, y: (vector_field(t, y, args), ())
     step = rk_step(problem.solver, TERM, state.time, y0, state.step, state.rate, args, arrive)
-    error = error_norm(problem, y0, step)
+    error = error_norm(problem, state, step, state.step)
     growth = state.step / state.last_step
     factor = step_factor(error + 1e-8, state.last_error, growth, error <= 1, 5)
     return step.y1, step.stages, step.rate1, state.step * factor
@@ -328,11 +328,11 @@ def run(precision: str = "float64", quick: bool = False, say=print) -> str:
         [
             f"# Profile, {precision}, {lanes} lanes on one core of {measure.machine()}",
             "",
-            f"Processor time; rtol {RTOL[precision]:.0e}, Tsit5, {cells} trajectories of 20 ms of "
-            f"the speed workload: {seconds / cells * 1e6:.1f} us each, {steps.mean():.0f} trial "
-            f"steps and {events.mean():.1f} events each, occupancy {useful / executed:.2f}, "
-            f"{seconds / executed * 1e9:.1f} ns a lane-turn, all in all. {FLOWS} flows a jump. "
-            f"Load average {measure.load():.1f}.",
+            f"Processor time; rtol {RTOL[diffrax.Tsit5, precision]:.0e}, Tsit5, {cells} "
+            f"trajectories of 20 ms of the speed workload: {seconds / cells * 1e6:.1f} us each, "
+            f"{steps.mean():.0f} trial steps and {events.mean():.1f} events each, occupancy "
+            f"{useful / executed:.2f}, {seconds / executed * 1e9:.1f} ns a lane-turn, all in "
+            f"all. {FLOWS} flows a jump. Load average {measure.load():.1f}.",
             "",
             *shares(found, seconds / executed, FLOWS),
             *roofline(found, top, streams, precision),

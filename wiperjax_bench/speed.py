@@ -32,6 +32,7 @@ from .rivals.scipy_phases import Phases
 RTOLS = (1e-6, 1e-7, 1e-8)  # of the peers: their cost is read off at the engine's error
 ACCURACY = 0.02  # s, at which accuracy is judged
 PATIENCE = 3.0  # s: the trajectories of a peer are cut so that one call takes no longer
+PLAINEST = (diffrax.Tsit5, "float64")
 SIZES = (10_000, 100_000, 1_000_000)
 
 
@@ -48,10 +49,10 @@ class Numba(Compiled):
 
 def peers(cores: int) -> list:
     """Return (method, cores it uses) of the rows of the table."""
-    rows: list = [(Engine(diffrax.Tsit5, p), 1) for p in ("float64", "float32")]
+    rows: list = [(Engine(*variant), 1) for variant in RTOL]
     rows += [(Numba("numba scalar loop", 1), 1)]
     if cores > 1:
-        rows += [(Engine(diffrax.Tsit5, p, cores), cores) for p in ("float64", "float32")]
+        rows += [(Engine(*variant, cores=cores), cores) for variant in RTOL]
         rows += [(Numba(f"numba scalar loop, {cores} cores", None), cores)]
     return [*rows, (PerPhase(mapped=True), 1), (PerPhase(mapped=False), 1), (Phases("RK45"), 1)]
 
@@ -106,17 +107,17 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
         if reason is not None:
             say(f"{method.name}: not run, {reason}")
             continue
-        if quick and ("diffrax" in method.name or "float32" in method.name):
-            continue
         ours = isinstance(method, Engine)
+        if quick and ("diffrax" in method.name or (ours and method.variant != PLAINEST)):
+            continue
         cells = min(trajectories, 8) if method.cells <= 3 else min(trajectories, method.cells)
         if not ours and method.cells > 64:
             cells = affordable(method, duration, trajectories)
         scene = scenes.workload(cells * (used if quick and ours else 1), duration)
-        for rtol in (RTOL[method.precision],) if ours else RTOLS[: 1 if quick else None]:
+        for rtol in (RTOL[method.variant],) if ours else RTOLS[: 1 if quick else None]:
             try:
                 if ours and used == 1 < cores:
-                    make = partial(engine_call, method.precision, scene.cells, duration, rtol)
+                    make = partial(engine_call, method.variant, scene.cells, duration, rtol)
                     call: Any = Alone(make, effort)
                 else:
                     call = method.prepare(scene, rtol)
@@ -172,9 +173,9 @@ class _Kept:
         return getattr(self.call, "elsewhere", 0.0)
 
 
-def engine_call(precision: str, cells: int, duration: float, rtol: float):
+def engine_call(variant: tuple, cells: int, duration: float, rtol: float):
     """Return the engine's call on one core."""
-    return Engine(diffrax.Tsit5, precision).prepare(scenes.workload(cells, duration), rtol)
+    return Engine(*variant).prepare(scenes.workload(cells, duration), rtol)
 
 
 def timed(cost: measure.Cost, cells: int) -> dict[str, float]:
@@ -215,8 +216,10 @@ def scaling(cores: int, duration: float, sizes: tuple[int, ...], repeats: int, s
     """Return wall time per trajectory and occupancy of the engine over the size of its batch."""
     if not sizes:
         return {}
-    method = Engine(diffrax.Tsit5, "float64", cores)
-    calls = [_Kept(method.prepare(scenes.workload(cells, duration), 1e-6)) for cells in sizes]
+    method = Engine(*PLAINEST, cores=cores)
+    calls = [
+        _Kept(method.prepare(scenes.workload(cells, duration), RTOL[PLAINEST])) for cells in sizes
+    ]
     for call in calls:
         call.call.warm()
     facts = {}
