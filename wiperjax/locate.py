@@ -3,7 +3,8 @@
 An event is located in two strokes. The guard's polynomial gives the first zero; the next trial
 step is shortened to end there, so that the state at the event is a full Runge-Kutta result and
 its guard is the true one. Newton on the length of that step (a re-step each time) goes on until the
-rest, in units of the step, is below sqrt(rtol): its square is what a linear estimate of it is off.
+rest, in units of the step, is below sqrt(rtol): its square is what a linear estimate of it is off,
+if its slope is known well enough.
 That last correction is a Taylor step (`step.drift`) and carries the derivative of the event time
 (implicit function theorem), since step sizes themselves carry none.
 """
@@ -21,6 +22,7 @@ from .state import Problem, State
 from .system import Scalar
 from .trial import Trial, pick
 
+SLOPE_ERROR = 4  # of a guard's polynomial at the end of the step, over the polynomial's own
 MAX_TRIES = 12  # steps of one location
 CLEAR, VIOLATED, MURKY = 2.0, -1.0, -0.5  # bounds of a first zero in [0, 1] that are none
 
@@ -119,17 +121,21 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     # the event being located: Newton on the length of the step
     # (the slope comes from a polynomial and may be a per cent off, in stick most of all)
     eps = float(jnp.finfo(trial.guards[0].start.dtype).eps)
-    tolerance = jnp.clip(jnp.sqrt(problem.rtol), 2000 * eps, 1e-2)
+    root = jnp.sqrt(problem.rtol)
+    wide, fine = jnp.clip(root, 2000 * eps, 1e-2), jnp.clip(0.01 * root, 2000 * eps, 1e-3)
     slot = jnp.maximum(state.target, 0)
-    value, slope, start, proved = keep(
-        pick([(g.value, g.slope, g.start, g.proved) for g in trial.guards], slot)
+    value, slope, start, proved, error = keep(
+        pick([(g.value, g.slope, g.start, g.proved, g.error) for g in trial.guards], slot)
     )
     falling = slope < 0
     # towards a double root the slope dies and Newton's error grows: go on for longer there
     flat = jnp.abs(slope) / jnp.maximum(jnp.abs(start), 1e-30)
-    tolerance = stop_gradient(tolerance * jnp.minimum(flat, 1.0))
+    flat = stop_gradient(jnp.minimum(flat, 1.0))
     shift = keep(-value / jnp.where(falling, slope, -1.0))
-    close = jnp.abs(stop_gradient(shift)) <= tolerance
+    miss_by = jnp.abs(stop_gradient(shift))
+    # the estimate's own error, by its curvature and by its slope's; the last digits need neither
+    sharp = miss_by * SLOPE_ERROR * error <= problem.rtol * jnp.abs(slope)
+    close = (miss_by <= fine * flat) | (sharp & (miss_by <= wide * flat))
     # what lies past the end of the step is not proved: nothing else may vanish there first
     ahead = 2 * jnp.maximum(stop_gradient(shift), 0.0)
     for i, g in enumerate(trial.guards):
