@@ -120,7 +120,7 @@ def measure_scene(name: str, chosen: list[Rival], quick: bool, repeats: int, say
         if note:
             rows.append({"method": method.name, "note": note})
         say(f"  {method.name}: {time.process_time() - started:.1f} s of processor time {note}")
-    costs = measure.interleaved([c for _, c in calls], repeats, patience=3 * PATIENCE)
+    costs = measure.interleaved([c for _, c in calls], repeats, patience=PATIENCE)
     for (row, _), cost in zip(calls, costs, strict=True):
         row["wall"], row["cpu"] = cost.wall / row["cells"], cost.cpu / row["cells"]
         row["wall_low"], row["wall_high"] = cost.low / row["cells"], cost.high / row["cells"]

@@ -61,7 +61,7 @@ def run(
     output: Path,
     *,
     quick: bool = False,
-    trajectories: int = 100_000,
+    trajectories: int = 50_000,
     repeats: int = 3,
     sizes: tuple[int, ...] = SIZES,
     say=print,

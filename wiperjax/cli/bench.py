@@ -131,7 +131,7 @@ def _save(figure, output: Path) -> str:
 def speed(
     output: Output = Path("speed.h5"),
     quick: Quick = False,
-    trajectories: Annotated[int, typer.Option(min=64, help="Of the engine.")] = 100_000,
+    trajectories: Annotated[int, typer.Option(min=64, help="Of the engine.")] = 50_000,
     repeats: Annotated[int, typer.Option(min=1, help="Interleaved.")] = 3,
 ) -> None:
     """Trajectories per second of the engine and its peers, on one core and on all.
