@@ -15,6 +15,15 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
 import wiperjax  # noqa: E402, F401
 
 
+# Files that take the longest, first: begun last, one would keep one process busy and the other idle.
+LONGEST = ("sensitivity", "cycles", "notebooks", "cluster", "bench", "noises", "against_reference")
+
+
+def pytest_collection_modifyitems(items):
+    names = [f"test_{name}" for name in LONGEST]
+    items.sort(key=lambda i: names.index(i.path.stem) if i.path.stem in names else len(names))
+
+
 @pytest.fixture(scope="session")
 def squeal():
     """Run of the scene that squeals: 0.2 s, stick-slip at 780.8 Hz."""

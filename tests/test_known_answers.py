@@ -96,6 +96,16 @@ def test_v6_block_on_a_shaken_surface(b, f, eta):
     assert abs(position - math.sin(b * last)) == pytest.approx(eta, rel=3e-9)
 
 
+@pytest.mark.parametrize("amplitude", [1.001, 1.05, 2.0, 20.0])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-10])
+def test_a_growing_force_releases_a_block_that_does_not_move(amplitude, rtol):
+    """a sin(t) = 1 ends stick: until then nothing but the guard tells that time passes."""
+    block = Block(static=1.0, dynamic=0.5, amplitude=amplitude, phase=-math.pi / 2)
+    release = math.asin(1 / amplitude)
+    found = events(trajectory(block, 3.0, ((0.0,), (0.0,)), rtol=rtol), Event.RELEASE)
+    assert abs(found[0] / release - 1) < max(0.1 * rtol, 1e-11)
+
+
 @pytest.mark.parametrize("factor, sticks", [(0.999, False), (1.001, True)])
 def test_v6_sticks_for_ever_above_the_threshold(factor, sticks):
     b = 1.2

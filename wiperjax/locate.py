@@ -20,7 +20,7 @@ from .guards import JAM
 from .polynomials import first_root
 from .state import Problem, State
 from .system import Scalar
-from .trial import Trial, pick
+from .trial import NOISE, Trial, pick
 
 SLOPE_ERROR = 4  # of a guard's polynomial at the end of the step, over the polynomial's own
 MAX_TRIES = 12  # steps of one location
@@ -93,10 +93,10 @@ def first_obstacle(state: State, trial: Trial) -> Obstacle:
 
 
 def stands_still(problem: Problem, state: State, trial: Trial):
-    """True where a trial step is too short to move the state by more than its rounding errors.
+    """True where a trial step moves the state by no more than its rounding errors.
 
-    An event cannot be located better: the time may have more digits than the state, and would go
-    on without it.
+    An event whose guard is zero in its digits cannot be located better then: the time may have more
+    digits than the state, and would go on without it.
     """
     leaves = zip(
         (*state.position, *state.velocity),
@@ -124,8 +124,8 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     root = jnp.sqrt(problem.rtol)
     wide, fine = jnp.clip(root, 2000 * eps, 1e-2), jnp.clip(0.01 * root, 2000 * eps, 1e-3)
     slot = jnp.maximum(state.target, 0)
-    value, slope, start, proved, error = keep(
-        pick([(g.value, g.slope, g.start, g.proved, g.error) for g in trial.guards], slot)
+    value, slope, start, proved, error, size = keep(
+        pick([(g.value, g.slope, g.start, g.proved, g.error, g.size) for g in trial.guards], slot)
     )
     falling = slope < 0
     # towards a double root the slope dies and Newton's error grows: go on for longer there
@@ -145,7 +145,8 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     small = (trial.h <= tick) & (jnp.abs(stop_gradient(shift) * trial.h) <= tick)
     free = pending & trial.ok & ~obstructed
     near = falling & (close | small)
-    located = free & (near | stands_still(problem, state, trial))
+    zero = jnp.abs(stop_gradient(value)) <= NOISE * eps * size  # as far as its digits tell
+    located = free & (near | (zero & stands_still(problem, state, trial)))
     chase = free & jnp.logical_not(located)
     miss = chase & (value > 0) & proved & (~falling | (jnp.abs(shift) > 0.05))
     # two guards that vanish close together may send the step to and fro between them
