@@ -14,8 +14,7 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
 
 import wiperjax  # noqa: E402, F401
 
-
-# Files that take the longest, first: begun last, one would keep one process busy and the other idle.
+# The longest files first: begun last, one would keep one process busy and leave the other idle.
 LONGEST = ("sensitivity", "cycles", "notebooks", "cluster", "bench", "noises", "against_reference")
 
 
