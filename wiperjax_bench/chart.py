@@ -120,7 +120,8 @@ def measure_scene(name: str, chosen: list[Rival], quick: bool, repeats: int, say
         if note:
             rows.append({"method": method.name, "note": note})
         say(f"  {method.name}: {time.process_time() - started:.1f} s of processor time {note}")
-    costs = measure.interleaved([c for _, c in calls], repeats, patience=PATIENCE)
+    once = [(row.pop("once"), row.pop("spent")) for row, _ in calls]
+    costs = measure.interleaved([c for _, c in calls], repeats, PATIENCE, once)
     for (row, _), cost in zip(calls, costs, strict=True):
         row["wall"], row["cpu"] = cost.wall / row["cells"], cost.cpu / row["cells"]
         row["wall_low"], row["wall_high"] = cost.low / row["cells"], cost.high / row["cells"]
@@ -195,6 +196,8 @@ def try_method(method: Rival, scene: Scene, part: Scene, true: errors.Truth, qui
                 "setting": setting,
                 "cells": timed.cells,
                 "steps": float(np.mean(answer.steps)),
+                "once": once,
+                "spent": spent,
                 "compile": np.nan if rows else max(first - once, 0.0),
                 "state_error": found.state,
                 "state_error_p90": found.state_p90,

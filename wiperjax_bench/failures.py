@@ -33,7 +33,7 @@ from .scenes import Scene
 
 TOLERANCE = 0.01
 STILL = 0.05  # least range of a coordinate, as a share of the other's
-PATIENCE = 2.0  # s: after a run longer than this finer settings are left out
+PATIENCE = 1.0  # s: after a run longer than this finer settings are left out
 
 
 class Outcome(IntEnum):

@@ -35,16 +35,21 @@ class Cost(NamedTuple):
     repeats: int
 
 
-def interleaved(calls: Sequence[Callable], repeats: int, patience: float = np.inf) -> list[Cost]:
+def interleaved(
+    calls: Sequence[Callable],
+    repeats: int,
+    patience: float = np.inf,
+    before: Sequence[tuple[float, float]] | None = None,
+) -> list[Cost]:
     """Return the cost of each call: every one once, then every one again, ``repeats`` times.
 
     A slow machine, or a neighbour, then falls on all alike. Processor time that a call spends in
     another process is its ``elsewhere`` [s]. Calls that took longer than ``patience`` [s] are not
-    repeated.
+    repeated. ``before``: wall and processor time of each call's first turn, if that is over.
     """
-    wall = [[] for _ in calls]
-    cpu = [[] for _ in calls]
-    for turn in range(repeats):
+    wall = [[w] for w, _ in before] if before else [[] for _ in calls]
+    cpu = [[c] for _, c in before] if before else [[] for _ in calls]
+    for turn in range(1 if before else 0, repeats):
         for i, call in enumerate(calls):
             if turn and wall[i][0] > patience:
                 continue

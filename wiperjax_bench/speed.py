@@ -31,7 +31,7 @@ from .rivals.scipy_phases import Phases
 
 RTOLS = (1e-6, 1e-7, 1e-8)  # of the peers: their cost is read off at the engine's error
 ACCURACY = 0.02  # s, at which accuracy is judged
-PATIENCE = 3.0  # s: the trajectories of a peer are cut so that one call takes no longer
+PATIENCE = 2.0  # s: the trajectories of a peer are cut so that one call takes no longer
 PLAINEST = (diffrax.Tsit5, "float64")
 SIZES = (10_000, 100_000, 1_000_000)
 
