@@ -3,8 +3,8 @@
 An event is located in two strokes. The guard's polynomial gives the first zero; the next trial
 step is shortened to end there, so that the state at the event is a full Runge-Kutta result and
 its guard is the true one. Newton on the length of that step (a re-step each time) goes on until the
-rest, in units of the step, is below sqrt(rtol): its square is what a linear estimate of it is off,
-if its slope is known well enough.
+rest, in units of the step, is below sqrt(rtol) and 1e3 rtol: its square is what a linear estimate
+of it is off, if its slope is known well enough.
 That last correction is a Taylor step (`step.drift`) and carries the derivative of the event time
 (implicit function theorem), since step sizes themselves carry none.
 """
@@ -122,7 +122,9 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     # (the slope comes from a polynomial and may be a per cent off, in stick most of all)
     eps = float(jnp.finfo(trial.guards[0].start.dtype).eps)
     root = jnp.sqrt(problem.rtol)
-    wide, fine = jnp.clip(root, 2000 * eps, 1e-2), jnp.clip(0.01 * root, 2000 * eps, 1e-3)
+    fine = jnp.clip(0.01 * root, 2000 * eps, 1e-3)
+    # derivatives feel the rest itself, times what is not known of the acceleration's change
+    wide = jnp.clip(jnp.minimum(root, 1e3 * problem.rtol), 2000 * eps, 1e-2)
     slot = jnp.maximum(state.target, 0)
     value, slope, start, proved, error, size = keep(
         pick([(g.value, g.slope, g.start, g.proved, g.error, g.size) for g in trial.guards], slot)
