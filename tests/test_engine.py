@@ -282,6 +282,20 @@ def test_a_double_root_inside_one_step_is_found(depth):
 # --- how trajectories end -------------------------------------------------------------------------
 
 
+class Undefined(Parabola):
+    """A switching function that is no number on a stretch of the way: long enough to be met."""
+
+    def switches(self, t, q, v):
+        hole = (q[0] > 0.2) & (q[0] < 0.42)
+        return (jnp.where(hole, jnp.nan, 1.0 + q[0]),)
+
+
+@pytest.mark.parametrize("start", [-0.2, 0.0, 0.1, 0.19])
+def test_a_guard_that_is_no_number_inside_a_step_is_no_proof(start):
+    s = trajectory(Undefined(), 1.5, ((start,), (1.0,)), 1e-3)
+    assert Result(int(s.result)) == Result.NON_FINITE
+
+
 def test_result_codes():
     ball = Ball(9.81, 0.5)
     start = ((1.0,), (0.0,))

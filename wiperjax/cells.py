@@ -22,15 +22,17 @@ from .solve import make_problem
 from .system import AbstractSystem
 from .wiper import Wiper
 
-# a device, at most: kernels start seldom enough, and what a turn touches is near in the caches
-LANES = {"float64": 512, "float32": 1024}
+# on one core, at most: what a turn touches stays near in the caches, and few lanes idle at the end
+LANES = 128
+WIDE = 1 << 16  # on a device of another kind, which needs many to be busy (not measured)
 CASES_PER_LANE = 8  # at least: the last cases of a block leave lanes empty
 FLOWS = 3  # a jump
 
 
-def lane_count(precision: str, cases: int) -> int:
+def lane_count(cases: int) -> int:
     """Return how many trajectories of ``cases`` are in flight at a time on one device."""
-    lanes = min(LANES[precision], cases // CASES_PER_LANE)
+    most = LANES if jax.default_backend() == "cpu" else WIDE
+    lanes = min(most, cases // CASES_PER_LANE)
     return max(1, lanes - lanes % 64 if lanes > 64 else lanes)  # whole vectors
 
 
@@ -163,7 +165,7 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
         dtype=jnp.dtype(s.precision),
     )
     pool = Pool(problem, q, v, start, count)
-    lanes = lane_count(s.precision, q[0].shape[-1])
+    lanes = lane_count(q[0].shape[-1])
     outcome, signal, effort = run_pool(pool, lanes, FLOWS)
     if s.raster is not None:
         kept = np.array(raster_index(s.samples, s.raster))

@@ -22,6 +22,25 @@ def _remainder_coefficients() -> tuple[float, ...]:
 _REMAINDER = _remainder_coefficients()
 
 
+def larger(a, b):
+    """The larger of two values; of a NaN and another value either, by their places.
+
+    One instruction. `jnp.maximum` costs five: it gives NaN whenever one of both is (so it still
+    stands where that is how a failure is found).
+    """
+    return jnp.where(a > b, a, b)
+
+
+def smaller(a, b):
+    """The smaller of two values, as `larger` gives the larger."""
+    return jnp.where(a < b, a, b)
+
+
+def within(low, x, high):
+    """``x``, or the bound that it lies beyond; NaN if x is."""
+    return smaller(high, larger(low, x))
+
+
 @jax.custom_jvp
 def angle(sin, cos):
     """Angle in [-pi/2, pi/2] of a given sine and cosine (>= 0), to rounding and without a branch.

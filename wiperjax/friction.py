@@ -6,6 +6,8 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
+from .fastmath import larger
+
 
 class AbstractFriction(eqx.Module):
     """``|l_t| <= static l_n`` in stick, ``l_t = -sign(v_t) mu(|v_t|) l_n`` in slip."""
@@ -41,10 +43,10 @@ class Stribeck(AbstractFriction):
     viscous_slope: float = 0.0
 
     def coefficient(self, speed):
-        ratio = speed / self.stribeck_speed
+        ratio = speed * (1 / self.stribeck_speed)
         if not (isinstance(self.shape, float | int) and self.shape == 1):
             # |.|^delta has no smooth continuation through zero; the floor keeps its slope finite
             ratio = jnp.sign(ratio) * jnp.maximum(jnp.abs(ratio), 1e-30) ** self.shape
         # the clamp keeps wild trial stages finite; accepted states have speed >= 0
-        decay = jnp.exp(-jnp.maximum(ratio, -2.0))
+        decay = jnp.exp(-larger(-2.0, ratio))
         return self.minimum + (self.static - self.minimum) * decay + self.viscous_slope * speed

@@ -6,6 +6,17 @@ A library cannot impose them on a process that already computes, so they are one
 
 import os
 
+# XLA's own options of its CPU compiler, as name=value pairs:
+COMPILER = {
+    # a loop of any size becomes one function: run kernel by kernel, each of about four operations,
+    # half of the time of a batch went into starting the next of a thousand
+    "xla_cpu_small_while_loop_byte_threshold": str(2**50),
+    # its inner loops over lanes stay loops: unrolled, the function outgrows the instruction cache
+    "xla_cpu_disable_loop_unrolling": "true",
+    # outside of loops: plain kernels instead of tiled ones, which copy what they read first
+    "xla_cpu_disable_tiled_emitter": "true",
+}
+
 _configured: int | None = None  # cores that this process was told to use
 
 
@@ -19,8 +30,8 @@ def configure(cores: int | None = None) -> int:
 
     ``cores``: devices to use, one a core (default: the cores this process may run on). One device
     a core with a one-thread pool each, because the default pool burns two cores for the speed of
-    one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; plain
-    loops for its kernels instead of tiles, which copy what they read first.
+    one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; and a
+    whole loop in one compiled function (`COMPILER`).
     Settings already made by the user win. Has no effect once JAX has started a device.
     """
     global _configured
@@ -29,7 +40,7 @@ def configure(cores: int | None = None) -> int:
     wanted = {
         "--xla_force_host_platform_device_count": str(count),
         "--xla_cpu_prefer_vector_width": "512",
-        "--xla_backend_extra_options": "xla_cpu_disable_tiled_emitter=true",
+        "--xla_backend_extra_options": ",".join(f"{k}={v}" for k, v in COMPILER.items()),
     }
     flags = os.environ.get("XLA_FLAGS", "")
     for name, value in wanted.items():

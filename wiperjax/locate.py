@@ -16,11 +16,12 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from .barrier import keep
+from .fastmath import larger, smaller, within
 from .guards import JAM
 from .polynomials import first_root
 from .state import Problem, State
 from .system import Scalar
-from .trial import NOISE, Trial, pick
+from .trial import Trial, guard_noise, pick
 
 SLOPE_ERROR = 4  # of a guard's polynomial at the end of the step, over the polynomial's own
 MAX_TRIES = 12  # steps of one location
@@ -72,7 +73,7 @@ def first_obstacle(state: State, trial: Trial) -> Obstacle:
         bound = jnp.where(g.falls, VIOLATED, jnp.where(murky, MURKY, g.cut))
         bound = keep(jnp.where(clear, CLEAR, bound))
         first = bound < earliest
-        second = jnp.where(first, earliest, jnp.minimum(second, bound))
+        second = jnp.where(first, earliest, smaller(second, bound))
         earliest = jnp.where(first, bound, earliest)
         slot = jnp.where(first, i, slot)
         earliest, second, slot = keep((earliest, second, slot))
@@ -122,24 +123,24 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     # (the slope comes from a polynomial and may be a per cent off, in stick most of all)
     eps = float(jnp.finfo(trial.guards[0].start.dtype).eps)
     root = jnp.sqrt(problem.rtol)
-    fine = jnp.clip(0.01 * root, 2000 * eps, 1e-3)
+    fine = within(2000 * eps, 0.01 * root, 1e-3)
     # derivatives feel the rest itself, times what is not known of the acceleration's change
-    wide = jnp.clip(jnp.minimum(root, 1e3 * problem.rtol), 2000 * eps, 1e-2)
-    slot = jnp.maximum(state.target, 0)
+    wide = within(2000 * eps, smaller(root, 1e3 * problem.rtol), 1e-2)
+    slot = larger(state.target, 0)
     value, slope, start, proved, error, size = keep(
         pick([(g.value, g.slope, g.start, g.proved, g.error, g.size) for g in trial.guards], slot)
     )
     falling = slope < 0
     # towards a double root the slope dies and Newton's error grows: go on for longer there
-    flat = jnp.abs(slope) / jnp.maximum(jnp.abs(start), 1e-30)
-    flat = stop_gradient(jnp.minimum(flat, 1.0))
+    flat = jnp.abs(slope) / larger(jnp.abs(start), 1e-30)
+    flat = stop_gradient(smaller(flat, 1.0))
     shift = keep(-value / jnp.where(falling, slope, -1.0))
     miss_by = jnp.abs(stop_gradient(shift))
     # the estimate's own error, by its curvature and by its slope's; the last digits need neither
     sharp = miss_by * SLOPE_ERROR * error <= problem.rtol * jnp.abs(slope)
     close = (miss_by <= fine * flat) | (sharp & (miss_by <= wide * flat))
     # what lies past the end of the step is not proved: nothing else may vanish there first
-    ahead = 2 * jnp.maximum(stop_gradient(shift), 0.0)
+    ahead = 2 * larger(stop_gradient(shift), 0.0)
     for i, g in enumerate(trial.guards):
         close = close & ((g.value + ahead * g.slope > 0) | (slot == i) | (ahead == 0))
     # as near as the clock can tell
@@ -147,7 +148,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     small = (trial.h <= tick) & (jnp.abs(stop_gradient(shift) * trial.h) <= tick)
     free = pending & trial.ok & ~obstructed
     near = falling & (close | small)
-    zero = jnp.abs(stop_gradient(value)) <= NOISE * eps * size  # as far as its digits tell
+    zero = jnp.abs(stop_gradient(value)) <= guard_noise(size)  # as far as its digits tell
     located = free & (near | (zero & stands_still(problem, state, trial)))
     chase = free & jnp.logical_not(located)
     miss = chase & (value > 0) & proved & (~falling | (jnp.abs(shift) > 0.05))
@@ -167,20 +168,18 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     dtype = h.dtype
     target = jnp.where(retarget, first.slot, jnp.where(newton, state.target, -1)).astype(jnp.int32)
     theta = first.theta.astype(dtype)
-    stretch = jnp.clip(1 + stop_gradient(shift), 0.5, 1.5).astype(dtype)
+    stretch = within(0.5, 1 + stop_gradient(shift), 1.5).astype(dtype)
     new_trial = jnp.where(retarget, h * theta, h * stretch)
     # a shortened step must not teach the controller: it keeps its own step until one is accepted
-    grown = jnp.where(
-        trial.lands | pending, jnp.maximum(state.step, trial.next_step), trial.next_step
-    )
+    grown = jnp.where(trial.lands | pending, larger(state.step, trial.next_step), trial.next_step)
     step = jnp.where(accept, grown, state.step)
     step = jnp.where(inaccurate, trial.next_step, step)
     step = jnp.where(trial.ok & first.murky, 0.25 * h, step)
     # well inside what is proved: just at its end the next trial would be as undecided
-    step = jnp.where(trial.ok & first.undecided, h * jnp.maximum(0.9 * theta, 0.1), step)
+    step = jnp.where(trial.ok & first.undecided, h * larger(0.9 * theta, 0.1), step)
     step = jnp.where(lost, 0.5 * h, step)
     refused = inaccurate | blocked | lost
-    tiny = 64 * jnp.finfo(dtype).eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
+    tiny = 64 * jnp.finfo(dtype).eps * larger(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
     jams = trial.braking & refused & (step < tiny)
 
     return keep(

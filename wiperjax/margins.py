@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from .guards import first_switch
 from .noise import ReversalTotals
-from .observers import END_SLOPE, AbstractObserver, RegimeTotals, Totals
+from .observers import END_SLOPE, AbstractObserver, RegimeTotals, Totals, extremes
 from .results import Event
 from .system import Scalar
 
@@ -71,10 +71,7 @@ class Margins(AbstractObserver):
             here = jnp.where(ends, depth, jnp.where(turns, clear, scale)) / scale
             margin = jnp.minimum(margin, jnp.where(size > 0, here, 1.0))
             falling.append(slope < 0)
-        gap = record.seconds.gap_max
-        if stretch.system.unilateral:
-            gap = stretch.peak([stretch.system.gap(n.time, n.position) for n in stretch.nodes])
-        force = stretch.peak([n.forces.normal for n in stretch.nodes])
+        force, gap = extremes(stretch)
         on = stretch.start >= self.observer.start
         seconds = _beaten(record, on, normal_force_max=force, gap_max=gap)
         totals = self.observer.stretch(record.totals, stretch)

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .fastmath import larger, within
 from .results import Event, Regime
 from .system import Scalar
 
@@ -24,9 +25,7 @@ class Stretch(NamedTuple):
     system: Any
     start: Scalar  # time
     step: Scalar  # length of the step whose nodes are below
-    correction: (
-        Scalar  # from its end to an event: short, but it carries the event time's derivative
-    )
+    correction: Scalar  # from its end to an event: short, but with the derivative of its time
     regime: Scalar
     nodes: tuple  # of five `Node`, at equal distances from its start to its end
     guards: tuple  # of five node values, one a slot (see `guards`)
@@ -63,22 +62,39 @@ class Stretch(NamedTuple):
         end = values[-1] + rise * self._past.astype(values[-1].dtype)
         a, b, c, d, e = values
         # powers of s, the place in quarters of the step from its middle
-        c1 = (a - 8 * b + 8 * d - e) / 12
-        c2 = (16 * (b + d) - 30 * c - (a + e)) / 24
-        c3 = (2 * (b - d) - (a - e)) / 12
-        c4 = (a + e - 4 * (b + d) + 6 * c) / 24
+        c1 = (a - 8 * b + 8 * d - e) * (1 / 12)
+        c2 = (16 * (b + d) - 30 * c - (a + e)) * (1 / 24)
+        c3 = (2 * (b - d) - (a - e)) * (1 / 12)
+        c4 = (a + e - 4 * (b + d) + 6 * c) * (1 / 24)
         s = stop_gradient(jnp.where((b > c) & (b >= d), -1.0, jnp.where(d > c, 1.0, 0.0)))
         s = s.astype(c.dtype)
         for _ in range(3):
             slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
             bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
-            s = stop_gradient(jnp.clip(s - slope / jnp.where(bend < 0, bend, -jnp.inf), -2.0, 2.0))
+            s = stop_gradient(within(-2.0, s - slope / jnp.where(bend < 0, bend, -jnp.inf), 2.0))
         inside = (bend < 0) & (jnp.abs(s) < 2)
         high = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
-        highest = jnp.maximum(jnp.maximum(b, c), d)
+        highest = larger(larger(b, c), d)
         # never below a node: Newton may have gone to the lower of two vertices
-        high = jnp.where(inside, jnp.maximum(high, highest), highest)
-        return jnp.maximum(jnp.maximum(a, end), high)
+        high = jnp.where(inside, larger(high, highest), highest)
+        return larger(larger(a, end), high)
+
+
+def extremes(stretch: Stretch) -> tuple[Scalar, Scalar]:
+    """Largest normal force and largest gap of a stretch.
+
+    There is no gap in contact and no force in flight: one vertex is sought, not two.
+    """
+    nodes, system = stretch.nodes, stretch.system
+    force = [node.forces.normal for node in nodes]
+    if not system.unilateral:
+        peak = stretch.peak(force)
+        return peak, jnp.zeros_like(peak)
+    flying = stretch.regime == Regime.FLIGHT
+    gap = [jnp.asarray(system.gap(n.time, n.position), n.position[0].dtype) for n in nodes]
+    peak = stretch.peak([jnp.where(flying, g, f) for g, f in zip(gap, force, strict=True)])
+    none = jnp.zeros_like(peak)
+    return jnp.where(flying, none, peak), jnp.where(flying, peak, none)
 
 
 def outputs(stretch: Stretch) -> list[Scalar]:
@@ -163,10 +179,7 @@ class RegimeTotals(AbstractObserver):
         h = jnp.where(counts, s.length, 0.0).astype(dtype)
         out = outputs(s)
         force = [node.forces.normal for node in s.nodes]
-        gap = jnp.zeros_like(h)
-        if s.system.unilateral:
-            gap = [jnp.asarray(s.system.gap(n.time, n.position), dtype) for n in s.nodes]
-            gap = s.peak(gap)
+        highest, widest = extremes(s)
 
         def integral(values):
             return jnp.where(counts, s.integral(values), 0.0)
@@ -180,9 +193,9 @@ class RegimeTotals(AbstractObserver):
             output_square_integral=record.output_square_integral + integral([x * x for x in out]),
             normal_force_integral=record.normal_force_integral + integral(force),
             normal_force_max=jnp.where(
-                counts, jnp.maximum(record.normal_force_max, s.peak(force)), record.normal_force_max
+                counts, larger(record.normal_force_max, highest), record.normal_force_max
             ),
-            gap_max=jnp.where(counts, jnp.maximum(record.gap_max, gap), record.gap_max),
+            gap_max=jnp.where(counts, larger(record.gap_max, widest), record.gap_max),
         )
 
     def event(self, record, happening):
@@ -198,7 +211,5 @@ class RegimeTotals(AbstractObserver):
             stick_count=record.stick_count
             + count((e.after == Regime.STICK) & (e.before != Regime.STICK)),
             lift_off_count=record.lift_off_count + count(e.kind == Event.LIFT_OFF),
-            impulse_max=jnp.where(
-                hit, jnp.maximum(record.impulse_max, e.impulse), record.impulse_max
-            ),
+            impulse_max=jnp.where(hit, larger(record.impulse_max, e.impulse), record.impulse_max),
         )

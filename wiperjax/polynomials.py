@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .barrier import keep
+from .fastmath import larger, smaller, within
 from .system import Scalar
 
 DEGREE = 4
@@ -68,7 +69,7 @@ def minimum(values) -> Scalar:
     """Smallest of a tuple of values."""
     low = values[0]
     for v in values[1:]:
-        low = jnp.minimum(low, v)
+        low = smaller(low, v)
     return low
 
 
@@ -80,8 +81,8 @@ def descent_cut(control):
     """
     fall = jnp.zeros_like(control[0])
     for i in range(1, DEGREE + 1):
-        fall = jnp.maximum(fall, (DEGREE / i) * (control[0] - control[i]))
-    return control[0] / jnp.maximum(fall, control[0])
+        fall = larger(fall, (DEGREE / i) * (control[0] - control[i]))
+    return control[0] / larger(fall, control[0])
 
 
 class Root(NamedTuple):
@@ -97,7 +98,7 @@ def largest(values) -> Scalar:
     """Largest size of a tuple of values."""
     high = jnp.abs(values[0])
     for v in values[1:]:
-        high = jnp.maximum(high, jnp.abs(v))
+        high = larger(high, jnp.abs(v))
     return high
 
 
@@ -110,9 +111,9 @@ def hull_cut(control):
     fall = jnp.zeros_like(control[0])
     for i in range(1, DEGREE + 1):
         drop = (DEGREE / i) * (control[0] - control[i])
-        fall = jnp.maximum(fall, jnp.where(control[i] < 0, drop, 0.0))
+        fall = larger(fall, jnp.where(control[i] < 0, drop, 0.0))
     crosses = fall > 0
-    return jnp.where(crosses, jnp.clip(control[0] / jnp.where(crosses, fall, 1.0), 0.0, 1.0), 1.0)
+    return jnp.where(crosses, within(0.0, control[0] / jnp.where(crosses, fall, 1.0), 1.0), 1.0)
 
 
 def first_root(control, passes: int = 2, polish: int = 2) -> Root:
@@ -157,7 +158,7 @@ def first_root(control, passes: int = 2, polish: int = 2) -> Root:
     u = jnp.zeros_like(left)
     for _ in range(polish):
         value, slope = value_and_slope(u)
-        u = jnp.clip(u - value / jnp.where(slope < 0, slope, -size), 0.0, 1.0)
+        u = within(0.0, u - value / jnp.where(slope < 0, slope, -size), 1.0)
     value, slope = value_and_slope(u)
     found = ~free & (jnp.abs(value) <= 1e-6 * size) & (slope < 0)
     return Root(jnp.where(found, left + u * (1 - left), left), found, free, minimum(b))

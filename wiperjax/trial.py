@@ -4,6 +4,7 @@ Everything is elementwise, so the same code serves one trajectory (scalars) and 
 a lane); nodes of the step and slots of the guards are tuples, which a compiler takes apart.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import jax
@@ -11,6 +12,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from .barrier import keep
+from .fastmath import larger, smaller, within
 from .guards import FIRST, JAM, SECOND, guard_values
 from .polynomials import (
     control_values,
@@ -93,11 +95,10 @@ def error_norm(problem: Problem, state: State, step: Step, h):
     )
     h = h.astype(state.velocity[0].dtype)
     ratios = tuple(
-        jnp.abs(e)
-        / (a + problem.rtol * jnp.maximum(jnp.abs(y), jnp.abs(z)) + plus(1e-30, times(h, n)))
+        jnp.abs(e) / (a + problem.rtol * larger(jnp.abs(y), jnp.abs(z)) + plus(1e-30, times(h, n)))
         for e, y, z, a, n in leaves
     )
-    return largest(ratios)
+    return reduce(jnp.maximum, ratios)  # a NaN stays one
 
 
 def rate_noise(problem: Problem, state: State, step: Step) -> list[Scalar]:
@@ -111,7 +112,7 @@ def rate_noise(problem: Problem, state: State, step: Step) -> list[Scalar]:
     way = largest(tuple((z - y) / s for y, z, s in ends))
     reach = largest(tuple(y / s for y, s in zip(state.position, scales, strict=True)))
     digit = ROUNDINGS * float(jnp.finfo(reach.dtype).eps) * reach
-    share = digit / jnp.maximum(jnp.maximum(way, digit), 1e-30)
+    share = digit / larger(larger(way, digit), 1e-30)
     rates = zip(jax.tree.leaves(state.rate), jax.tree.leaves(step.rate1), strict=True)
     return [share * jnp.abs(y - x) for x, y in rates]
 
@@ -128,19 +129,19 @@ def step_factor(error, last_error, growth, ok, order: int):
     now, before, growth = (jnp.log(e.astype(jnp.float32)) for e in (error, last_error, growth))
     proportional = (0.4 * before - 0.7 * now) / order
     predictive = growth + (before - 2 * now) / order
-    exponent = jnp.where(ok, jnp.minimum(proportional, predictive), -now / order)
-    return jnp.clip(0.9 * jnp.exp(exponent), 0.2, 5.0)
+    exponent = jnp.where(ok, smaller(proportional, predictive), -now / order)
+    return within(0.2, 0.9 * jnp.exp(exponent), 5.0)
 
 
 def trial_size(problem: Problem, state: State):
     """Return (step, whether it lands on a known time, that time, whether hardly any is left)."""
-    mark = jnp.minimum(problem.end, problem.system.break_time(state.piece)).astype(state.time.dtype)
-    mark = jnp.where(problem.mark > state.time, jnp.minimum(problem.mark, mark), mark)
+    mark = smaller(problem.end, problem.system.break_time(state.piece)).astype(state.time.dtype)
+    mark = jnp.where(problem.mark > state.time, smaller(problem.mark, mark), mark)
     to_mark = mark - state.time
     # a rest that the clock cannot divide: an event in it fires after the mark, if ever
     sliver = to_mark <= 4 * jnp.finfo(mark.dtype).eps * jnp.abs(mark)
     wanted = stop_gradient(jnp.where(state.target >= 0, state.trial, state.step))
-    wanted = jnp.where(state.time >= problem.mark, jnp.minimum(wanted, problem.max_step), wanted)
+    wanted = jnp.where(state.time >= problem.mark, smaller(wanted, problem.max_step), wanted)
     # a sliver left over before a known time would be a step of rounding errors only
     lands = wanted >= to_mark * (1 - 1e-9)
     return keep((jnp.where(lands, to_mark, wanted), lands, mark, sliver))
@@ -168,21 +169,6 @@ def attempt(problem: Problem, state: State) -> Trial:
     step = rk_step(solver, TERM, state.time, y0, h, state.rate, args, arrive)
     last_node, last, end_values = step.end
 
-    error = keep(stop_gradient(error_norm(problem, state, step, h)))
-    finite = jnp.isfinite(error)
-    for leaf in jax.tree.leaves(step.y1):
-        finite = finite & jnp.isfinite(leaf)
-    ok = finite & (error <= 1) & state.active  # other lanes of a batch stay put
-    order = solver.order(TERM)
-    assert order is not None  # check_solver: a Runge-Kutta pair
-    error = jnp.where(finite, jnp.maximum(error, 1e-8), 1e10)
-    # infinite after an event; of a step cut short for other reasons the rule learns nothing
-    least = jnp.maximum(LEAST_GROWTH * state.last_step, jnp.finfo(h.dtype).tiny)
-    growth = jnp.maximum(stop_gradient(h), least) / state.last_step
-    factor = step_factor(error, state.last_error, growth, ok, order)
-    next_step = stop_gradient(h) * factor.astype(h.dtype)
-    ok, finite, error, next_step = keep((ok, finite, error, next_step))
-
     inner = zip(NODES[1:-1], keep(node_states(solver, y0, step)), strict=True)
     looks = [look(state.time + theta * h, *y) for theta, y in inner]
     nodes = (
@@ -191,6 +177,28 @@ def attempt(problem: Problem, state: State) -> Trial:
         last_node,
     )
     slots = zip(state.guards, *(values for _, _, values in looks), end_values, strict=True)
+    guards = tuple(
+        keep(examine(values, order, size, sliver, 3 if slot == FIRST else 1))
+        for slot, (values, order, size) in enumerate(
+            zip(slots, state.orders, state.reach, strict=True)
+        )
+    )
+
+    error = keep(stop_gradient(error_norm(problem, state, step, h)))
+    # a guard that is no number somewhere has an error that is none
+    finite = jnp.isfinite(error) & jnp.isfinite(sum(g.error for g in guards))
+    for leaf in jax.tree.leaves(step.y1):
+        finite = finite & jnp.isfinite(leaf)
+    ok = finite & (error <= 1) & state.active  # other lanes of a batch stay put
+    order = solver.order(TERM)
+    assert order is not None  # check_solver: a Runge-Kutta pair
+    error = jnp.where(finite, larger(error, 1e-8), 1e10)
+    # infinite after an event; of a step cut short for other reasons the rule learns nothing
+    least = larger(LEAST_GROWTH * state.last_step, jnp.finfo(h.dtype).tiny)
+    growth = larger(stop_gradient(h), least) / state.last_step
+    factor = step_factor(error, state.last_error, growth, ok, order)
+    next_step = stop_gradient(h) * factor.astype(h.dtype)
+    ok, finite, error, next_step = keep((ok, finite, error, next_step))
     return Trial(
         h=h,
         lands=lands,
@@ -203,13 +211,13 @@ def attempt(problem: Problem, state: State) -> Trial:
         finite=finite,
         nodes=nodes,
         last=last,
-        guards=tuple(
-            keep(examine(values, order, size, sliver, 3 if slot == FIRST else 1))
-            for slot, (values, order, size) in enumerate(
-                zip(slots, state.orders, state.reach, strict=True)
-            )
-        ),
+        guards=guards,
     )
+
+
+def guard_noise(size):
+    """Return what a guard of ``size`` may be off zero by rounding."""
+    return NOISE * float(jnp.finfo(size.dtype).eps) * size
 
 
 def examine(values, order, size, sliver, highest: int) -> Guard:
@@ -220,7 +228,7 @@ def examine(values, order, size, sliver, highest: int) -> Guard:
     before a known time, and no event fires in it.
     """
     nodes = tuple(stop_gradient(x) for x in values)
-    noise = NOISE * jnp.finfo(size.dtype).eps * size
+    noise = guard_noise(size)
     # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
     # one that starts at zero, by the way it goes.
     order = jnp.where((order == 0) & (jnp.abs(nodes[0]) <= noise), 1, order)
@@ -232,12 +240,12 @@ def examine(values, order, size, sliver, highest: int) -> Guard:
         # A double or triple zero is left upwards by construction (release, lift-off). Its event was
         # located to within the tolerance, so a hair's breadth downwards is not a new event.
         upwards = (order >= 2) & (start > -0.05 * height)
-        start = jnp.where(upwards, jnp.maximum(start, 1e-6 * height), start)
+        start = jnp.where(upwards, larger(start, 1e-6 * height), start)
     # Only a guard that goes down from its zero all along counts as violated there; an extrapolation
     # that merely turns negative asks for a shorter step.
     top = rest[0]
     for x in rest[1:]:
-        top = jnp.maximum(top, x)
+        top = larger(top, x)
     falls = (top <= 0) & (start <= -0.5 * height)
     falls = jnp.where(order == 0, start <= 0, falls & (start < -noise))
     quotient = (start, *rest)
@@ -245,7 +253,7 @@ def examine(values, order, size, sliver, highest: int) -> Guard:
     low = minimum(control)
     proved = (low > error) | ((order > 0) & (low > -noise) & (error <= noise)) | sliver
     # below this the estimate is rounding: the polynomial itself decides
-    floor = jnp.maximum(1e-9 * jnp.maximum(height, jnp.abs(start)), noise)
+    floor = larger(1e-9 * larger(height, jnp.abs(start)), noise)
     blur = jnp.where(error > floor, error, 0.0)
     control, blur, start = keep((tuple(b - blur for b in control), blur, start))
     return Guard(
@@ -259,7 +267,7 @@ def examine(values, order, size, sliver, highest: int) -> Guard:
         cut=descent_cut(control),
         proved=proved,
         falls=falls,
-        size=jnp.maximum(size, jnp.abs(nodes[-1])),
+        size=larger(size, jnp.abs(nodes[-1])),
         nodes=nodes,
     )
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from .barrier import keep
 from .belts import AbstractBelt, SteadyBelt
-from .fastmath import angle
+from .fastmath import angle, larger, smaller, within
 from .friction import AbstractFriction, Stribeck
 from .sparse import absent
 from .system import AbstractSystem, Scalar
 
-ENGINE_FIELDS = ("piece", "sides", "rest_height", "edge_sine")  # set by it, not by a person
+ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
 
 
@@ -25,6 +25,14 @@ class Lean(NamedTuple):
     tan: Scalar
     secant: Scalar
     angle: Scalar  # rad
+
+
+class Constants(NamedTuple):
+    """What follows from a wiper's parameters alone: worked out once a trajectory."""
+
+    rest_height: Scalar  # L cos(alpha) [m]
+    edge: Scalar  # sine of the lean at which the lip collapses,
+    shoulders: tuple[Scalar, Scalar]  # and of those at which it meets its shoulders
 
 
 class Wiper(AbstractSystem):
@@ -57,8 +65,7 @@ class Wiper(AbstractSystem):
     collapse_angle: Scalar = float(np.deg2rad(89.0))  # rad
     piece: Scalar = 0  # smooth piece of the belt's motion (set by the engine)
     sides: tuple | None = None  # signs of the switches (set by the engine)
-    rest_height: Scalar | None = None  # L cos(alpha) [m] and sin(collapse_angle): see `prepared`
-    edge_sine: Scalar | None = None
+    constants: Constants | None = None  # (set by the engine: `prepared`)
 
     def __check_init__(self):
         right = float(np.pi / 2)
@@ -92,24 +99,27 @@ class Wiper(AbstractSystem):
             raise ValueError(f"belt must be a belt such as SteadyBelt(0.3), but was {self.belt!r}")
 
     @property
-    def _rest_height(self):
-        if self.rest_height is not None:
-            return self.rest_height
-        return self.lip_length * jnp.cos(self.attack_angle)
+    def _constants(self) -> Constants:
+        if self.constants is not None:
+            return self.constants
+        low, high = self.attack_angle - self.shoulder_angle, self.attack_angle + self.shoulder_angle
+        right = 0.5 * np.pi  # a shoulder behind it is out of reach
+        return Constants(
+            self.lip_length * jnp.cos(self.attack_angle),
+            jnp.sin(self.collapse_angle),
+            (jnp.sin(larger(low, -right)), jnp.sin(smaller(high, right))),
+        )
 
     def prepared(self):
         return eqx.tree_at(
-            lambda w: (w.rest_height, w.edge_sine),
-            self,
-            (self._rest_height, jnp.sin(self.collapse_angle)),
-            is_leaf=lambda x: x is None,
+            lambda w: w.constants, self, self._constants, is_leaf=lambda x: x is None
         )
 
     # --- geometry -----------------------------------------------------------------------------
 
     def lean(self, q) -> Lean:
         """Return the lean phi of a lip whose tip is at x = q[0]."""
-        sin = jnp.clip(q[0] / self.lip_length, -_EDGE, _EDGE)
+        sin = within(-_EDGE, q[0] * (1 / self.lip_length), _EDGE)
         cos = jnp.sqrt((1 - sin) * (1 + sin))
         secant = 1 / cos
         # kept: the spring and the guard of the shoulders would each work the angle out
@@ -120,7 +130,7 @@ class Wiper(AbstractSystem):
         extra = self.shoulder_stiffness - self.neck_stiffness
         above, below = theta - self.shoulder_angle, theta + self.shoulder_angle
         if self.sides is None:
-            past = jnp.maximum(above, 0.0) + jnp.minimum(below, 0.0)
+            past = larger(above, 0.0) + smaller(below, 0.0)
         else:
             past = jnp.where(self.sides[0] < 0, jnp.where(theta > 0, above, below), 0.0)
         return self.neck_stiffness * theta + extra * past
@@ -131,7 +141,7 @@ class Wiper(AbstractSystem):
         eta_rate = speeds[1] - lean.tan * speeds[0]
         return (
             self.normal_load
-            + self.support_stiffness * (eta - self._rest_height)
+            + self.support_stiffness * (eta - self._constants.rest_height)
             + self.support_damping * eta_rate
         )
 
@@ -144,12 +154,12 @@ class Wiper(AbstractSystem):
         moment = self.moment(lean.angle - self.attack_angle)
         if not absent(self.hinge_damping):
             moment = moment + self.hinge_damping * speeds[0] * lean.secant / length
-        push = moment * lean.secant / length  # by the arm L cos(phi)
+        push = moment * lean.secant * (1 / length)  # by the arm L cos(phi)
         pull = self.belt.motion(t, self.piece)[1]
         m = self.tip_mass
         if absent(self.hinge_mass):
             f_t = down * lean.tan - push
-            return f_t / m - pull, -down / m - self.gravity
+            return f_t * (1 / m) - pull, -down * (1 / m) - self.gravity
         h = self.hinge_mass
         f_t = (down + h * self.gravity) * lean.tan - push
         f_n = -down - (m + h) * self.gravity
@@ -183,14 +193,15 @@ class Wiper(AbstractSystem):
         return v[0]
 
     def switches(self, t, q, v):
-        theta = self.lean(q).angle - self.attack_angle
-        # one function for both shoulders: it vanishes at either
-        return ((self.shoulder_angle - theta) * (self.shoulder_angle + theta),)
+        # one function for both shoulders: it vanishes at either; in the sine, as the limit
+        low, high = self._constants.shoulders
+        s = q[0] * (1 / self.lip_length)
+        return ((high - s) * (s - low),)
 
     def limit(self, t, q, v):
         # in the sine: smooth, and cheap
-        edge = jnp.sin(self.collapse_angle) if self.edge_sine is None else self.edge_sine
-        s = q[0] / self.lip_length
+        edge = self._constants.edge
+        s = q[0] * (1 / self.lip_length)
         return (edge - s) * (edge + s)
 
     @property
@@ -247,7 +258,7 @@ class Wiper(AbstractSystem):
         theta = lean.angle - self.attack_angle
         past = jnp.maximum(jnp.abs(theta) - self.shoulder_angle, 0.0)
         eta = q[1] + self.lip_length * lean.cos
-        sink = eta - self._rest_height
+        sink = eta - self._constants.rest_height
         hinge = v[1] - lean.tan * v[0]
         kinetic = self.tip_mass * (v[0] ** 2 + v[1] ** 2) + self.hinge_mass * hinge**2
         rotation = self.neck_stiffness * theta**2
