@@ -23,15 +23,15 @@ from .system import AbstractSystem
 from .wiper import Wiper
 
 # on one core, at most: what a turn touches stays near in the caches, and few lanes idle at the end
-LANES = 128
+LANES = {"float64": 128, "float32": 256}
 WIDE = 1 << 16  # on a device of another kind, which needs many to be busy (not measured)
 CASES_PER_LANE = 8  # at least: the last cases of a block leave lanes empty
 FLOWS = 3  # a jump
 
 
-def lane_count(cases: int) -> int:
+def lane_count(precision: str, cases: int) -> int:
     """Return how many trajectories of ``cases`` are in flight at a time on one device."""
-    most = LANES if jax.default_backend() == "cpu" else WIDE
+    most = LANES[precision] if jax.default_backend() == "cpu" else WIDE
     lanes = min(most, cases // CASES_PER_LANE)
     return max(1, lanes - lanes % 64 if lanes > 64 else lanes)  # whole vectors
 
@@ -165,7 +165,7 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
         dtype=jnp.dtype(s.precision),
     )
     pool = Pool(problem, q, v, start, count)
-    lanes = lane_count(q[0].shape[-1])
+    lanes = lane_count(s.precision, q[0].shape[-1])
     outcome, signal, effort = run_pool(pool, lanes, FLOWS)
     if s.raster is not None:
         kept = np.array(raster_index(s.samples, s.raster))

@@ -305,7 +305,7 @@ def run(precision: str = "float64", quick: bool = False, say=print) -> str:
     """Return the profile as text (one core, processor time)."""
     from wiperjax.cells import FLOWS, LANES
 
-    lanes = 64 if quick else LANES
+    lanes = 64 if quick else LANES[precision]
     cells, turns = 16 * lanes, 200 if quick else 2000
     top = peak(precision)
     streams = {name: bandwidth(size) for name, size in (("32 kB", 1 << 15), ("512 kB", 1 << 19))}

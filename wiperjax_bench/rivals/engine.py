@@ -179,7 +179,7 @@ class Engine:
             mine = jax.tree.map(lambda x: jnp.asarray(x[order[i :: self.cores]]), varying)
             wiper, position, velocity, scales = eqx.combine(mine, shared)
             count = position[0].shape[0]
-            lanes = lane_count(count)
+            lanes = lane_count(self.precision, count)
             fixed = (duration, control, scales, self.solver, self.precision, lanes)
             return lambda most: jax.block_until_ready(
                 batch(wiper, position, velocity, jnp.asarray(most, jnp.int32), *fixed)
