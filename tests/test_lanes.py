@@ -30,7 +30,7 @@ def blades(rng, cases=CASES):
 
 
 @eqx.filter_jit
-def run(wiper, position, count, lanes=8, flows=3, max_steps=20_000):
+def run(wiper, position, count, lanes=8, flows=3, max_steps=20_000, room=ROOM):
     still = jnp.zeros_like(position)
     interval = DURATION / SAMPLES
     problem, q, v, start = make_problem(
@@ -42,7 +42,7 @@ def run(wiper, position, count, lanes=8, flows=3, max_steps=20_000):
         atol=None,
         max_steps=max_steps,
         max_step=2 * interval,
-        max_events=ROOM,
+        max_events=room,
         signal=Signal(0.0, interval, SAMPLES, 2 * flows),
     )
     return run_pool(Pool(problem, q, v, start, count), lanes, flows)
@@ -162,6 +162,14 @@ def sweep_spec(angles=(-30, 30), speed=0.3, **run):
         },
         "test.toml",
     )
+
+
+def test_flows_and_a_jump_are_one_compiled_function_each(pool):
+    """By `launch.COMPILER`, whose options a new XLA may rename; and barriers keep it small."""
+    wiper, position, _ = pool
+    text = run.lower(wiper, position, jnp.int32(CASES), room=0).compile().compiled.as_text()
+    assert text.count('xla_cpu_small_call="true"') == 2
+    assert text.count(" = ") < 30_000
 
 
 def test_one_compilation_serves_a_whole_sweep():

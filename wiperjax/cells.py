@@ -12,7 +12,7 @@ from .columns import columns_of
 from .dataset import raster_index
 from .dealing import capacity, deal, dearest_first
 from .ladder import on_rung, start_on_rung
-from .lanes import Outcome, Pool, run_pool
+from .lanes import Outcome, Pool, flows_per_jump, run_pool
 from .margins import watch
 from .noise import ReversalTotals
 from .observers import RegimeTotals
@@ -26,7 +26,6 @@ from .wiper import Wiper
 LANES = {"float64": 128, "float32": 256}
 WIDE = 1 << 16  # on a device of another kind, which needs many to be busy (not measured)
 CASES_PER_LANE = 8  # at least: the last cases of a block leave lanes empty
-FLOWS = 3  # a jump
 
 
 def lane_count(precision: str, cases: int) -> int:
@@ -141,18 +140,19 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
         totals = ReversalTotals(s.transient, s.reversal_window)
     if watched:
         totals = watch(system, totals)
+    solver = SOLVERS[s.solver]()
     problem, q, v, start = make_problem(
         system,
         s.transient + s.window,
         initial_state=(position, velocity),
-        solver=SOLVERS[s.solver](),
+        solver=solver,
         rtol=s.rtol,
         atol=s.atol,
         signal=Signal(
             s.transient,
             interval,
             s.samples,
-            SAMPLES_PER_STEP * FLOWS,
+            SAMPLES_PER_STEP * flows_per_jump(solver),
             s.raster is not None,
         ),
         max_events=s.event_log or 0,
@@ -166,7 +166,7 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
     )
     pool = Pool(problem, q, v, start, count)
     lanes = lane_count(s.precision, q[0].shape[-1])
-    outcome, signal, effort = run_pool(pool, lanes, FLOWS)
+    outcome, signal, effort = run_pool(pool, lanes)
     if s.raster is not None:
         kept = np.array(raster_index(s.samples, s.raster))
         signal = signal._replace(regime=signal.regime[:, kept])

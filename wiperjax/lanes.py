@@ -16,7 +16,7 @@ from jax import lax
 from .results import RUNNING, Result
 from .sampling import Signal, flush
 from .solve import final_velocity
-from .state import EventLog, Problem, State, initial_state
+from .state import TERM, EventLog, Problem, State, initial_state
 from .step import flow, jump
 from .transition import where
 
@@ -92,16 +92,22 @@ def _outcome(problem: Problem, state: State) -> Outcome:
     )
 
 
-def run_pool(pool: Pool, lanes: int, flows: int = 3) -> tuple[Outcome, Any, Effort]:
+def flows_per_jump(solver) -> int:
+    """Return how many flows share a jump: a scheme of high order needs few to the next event."""
+    return 3 if solver.order(TERM) < 6 else 2
+
+
+def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome, Any, Effort]:
     """Run every case of ``pool``; return (outcomes, samples or None, effort).
 
-    ``lanes`` trajectories are in flight at any time. The result of a case does not depend on its
-    lane, its neighbours or their order. Samples come back as a `sampling.Record`, with some room
-    behind the last one. To be called inside `jax.jit`.
+    ``lanes`` trajectories are in flight at any time; ``flows`` is `flows_per_jump` unless given. The
+    result of a case does not depend on its lane, its neighbours or their order. Samples come back as
+    a `sampling.Record`, with some room behind the last one. To be called inside `jax.jit`.
     """
     capacity = pool.position[0].shape[-1]
     cases = jnp.minimum(pool.count, capacity).astype(jnp.int32)
     problem = pool.problem
+    flows = flows_per_jump(problem.solver) if flows is None else flows
     varying, shared = _split(problem, capacity)
     signal: Signal | None = problem.signal
 
@@ -123,7 +129,7 @@ def run_pool(pool: Pool, lanes: int, flows: int = 3) -> tuple[Outcome, Any, Effo
         lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype),
         _outcome(_rebuild(problem, parts, shared), state),
     )
-    wait = max(1, lanes // 64)  # lanes that may idle before a refill is worth its cost
+    wait = max(1, lanes // 32)  # lanes that may idle before a refill is worth its cost
 
     def refill(parts, state, case, upcoming, outcome):
         """Keep what has ended, and give its lanes the next cases."""
@@ -154,7 +160,8 @@ def run_pool(pool: Pool, lanes: int, flows: int = 3) -> tuple[Outcome, Any, Effo
         def round_(carry):
             state, samples, rounds = carry
             state = lax.fori_loop(0, flows, lambda _, s: flow(local, s), state)
-            state = jump(local, state)
+            # once, if any: a loop of its own becomes one compiled function (`launch.COMPILER`)
+            state = lax.while_loop(lambda s: jnp.any(s.due >= 0), lambda s: jump(local, s), state)
             if signal is not None:
                 samples, ring = flush(samples, state.samples, case, state.sample_index)
                 state = state._replace(samples=ring)

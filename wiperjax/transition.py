@@ -157,9 +157,9 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         (hits, turns, leaves_cone, lifts, jams, retest),
     )
 
-    c = keep(contact(system, time, q, v))
+    c = contact(system, time, q, v)
     q, v = keep(settle(system, c, q, v, hits | ~flying, ~flying, sticking | turns))
-    c = keep(contact(system, time, q, v))
+    c = contact(system, time, q, v)
 
     # impact: the closing gap, or a jam (Painleve's impact without collision)
     moving = c.slip_speed != 0
@@ -198,7 +198,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     v, slip_speed, leaving, collides = keep((v, slip_speed, leaving, collides))
 
     # forces after the impact are those of the post-impact velocities
-    c = keep(contact(system, time, q, v))._replace(slip_speed=slip_speed)
+    c = contact(system, time, q, v)._replace(slip_speed=slip_speed)
     zeno = complete_zeno(
         c, mu, leaving, approach, slip_speed, problem.zeno_time, (end - time).astype(leaving.dtype)
     )
@@ -215,7 +215,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     impulse = impulse + jnp.where(completes, zeno.normal, 0.0)
     slip_speed = jnp.where(completes, zeno.slip_speed, slip_speed)
     q, v, time, slip_speed = keep((q, v, time, slip_speed))
-    c = keep(contact(system, time, q, v))._replace(slip_speed=slip_speed)
+    c = contact(system, time, q, v)._replace(slip_speed=slip_speed)
 
     # the regime, at acceleration level
     leaving = jnp.where(completes, 0.0, leaving)

@@ -155,8 +155,8 @@ def attempt(problem: Problem, state: State) -> Trial:
 
     def look(t, q, v) -> tuple[Node, Contact, tuple]:
         """The motion at an instant, its contact, and its guards."""
-        c = keep(contact(system, t, q, v))
-        reactions = keep(forces(system, c, state.regime))
+        c = contact(system, t, q, v)
+        reactions = forces(system, c, state.regime)
         values = guard_values(system, c, t, q, v, state.regime, state.sides)
         return Node(t, q, v, reactions), c, keep(values)
 

@@ -303,10 +303,12 @@ def whole(precision: str, cells: int, lanes: int, flows: int) -> tuple[float, An
 
 def run(precision: str = "float64", quick: bool = False, say=print) -> str:
     """Return the profile as text (one core, processor time)."""
-    from wiperjax.cells import FLOWS, LANES
+    from wiperjax.cells import LANES
+    from wiperjax.lanes import flows_per_jump
 
     lanes = 64 if quick else LANES[precision]
-    cells, turns = 16 * lanes, 200 if quick else 2000
+    cells, turns = 64 * lanes, 200 if quick else 8000
+    flows = flows_per_jump(diffrax.Tsit5())
     top = peak(precision)
     streams = {name: bandwidth(size) for name, size in (("32 kB", 1 << 15), ("512 kB", 1 << 19))}
     say(f"peak {top / 1e9:.0f} Gflop/s")
@@ -322,7 +324,7 @@ def run(precision: str = "float64", quick: bool = False, say=print) -> str:
             say(f"{name}: {found[name][0] * 1e9:.1f} ns")
         except Exception as error:
             lines.append(f"{name}: not measured, {_reason(error)}.")
-    seconds, (steps, events), effort = whole(precision, cells, lanes, FLOWS)
+    seconds, (steps, events), effort = whole(precision, cells, lanes, flows)
     executed, useful = int(effort.executed), int(effort.useful)
     return "\n".join(
         [
@@ -332,9 +334,9 @@ def run(precision: str = "float64", quick: bool = False, say=print) -> str:
             f"trajectories of 20 ms of the speed workload: {seconds / cells * 1e6:.1f} us each, "
             f"{steps.mean():.0f} trial steps and {events.mean():.1f} events each, occupancy "
             f"{useful / executed:.2f}, {seconds / executed * 1e9:.1f} ns a lane-turn, all in "
-            f"all. {FLOWS} flows a jump. Load average {measure.load():.1f}.",
+            f"all. {flows} flows a jump. Load average {measure.load():.1f}.",
             "",
-            *shares(found, seconds / executed, FLOWS),
+            *shares(found, seconds / executed, flows),
             *roofline(found, top, streams, precision),
             *lines,
             "",
