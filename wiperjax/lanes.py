@@ -100,9 +100,9 @@ def flows_per_jump(solver) -> int:
 def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome, Any, Effort]:
     """Run every case of ``pool``; return (outcomes, samples or None, effort).
 
-    ``lanes`` trajectories are in flight at any time; ``flows`` is `flows_per_jump` unless given. The
-    result of a case does not depend on its lane, its neighbours or their order. Samples come back as
-    a `sampling.Record`, with some room behind the last one. To be called inside `jax.jit`.
+    ``lanes`` trajectories are in flight at any time; ``flows`` is `flows_per_jump` unless given.
+    The result of a case does not depend on its lane, its neighbours or their order. Samples come
+    back as a `sampling.Record`, with some room behind the last one. To be called inside `jax.jit`.
     """
     capacity = pool.position[0].shape[-1]
     cases = jnp.minimum(pool.count, capacity).astype(jnp.int32)
