@@ -12,9 +12,9 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     _compiled = tempfile.TemporaryDirectory(prefix="wiperjax-tests-", ignore_cleanup_errors=True)
     os.environ["JAX_COMPILATION_CACHE_DIR"] = _compiled.name
 
-from wiperjax import launch  # noqa: E402
+import wiperjax  # noqa: E402
 
-launch.configure(1)  # as the command line does: one core for each of the processes
+wiperjax.configure(1)  # as the command line does: one core for each of the processes
 
 # The longest files first: begun last, one would keep one process busy and leave the other idle.
 LONGEST = ("sensitivity", "cycles", "notebooks", "cluster", "bench", "noises", "against_reference")

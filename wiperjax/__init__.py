@@ -15,6 +15,7 @@ from .driver import run as sweep  # noqa: E402, F401
 from .friction import AbstractFriction as AbstractFriction  # noqa: E402
 from .friction import Coulomb as Coulomb  # noqa: E402
 from .friction import Stribeck as Stribeck  # noqa: E402
+from .launch import configure as configure  # noqa: E402
 from .observers import RegimeTotals as RegimeTotals  # noqa: E402
 from .results import Event as Event  # noqa: E402
 from .results import Regime as Regime  # noqa: E402

@@ -1,7 +1,7 @@
 """Settings that must be made before JAX starts its first device.
 
 A library cannot impose them on a process that already computes, so they are one documented call:
-``wiperjax.launch.configure()`` before the first computation. The command line makes it itself.
+``wiperjax.configure()`` before the first computation. The command line makes it itself.
 """
 
 import os
