@@ -66,7 +66,8 @@ def chart_text(dataset: xr.Dataset, picture: str, clock: str = "wall", events: s
             "",
             f"One core of {dataset.attrs['machine']}, {dataset.attrs['created']}, load average "
             f"{float(dataset.load_average.max()):.1f} at most; {clock} time, median of "
-            f"{dataset.attrs['repeats']} interleaved repeats, compilation apart. Spread of the "
+            f"{dataset.attrs['repeats']} interleaved repeats, the first of which is the call that "
+            "tried the setting; compilation apart. Spread of the "
             f"wall time (10th to 90th percentile over the median): {middle:.1%} in the median of "
             f"all points, {low:.1%} to {high:.1%} in 80 % of them. Versions: "
             + ", ".join(f"{k} {v}" for k, v in versions.items())
