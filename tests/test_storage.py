@@ -984,6 +984,8 @@ def test_manifest_tells_a_person_what_it_is(tmp_path):
 
 
 if __name__ == "__main__":
+    # where the tests run in a shell's background, SIGINT comes ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         slow_sweep(
             make_spec(),
