@@ -549,7 +549,7 @@ def slow_sweep(spec, path, delay, **options):
 def test_ctrl_c_stops_cleanly_and_says_how_to_go_on(tmp_path):
     path = tmp_path / "map.h5"
     child = subprocess.Popen(
-        [sys.executable, __file__, path, "1.0"],
+        [sys.executable, __file__, path, "0.3"],
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,

@@ -9,7 +9,7 @@ import os
 # XLA's own options of its CPU compiler, as name=value pairs:
 COMPILER = {
     # a loop of any size becomes one function: run kernel by kernel, each of about four operations,
-    # half of the time of a batch went into starting the next of a thousand
+    # a third of a turn of the lanes went into starting the next of a thousand
     "xla_cpu_small_while_loop_byte_threshold": str(2**50),
     # its inner loops over lanes stay loops: unrolled, the function outgrows the instruction cache
     "xla_cpu_disable_loop_unrolling": "true",

@@ -1,11 +1,11 @@
 """Online statistics of the reversal: contact force around V = 0 against the rest of the stroke."""
 
+from functools import reduce
 from typing import NamedTuple
 
 import jax.numpy as jnp
 
 from .observers import AbstractObserver, RegimeTotals, Totals, outputs
-from .polynomials import largest
 from .results import Event, Regime
 from .system import Scalar
 
@@ -46,7 +46,8 @@ class ReversalTotals(AbstractObserver):
         near = [jnp.abs(x) <= self.window for x in since]
         just_after = [(n & (x >= 0)).astype(dtype) for n, x in zip(near, since, strict=True)]
         force = [node.forces.normal for node in s.nodes]
-        peak = largest([jnp.where(n, f, 0.0) for n, f in zip(near, force, strict=True)])
+        sizes = [jnp.where(n, jnp.abs(f), 0.0) for n, f in zip(near, force, strict=True)]
+        peak = reduce(jnp.maximum, sizes)  # a NaN stays one
         far = [(~n).astype(dtype) for n in near]
         vibration = [w * x * x for w, x in zip(just_after, outputs(s), strict=True)]
         load = [w * f for w, f in zip(far, force, strict=True)]

@@ -77,7 +77,7 @@ class Stretch(NamedTuple):
         highest = larger(larger(b, c), d)
         # never below a node: Newton may have gone to the lower of two vertices
         high = jnp.where(inside, larger(high, highest), highest)
-        return larger(larger(a, end), high)
+        return jnp.maximum(jnp.maximum(a, end), high)  # a NaN at any node is one of the end
 
 
 def extremes(stretch: Stretch) -> tuple[Scalar, Scalar]:
@@ -193,9 +193,9 @@ class RegimeTotals(AbstractObserver):
             output_square_integral=record.output_square_integral + integral([x * x for x in out]),
             normal_force_integral=record.normal_force_integral + integral(force),
             normal_force_max=jnp.where(
-                counts, larger(record.normal_force_max, highest), record.normal_force_max
+                counts, jnp.maximum(record.normal_force_max, highest), record.normal_force_max
             ),
-            gap_max=jnp.where(counts, larger(record.gap_max, widest), record.gap_max),
+            gap_max=jnp.where(counts, jnp.maximum(record.gap_max, widest), record.gap_max),
         )
 
     def event(self, record, happening):
@@ -211,5 +211,7 @@ class RegimeTotals(AbstractObserver):
             stick_count=record.stick_count
             + count((e.after == Regime.STICK) & (e.before != Regime.STICK)),
             lift_off_count=record.lift_off_count + count(e.kind == Event.LIFT_OFF),
-            impulse_max=jnp.where(hit, larger(record.impulse_max, e.impulse), record.impulse_max),
+            impulse_max=jnp.where(
+                hit, jnp.maximum(record.impulse_max, e.impulse), record.impulse_max
+            ),
         )

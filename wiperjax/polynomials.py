@@ -95,7 +95,7 @@ class Root(NamedTuple):
 
 
 def largest(values) -> Scalar:
-    """Largest size of a tuple of values."""
+    """Largest size of a tuple of values; not for finding a NaN (see `larger`)."""
     high = jnp.abs(values[0])
     for v in values[1:]:
         high = larger(high, jnp.abs(v))

@@ -117,12 +117,18 @@ class Wiper(AbstractSystem):
 
     # --- geometry -----------------------------------------------------------------------------
 
+    # Reciprocals of parameters: the compiler works them out once, before the loop.
+
+    def _sine(self, q):
+        """sin(phi), beyond +-1 where a trial stage reaches past the end of the lip."""
+        return q[0] * (1 / self.lip_length)
+
     def lean(self, q) -> Lean:
         """Return the lean phi of a lip whose tip is at x = q[0]."""
-        sin = within(-_EDGE, q[0] * (1 / self.lip_length), _EDGE)
+        sin = within(-_EDGE, self._sine(q), _EDGE)
         cos = jnp.sqrt((1 - sin) * (1 + sin))
         secant = 1 / cos
-        # kept: the spring and the guard of the shoulders would each work the angle out
+        # kept: the compiler would work the angle out for each of its uses
         return Lean(sin, cos, sin * secant, secant, keep(angle(sin, cos)))
 
     def moment(self, theta):
@@ -195,13 +201,13 @@ class Wiper(AbstractSystem):
     def switches(self, t, q, v):
         # one function for both shoulders: it vanishes at either; in the sine, as the limit
         low, high = self._constants.shoulders
-        s = q[0] * (1 / self.lip_length)
+        s = self._sine(q)
         return ((high - s) * (s - low),)
 
     def limit(self, t, q, v):
         # in the sine: smooth, and cheap
         edge = self._constants.edge
-        s = q[0] * (1 / self.lip_length)
+        s = self._sine(q)
         return (edge - s) * (edge + s)
 
     @property
