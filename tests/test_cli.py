@@ -430,3 +430,11 @@ def test_version_is_that_of_the_package():
     import wiperjax
 
     assert wiperjax.__version__ == version
+
+
+def test_memory_is_that_of_this_process_alone():
+    """The peak that the system hands out begins with that of the process that started this one."""
+    held = np.ones(2**27)  # 1 GiB
+    code = "from wiperjax.memory import peak_memory; print(peak_memory())"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 5e7 < int(ran.stdout) < 0.8 * held.nbytes

@@ -3,6 +3,7 @@
 import math
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +12,7 @@ from problems import Ball, Block, Puck, StopOscillator, events, stop_oscillator,
 
 import wiperjax
 from wiperjax import AbstractSystem, Event, Regime, Result, SteadyBelt, Wiper
+from wiperjax.solve import begin, make_problem, run, solution
 
 PARAMETERS = ("attack_angle", "normal_load", "restitution", "mu_static", "support_stiffness")
 TIMES = np.linspace(0, 0.02, 16001)
@@ -277,6 +279,61 @@ def test_a_double_root_inside_one_step_is_found(depth):
     np.testing.assert_allclose(events_times(s), [1 - reach, 1 + reach], rtol=0, atol=1e-7)
     s = trajectory(Parabola(0.5 + depth), 3.0, ((0.0,), (1.0,)), 1e-3)
     assert int(s.events.count) == 0
+
+
+@jax.jit
+def single_parabola(level):
+    problem, *start = make_problem(
+        Parabola(level.astype(jnp.float32)),
+        3.0,
+        initial_state=((0.0,), (1.0,)),
+        solver=None,
+        rtol=1e-3,
+        atol=None,
+        max_events=8,
+        dtype=jnp.float32,
+    )
+    return solution(problem, run(problem, begin(problem, *start)))
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-4, 1e-5])
+def test_a_double_root_is_found_in_single_precision_too(depth):
+    """As deep as its digits can tell: 1e-5 is ten times what the guard is off by rounding."""
+    s = single_parabola(0.5 - depth)
+    reach = math.sqrt(2 * depth)
+    assert int(s.events.count) == 2
+    # the level is good to 1e-7, the time of a shallow passage to this over its speed
+    np.testing.assert_allclose(events_times(s), [1 - reach, 1 + reach], atol=5e-7 / reach)
+
+
+@eqx.filter_jit
+def overloaded(wiper):
+    return wiperjax.solve(wiper, 0.05, rtol=1e-9, max_events=32)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_lip_meets_its_shoulder_and_collapses_behind_it(side):
+    """One switch watches both ends of the stretch that the lip is in, and tells them apart."""
+    wiper = Wiper(
+        belt=SteadyBelt(0.3),
+        attack_angle=side * np.deg2rad(40.0),
+        normal_load=40.0,
+        shoulder_stiffness=0.1,
+        shoulder_angle=0.4,
+    )
+    s = overloaded(wiper)
+    assert Result(int(s.result)) == Result.COLLAPSED
+    count = int(s.events.count)
+    kinds = [Event(int(k)) for k in s.events.kind[:count]]
+    assert kinds[-1] == Event.COLLAPSE and Event.COLLAPSE not in kinds[:-1]
+    assert kinds.count(Event.KINK) % 2 == 1  # it ends behind a shoulder
+    lean = np.rad2deg(np.arcsin(float(s.final_position[0]) / 6e-3))
+    assert lean == pytest.approx(side * 89.0, abs=1e-6)
+    # without a shoulder in its way it goes straight to the end
+    stiff = eqx.tree_at(lambda w: w.shoulder_angle, wiper, 3.0)
+    s = overloaded(stiff)
+    kinds = [Event(int(k)) for k in s.events.kind[: int(s.events.count)]]
+    assert Event.KINK not in kinds and kinds[-1:] == [Event.COLLAPSE]
 
 
 # --- how trajectories end -------------------------------------------------------------------------

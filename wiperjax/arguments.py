@@ -5,6 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
+from .guards import starting_sides
 from .results import Result
 from .system import AbstractSystem
 from .wiper import Wiper
@@ -76,10 +77,11 @@ def check_start(system: AbstractSystem, start, result: int) -> None:
     """Raises ValueError, saying why, for a state in which no motion can begin."""
     t = jnp.asarray(0.0)
     q, v = (tuple(jnp.asarray(x) for x in part) for part in start)
-    bound = system.limit(t, q, v)
-    if bound is not None and float(bound) <= 0:
-        limit = "|phi| < collapse_angle" if isinstance(system, Wiper) else "limit(t, q, v) > 0"
-        raise ValueError(f"initial_state must lie where the model holds ({limit}), but was {start}")
+    sides = starting_sides(system, t, q, v)
+    switches = system.on_sides(sides).switches(t, q, v)
+    if any(side * s < 0 for side, s in zip(sides, switches, strict=True)):
+        where = " (|phi| < collapse_angle)" if isinstance(system, Wiper) else ""
+        raise ValueError(f"initial_state must lie where the model holds{where}, but was {start}")
     if result == Result.INCONSISTENT_START:
         gap = float(system.gap(t, q)) if system.unilateral else 0.0
         if gap < 0:

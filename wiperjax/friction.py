@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from .fastmath import larger
+from .fastmath import exp, larger
 
 
 class AbstractFriction(eqx.Module):
@@ -48,5 +48,5 @@ class Stribeck(AbstractFriction):
             # |.|^delta has no smooth continuation through zero; the floor keeps its slope finite
             ratio = jnp.sign(ratio) * jnp.maximum(jnp.abs(ratio), 1e-30) ** self.shape
         # the clamp keeps wild trial stages finite; accepted states have speed >= 0
-        decay = jnp.exp(-larger(-2.0, ratio))
+        decay = exp(-larger(-2.0, ratio))
         return self.minimum + (self.static - self.minimum) * decay + self.viscous_slope * speed

@@ -9,7 +9,6 @@ same arithmetic:
 | SECOND | cone, lower side | -b_n (pressing) | - |
 | JAM (coupled systems) | - | D | - |
 | one a switch | side * switch | same | same |
-| limit | the system's own limit | same | same |
 """
 
 import jax.numpy as jnp
@@ -42,6 +41,14 @@ def first_switch(system: AbstractSystem) -> int:
     return 3 if system.coupled else 2
 
 
+def starting_sides(system: AbstractSystem, t, q, v) -> tuple[Scalar, ...]:
+    """Return the side (+1 or -1) of every switch on which a motion begins at (t, q, v)."""
+    pairs = zip(system.switches(t, q, v), system.ends(t, q, v), strict=True)
+    return tuple(
+        jnp.where((s < 0) & (end is not True), -1.0, 1.0).astype(q[0].dtype) for s, end in pairs
+    )
+
+
 def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> tuple[Scalar, ...]:
     """Return the value of every slot; unused slots are 1.
 
@@ -69,7 +76,4 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> 
         d = plus(c.w_nn, times(c.w_tn, -sign * mu)) / c.w_nn
         slots.append(jnp.where(sign == 0, one, d))
     slots += [side * s for side, s in zip(sides, system.switches(t, q, v), strict=True)]
-    bound = system.limit(t, q, v)
-    if bound is not None:
-        slots.append(bound)
     return tuple(jnp.broadcast_to(jnp.asarray(s, one.dtype), one.shape) for s in slots)

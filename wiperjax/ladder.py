@@ -98,8 +98,8 @@ class Bar(AbstractSystem):
         pressing = self.constraint_force(t, q, v) / self.lip.normal_load - least
         return (*self.lip.switches(t, q, v), pressing)
 
-    def limit(self, t, q, v):
-        return self.lip.limit(t, q, v)
+    def ends(self, t, q, v):
+        return (*self.lip.ends(t, (q[0], 0.0), (v[0], 0.0)), False)
 
     def break_time(self, piece):
         return self.belt.break_time(piece)
@@ -175,8 +175,11 @@ class Block(AbstractSystem):
     def from_rates(self, t, q, rates):
         return (rates[0] - self.belt.motion(t, self.piece)[0],)
 
-    def limit(self, t, q, v):
-        return (1 - q[0] / self.reach) * (1 + q[0] / self.reach)
+    def switches(self, t, q, v):
+        return ((1 - q[0] / self.reach) * (1 + q[0] / self.reach),)
+
+    def ends(self, t, q, v):
+        return (True,)
 
     def break_time(self, piece):
         return self.belt.break_time(piece)

@@ -21,7 +21,7 @@ from .guards import JAM
 from .polynomials import first_root
 from .state import Problem, State
 from .system import Scalar
-from .trial import Trial, guard_noise, pick
+from .trial import Trial, pick
 
 SLOPE_ERROR = 4  # of a guard's polynomial at the end of the step, over the polynomial's own
 MAX_TRIES = 12  # steps of one location
@@ -109,7 +109,7 @@ def stands_still(problem: Problem, state: State, trial: Trial):
     for before, after, atol in leaves:
         eps = jnp.finfo(before.dtype).eps
         move = jnp.abs(stop_gradient(after - before))
-        still = still & (move <= eps * (jnp.abs(before) + atol / problem.rtol))
+        still = still & (problem.rtol * move <= eps * (problem.rtol * jnp.abs(before) + atol))
     return still
 
 
@@ -127,8 +127,8 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     # derivatives feel the rest itself, times what is not known of the acceleration's change
     wide = within(2000 * eps, smaller(root, 1e3 * problem.rtol), 1e-2)
     slot = larger(state.target, 0)
-    value, slope, start, proved, error, size = keep(
-        pick([(g.value, g.slope, g.start, g.proved, g.error, g.size) for g in trial.guards], slot)
+    value, slope, start, proved, error, noise = keep(
+        pick([(g.value, g.slope, g.start, g.proved, g.error, g.noise) for g in trial.guards], slot)
     )
     falling = slope < 0
     # towards a double root the slope dies and Newton's error grows: go on for longer there
@@ -148,7 +148,7 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     small = (trial.h <= tick) & (jnp.abs(stop_gradient(shift) * trial.h) <= tick)
     free = pending & trial.ok & ~obstructed
     near = falling & (close | small)
-    zero = jnp.abs(stop_gradient(value)) <= guard_noise(size)  # as far as its digits tell
+    zero = jnp.abs(stop_gradient(value)) <= noise  # as far as its digits tell
     located = free & (near | (zero & stands_still(problem, state, trial)))
     chase = free & jnp.logical_not(located)
     miss = chase & (value > 0) & proved & (~falling | (jnp.abs(shift) > 0.05))

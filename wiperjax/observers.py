@@ -11,6 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .barrier import keep
 from .fastmath import larger, within
 from .results import Event, Regime
 from .system import Scalar
@@ -92,7 +93,7 @@ def extremes(stretch: Stretch) -> tuple[Scalar, Scalar]:
         return peak, jnp.zeros_like(peak)
     flying = stretch.regime == Regime.FLIGHT
     gap = [jnp.asarray(system.gap(n.time, n.position), n.position[0].dtype) for n in nodes]
-    peak = stretch.peak([jnp.where(flying, g, f) for g, f in zip(gap, force, strict=True)])
+    peak = keep(stretch.peak([jnp.where(flying, g, f) for g, f in zip(gap, force, strict=True)]))
     none = jnp.zeros_like(peak)
     return jnp.where(flying, none, peak), jnp.where(flying, peak, none)
 

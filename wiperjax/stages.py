@@ -27,6 +27,7 @@ class Step(NamedTuple):
     error: Any  # embedded error estimate
     stages: list  # stage increments h f, one pytree a stage
     rate1: Any  # vector field at the end
+    rest: Any  # what rounding has left out of y1, or None
     end: Any  # what else `rk_step`'s ``arrive`` found there
 
 
@@ -42,8 +43,11 @@ def weighted_sum(weights, increments, start):
     return out
 
 
-def rk_step(solver, term, t, y, h, rate, args, arrive) -> Step:
+def rk_step(solver, term, t, y, h, rate, args, arrive, rest=None) -> Step:
     """One trial step of ``solver`` from (t, y); ``rate`` is the vector field there.
+
+    ``rest``: what rounding has left out of ``y`` so far, added to the step (compensated summation,
+    Kahan): a state of few digits still moves by steps that are shorter than its last one.
 
     ``arrive(t1, y1)`` returns (vector field at the end, anything else worth keeping): the engine
     looks at the end of a step for its guards anyway, and a first-same-as-last solver's last stage
@@ -59,11 +63,17 @@ def rk_step(solver, term, t, y, h, rate, args, arrive) -> Step:
         y_stage = keep(weighted_sum(a, stages, y))
         stages.append(keep(term.vf_prod(t + float(c) * h, y_stage, args, size)))
     last = tableau.a_lower[-1] if tableau.fsal else tableau.b_sol
-    y1 = keep(weighted_sum(last, stages, y))
+    # summed before it is added: rounded once at the state's size, not at every stage
+    change = weighted_sum(last, stages, None)
+    if rest is not None:
+        change = keep(jtu.tree_map(jnp.add, change, rest))
+    y1 = keep(jtu.tree_map(jnp.add, y, change))
+    if rest is not None:
+        rest = jtu.tree_map(lambda old, new, d: d - (new - old), y, y1, change)
     rate1, end = arrive(t + h, y1)
     if tableau.fsal:
         stages.append(jtu.tree_map(lambda f: size * f, rate1))
-    return Step(y1, weighted_sum(tableau.b_error, stages, None), stages, rate1, end)
+    return Step(y1, weighted_sum(tableau.b_error, stages, None), stages, rate1, rest, end)
 
 
 @lru_cache(maxsize=16)

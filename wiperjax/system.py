@@ -85,12 +85,17 @@ class AbstractSystem(eqx.Module):
         return rates
 
     def switches(self, t: Scalar, q: Coordinates, v: Coordinates) -> tuple[Scalar, ...]:
-        """Smooth functions whose zeros are corners of the vector field (a spring's kink)."""
+        """Smooth functions whose zeros are corners of the vector field (a spring's kink), or where
+        the model ends (`ends`).
+        """
         return ()
 
-    def limit(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar | None:
-        """Positive while the model holds; the trajectory ends as COLLAPSED where it vanishes."""
-        return None
+    def ends(self, t: Scalar, q: Coordinates, v: Coordinates) -> tuple[Scalar, ...]:
+        """Whether the model ends where a switch vanishes here, one answer a switch: if so, the
+        trajectory is COLLAPSED there, else it has passed a corner. The Python value True: at every
+        zero of the switch, which then is negative nowhere in the model.
+        """
+        return tuple(False for _ in self.switches(t, q, v))
 
     def break_time(self, piece: Scalar) -> Scalar:
         """Known time at which smooth piece ``piece`` of the prescribed motion ends."""

@@ -1,5 +1,6 @@
 """Reset maps: the state, regime and guards after an event (MODEL.md sections 5 to 7)."""
 
+from functools import reduce
 from typing import NamedTuple
 
 import jax
@@ -126,7 +127,7 @@ class Outcome(NamedTuple):
     reactions: Forces
     kind: Scalar
     impulse: Scalar
-    stopped: Scalar  # the system's limit was reached
+    stopped: Scalar  # the end of the model was reached
     indeterminate: Scalar
     inconsistent: Scalar
 
@@ -139,7 +140,10 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     """
     time, q, v, slot = state.time, state.position, state.velocity, state.due
     base = first_switch(problem.system)
-    flips = [fires & (slot == base + i) for i in range(len(state.sides))]
+    switched = [fires & (slot == base + i) for i in range(len(state.sides))]
+    before = problem.system.on_piece(state.piece).on_sides(state.sides)
+    ends = before.ends(time, q, v)
+    flips = [s & ~jnp.asarray(end) for s, end in zip(switched, ends, strict=True)]
     sides = tuple(jnp.where(f, -s, s) for f, s in zip(flips, state.sides, strict=True))
     system = problem.system.on_piece(piece).on_sides(sides)
     law, unilateral = system.law, system.unilateral
@@ -255,8 +259,8 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     ).astype(jnp.int32)
     for i, flip in enumerate(flips):
         orders[base + i] = jnp.where(flip, 1, orders[base + i]).astype(jnp.int32)
-    switched = fires & (slot >= base) & (slot < base + len(sides))
-    stopped = fires & (slot == base + len(sides))
+    kinks = reduce(jnp.logical_or, flips, jnp.zeros_like(fires))
+    stopped = fires & (slot >= base) & ~kinks
 
     speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
     speed = jnp.broadcast_to(speed, c.b_t.shape)
@@ -284,7 +288,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         (leaves_cone, jnp.where(slips, int(Event.RELEASE), int(Event.LIFT_OFF))),
         (lifts, int(Event.LIFT_OFF)),
         (jams, int(Event.JAM)),
-        (switched, int(Event.KINK)),
+        (kinks, int(Event.KINK)),
         (stopped, int(Event.COLLAPSE)),
         (
             breaks,

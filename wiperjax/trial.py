@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from .barrier import keep
-from .fastmath import larger, smaller, within
+from .fastmath import exp, larger, log, smaller, within
 from .guards import FIRST, JAM, SECOND, guard_values
 from .polynomials import (
     control_values,
@@ -25,14 +25,14 @@ from .polynomials import (
 )
 from .regimes import Forces, acceleration, forces
 from .results import Regime
-from .sparse import plus, times
+from .sparse import absent, plus, times
 from .stages import NODES, Step, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact, rates
 
 LEAST_GROWTH = 0.2  # of a step over the last one, as the controller may ask for
 ROUNDINGS = 2  # last digits of a position that its rates may be uncertain by
-NOISE = 256  # rounding errors of a guard, in units of its size's last digit
+NOISE = {"float64": 256, "float32": 8}  # rounding errors of a guard, in digits of its size
 
 
 class Node(NamedTuple):
@@ -57,6 +57,7 @@ class Guard(NamedTuple):
     proved: Scalar  # it has no zero in the step
     falls: Scalar  # it is violated from the start of the step on
     size: Scalar  # so far, this step included
+    noise: Scalar  # what it may be off by rounding
     nodes: tuple  # values at the nodes
 
 
@@ -77,12 +78,13 @@ class Trial(NamedTuple):
     guards: tuple[Guard, ...]  # one a slot
 
 
-def error_norm(problem: Problem, state: State, step: Step, h):
+def error_norm(problem: Problem, state: State, step: Step, h, share):
     """Largest ratio of the error estimate to atol + rtol |y| over the coordinates.
 
     The largest, not the mean: in contact half of the wiper's coordinates rest and would dilute it.
-    What is rounding in the estimate does not count, for no shorter step would lower it: without
-    that, steps in single precision shrink to nothing behind a stiff shoulder.
+    What is rounding in the estimate does not count (``share``: see `rounding_share`), for no
+    shorter step would lower it: without that, steps in single precision shrink to nothing behind a
+    stiff shoulder.
     """
     y0 = (state.position, state.velocity)
     leaves = zip(
@@ -90,7 +92,7 @@ def error_norm(problem: Problem, state: State, step: Step, h):
         jax.tree.leaves(y0),
         jax.tree.leaves(step.y1),
         jax.tree.leaves(problem.atol),
-        rate_noise(problem, state, step),
+        rate_noise(state, step, share),
         strict=True,
     )
     h = h.astype(state.velocity[0].dtype)
@@ -101,20 +103,24 @@ def error_norm(problem: Problem, state: State, step: Step, h):
     return reduce(jnp.maximum, ratios)  # a NaN stays one
 
 
-def rate_noise(problem: Problem, state: State, step: Step) -> list[Scalar]:
-    """Return the rounding errors of the rates, one a coordinate: how the rates changed along the
-    step, times the last digit of the position over the way it went.
+def rounding_share(problem: Problem, state: State, y1) -> Scalar:
+    """Return the last digit of the position over the way that it goes in a step to ``y1``, at most
+    1: of all that changes along the step with the position, this share is rounding.
     """
     if state.position[0].dtype == jnp.float64:  # below any tolerance, and not free
-        return [0.0 for _ in jax.tree.leaves(state.rate)]
+        return 0.0
     scales = [a / problem.rtol for a in problem.atol[0]]
-    ends = zip(state.position, step.y1[0], scales, strict=True)
+    ends = zip(state.position, y1[0], scales, strict=True)
     way = largest(tuple((z - y) / s for y, z, s in ends))
     reach = largest(tuple(y / s for y, s in zip(state.position, scales, strict=True)))
     digit = ROUNDINGS * float(jnp.finfo(reach.dtype).eps) * reach
-    share = digit / larger(larger(way, digit), 1e-30)
+    return stop_gradient(digit / larger(larger(way, digit), 1e-30))
+
+
+def rate_noise(state: State, step: Step, share) -> list[Scalar]:
+    """Return the rounding errors of the rates, one a coordinate."""
     rates = zip(jax.tree.leaves(state.rate), jax.tree.leaves(step.rate1), strict=True)
-    return [share * jnp.abs(y - x) for x, y in rates]
+    return [times(share, jnp.abs(y - x)) for x, y in rates]
 
 
 def step_factor(error, last_error, growth, ok, order: int):
@@ -124,13 +130,13 @@ def step_factor(error, last_error, growth, ok, order: int):
     ``growth``: this step over the last accepted one. Where friction steepens towards v_t = 0 the
     steps have to shrink at a steady rate: the plain rule has every other one refused there, PI
     control still a good part of them; the predictive rule expects the error to go on changing as it
-    did. In single precision, whose logarithm vectorises; a step size needs no more digits.
+    did. In single precision: a step size needs no more digits.
     """
-    now, before, growth = (jnp.log(e.astype(jnp.float32)) for e in (error, last_error, growth))
+    now, before, growth = (log(e.astype(jnp.float32)) for e in (error, last_error, growth))
     proportional = (0.4 * before - 0.7 * now) / order
     predictive = growth + (before - 2 * now) / order
     exponent = jnp.where(ok, smaller(proportional, predictive), -now / order)
-    return within(0.2, 0.9 * jnp.exp(exponent), 5.0)
+    return within(0.2, 0.9 * exp(exponent), 5.0)
 
 
 def trial_size(problem: Problem, state: State):
@@ -166,7 +172,7 @@ def attempt(problem: Problem, state: State) -> Trial:
         return rate, (node, c, values)
 
     args = (system, state.regime)
-    step = rk_step(solver, TERM, state.time, y0, h, state.rate, args, arrive)
+    step = rk_step(solver, TERM, state.time, y0, h, state.rate, args, arrive, state.rest)
     last_node, last, end_values = step.end
 
     inner = zip(NODES[1:-1], keep(node_states(solver, y0, step)), strict=True)
@@ -177,14 +183,15 @@ def attempt(problem: Problem, state: State) -> Trial:
         last_node,
     )
     slots = zip(state.guards, *(values for _, _, values in looks), end_values, strict=True)
+    share = keep(rounding_share(problem, state, step.y1))
     guards = tuple(
-        keep(examine(values, order, size, sliver, 3 if slot == FIRST else 1))
+        keep(examine(values, order, size, share, sliver, 3 if slot == FIRST else 1))
         for slot, (values, order, size) in enumerate(
             zip(slots, state.orders, state.reach, strict=True)
         )
     )
 
-    error = keep(stop_gradient(error_norm(problem, state, step, h)))
+    error = keep(stop_gradient(error_norm(problem, state, step, h, share)))
     # a guard that is no number somewhere has an error that is none
     finite = jnp.isfinite(error) & jnp.isfinite(sum(g.error for g in guards))
     for leaf in jax.tree.leaves(step.y1):
@@ -215,26 +222,31 @@ def attempt(problem: Problem, state: State) -> Trial:
     )
 
 
-def guard_noise(size):
-    """Return what a guard of ``size`` may be off zero by rounding."""
-    return NOISE * float(jnp.finfo(size.dtype).eps) * size
+def guard_noise(nodes, size, share) -> Scalar:
+    """Return what a guard of ``size`` may be off by rounding: its own, and that of the position
+    that it is taken at, which counts where the guard is steep.
+    """
+    own = NOISE[size.dtype.name] * float(jnp.finfo(size.dtype).eps) * size
+    if absent(share):
+        return own
+    return own + share * largest(tuple(x - nodes[0] for x in nodes[1:]))
 
 
-def examine(values, order, size, sliver, highest: int) -> Guard:
+def examine(values, order, size, share, sliver, highest: int) -> Guard:
     """Return what a guard with ``values`` at the nodes does.
 
     ``order``, at most ``highest``, is its zero at the start; ``size`` is the largest that was
-    committed so far: what its rounding errors scale with. ``sliver``: hardly any time is left
-    before a known time, and no event fires in it.
+    committed so far: what its rounding errors scale with. ``share``: see `rounding_share`.
+    ``sliver``: hardly any time is left before a known time, and no event fires in it.
     """
     nodes = tuple(stop_gradient(x) for x in values)
-    noise = guard_noise(size)
+    noise = rounding = guard_noise(nodes, size, share)
     # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
     # one that starts at zero, by the way it goes.
     order = jnp.where((order == 0) & (jnp.abs(nodes[0]) <= noise), 1, order)
     noise = noise * power_of(10.0, order, highest).astype(noise.dtype)
     start, *rest = deflated(nodes, order, highest)
-    order, noise, start, rest = keep((order, noise, start, rest))
+    order, rounding, noise, start, rest = keep((order, rounding, noise, start, rest))
     height = largest(rest)
     if highest > 1:
         # A double or triple zero is left upwards by construction (release, lift-off). Its event was
@@ -268,6 +280,7 @@ def examine(values, order, size, sliver, highest: int) -> Guard:
         proved=proved,
         falls=falls,
         size=larger(size, jnp.abs(nodes[-1])),
+        noise=rounding,
         nodes=nodes,
     )
 

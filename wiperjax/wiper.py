@@ -32,7 +32,7 @@ class Constants(NamedTuple):
 
     rest_height: Scalar  # L cos(alpha) [m]
     edge: Scalar  # sine of the lean at which the lip collapses,
-    shoulders: tuple[Scalar, Scalar]  # and of those at which it meets its shoulders
+    shoulders: tuple[Scalar, Scalar]  # and of those at which it meets its shoulders, if before it
 
 
 class Wiper(AbstractSystem):
@@ -103,11 +103,11 @@ class Wiper(AbstractSystem):
         if self.constants is not None:
             return self.constants
         low, high = self.attack_angle - self.shoulder_angle, self.attack_angle + self.shoulder_angle
-        right = 0.5 * np.pi  # a shoulder behind it is out of reach
+        last = self.collapse_angle  # a shoulder behind it is out of reach
         return Constants(
             self.lip_length * jnp.cos(self.attack_angle),
-            jnp.sin(self.collapse_angle),
-            (jnp.sin(larger(low, -right)), jnp.sin(smaller(high, right))),
+            jnp.sin(last),
+            (jnp.sin(larger(low, -last)), jnp.sin(smaller(high, last))),
         )
 
     def prepared(self):
@@ -156,7 +156,7 @@ class Wiper(AbstractSystem):
     def free_acceleration(self, t, q, v):
         lean, length = self.lean(q), self.lip_length
         speeds = self.rates(t, q, v)
-        down = self.support_force(q, speeds, lean)
+        down = keep(self.support_force(q, speeds, lean))
         moment = self.moment(lean.angle - self.attack_angle)
         if not absent(self.hinge_damping):
             moment = moment + self.hinge_damping * speeds[0] * lean.secant / length
@@ -199,16 +199,21 @@ class Wiper(AbstractSystem):
         return v[0]
 
     def switches(self, t, q, v):
-        # one function for both shoulders: it vanishes at either; in the sine, as the limit
-        low, high = self._constants.shoulders
+        # One function for both ends of the stretch that the lip is in (between its shoulders, or
+        # from one of them to the collapse): it vanishes at either. In the sine: smooth, and cheap.
+        edge, (low, high) = self._constants.edge, self._constants.shoulders
         s = self._sine(q)
-        return ((high - s) * (s - low),)
+        if self.sides is None:  # not placed yet: positive between the shoulders
+            return ((high - s) * (s - low),)
+        outside, right = self.sides[0] < 0, s > 0.5 * (low + high)
+        start = jnp.where(outside, jnp.where(right, high, -edge), low)
+        end = jnp.where(outside, jnp.where(right, edge, low), high)
+        return (self.sides[0] * (end - s) * (s - start),)
 
-    def limit(self, t, q, v):
-        # in the sine: smooth, and cheap
-        edge = self._constants.edge
+    def ends(self, t, q, v):
+        edge, (low, high) = self._constants.edge, self._constants.shoulders
         s = self._sine(q)
-        return (edge - s) * (edge + s)
+        return (edge - abs(s) <= smaller(abs(s - low), abs(s - high)),)
 
     @property
     def coupled(self) -> bool:

@@ -1,7 +1,6 @@
 """What only a process of its own can tell: ``python -m wiperjax_bench.fresh compile|memory``."""
 
 import json
-import resource
 import sys
 import time
 
@@ -42,12 +41,13 @@ def memory(count: int = 1_000_000) -> dict[str, float]:
     configure(1)
     import diffrax
 
+    from wiperjax.memory import peak_memory
+
     from .rivals.engine import Engine
     from .scenes import workload
 
     Engine(diffrax.Tsit5).prepare(workload(count, 1e-5), 1e-6)()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # KiB on Linux
-    return {"memory_gib": peak / 2**20}
+    return {"memory_gib": peak_memory() / 2**30}
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 Parts of the engine, each larger than the one before, run in loops of their own over lanes in the
 middle of their motion; the difference of two is what the larger one adds. The rest of a whole batch
 (refill, samples, outcomes) is what its rounds do not account for. Operations are counted in the
-traced program (additions, multiplications, divisions, roots, exponentials; comparisons and selects
+traced program (additions, multiplications, divisions, roots; comparisons and selects
 apart); the limits are measured loops: fused multiply-adds in registers, and a sum of two arrays.
 
 The parts are functions inside the engine. One that is no longer there is reported as not measured.
@@ -24,7 +24,8 @@ from .rivals import engine
 from .rivals.engine import RTOL
 
 FLOPS = {"add", "sub", "mul", "div", "sqrt", "rsqrt", "exp", "exp2", "log", "sin", "cos", "pow",
-         "integer_pow", "neg", "add_any", "square", "asin", "tan", "log1p", "expm1"}  # fmt: skip
+         "integer_pow", "neg", "add_any", "square", "round", "floor", "asin", "tan", "log1p",
+         "expm1"}  # fmt: skip
 CHOICES = {"select_n", "max", "min", "lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not",
            "abs", "sign", "clamp", "is_finite"}  # fmt: skip
 
@@ -234,13 +235,14 @@ def control(problem, state):
     """The step, its error and the next step size."""
     from wiperjax.stages import rk_step
     from wiperjax.state import TERM, vector_field
-    from wiperjax.trial import error_norm, step_factor
+    from wiperjax.trial import error_norm, rounding_share, step_factor
 
     args = (_local(problem, state), state.regime)
     y0 = (state.position, state.velocity)
     arrive = lambda t, y: (vector_field(t, y, args), ())
     step = rk_step(problem.solver, TERM, state.time, y0, state.step, state.rate, args, arrive)
-    error = error_norm(problem, state, step, state.step)
+    share = rounding_share(problem, state, step.y1)
+    error = error_norm(problem, state, step, state.step, share)
     growth = state.step / state.last_step
     factor = step_factor(error + 1e-8, state.last_error, growth, error <= 1, 5)
     return step.y1, step.stages, step.rate1, state.step * factor
@@ -384,7 +386,7 @@ def roofline(found: dict, top: float, streams: dict[str, float], precision: str)
     rows += [
         "",
         f"Measured limits of this core: {top / 1e9:.1f} Gflop/s ({precision}, fused multiply-adds "
-        f"in registers), sum of two arrays of {speeds}. A division, a root or an exponential "
+        f"in registers), sum of two arrays of {speeds}. A division or a root "
         "counts as one operation but costs many, and comparisons and selects use the same units "
         "uncounted: the share of peak is a lower bound on how busy they are. Bytes are all "
         "operands and results that the traced program names, were none of them kept in registers: "

@@ -1,6 +1,5 @@
 """What the commands print: short tables of what a file holds and what it took."""
 
-import resource
 import sys
 import time
 from collections.abc import Sequence
@@ -77,7 +76,9 @@ def print_special(branch: Any) -> None:
 
 def cost(output: Path, begun: float) -> str:
     """What a file took: its size, the time since `begun`, and the most memory of this process."""
-    unit = 1 if sys.platform == "darwin" else 1024  # of the system's own number
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    from wiperjax.memory import peak_memory
+
     elapsed = timedelta(seconds=round(time.monotonic() - begun))
-    return f"{output.stat().st_size / 1e6:.3g} MB, {elapsed}, {memory / 1e9:.2f} GB of memory"
+    return (
+        f"{output.stat().st_size / 1e6:.3g} MB, {elapsed}, {peak_memory() / 1e9:.2f} GB of memory"
+    )
