@@ -46,6 +46,22 @@ def test_step_and_dense_output_equal_diffrax(solver):
         np.testing.assert_allclose(a, b, rtol=0, atol=0)
 
 
+def test_steps_shorter_than_a_states_last_digit_add_up():
+    """4000 steps of 1e-8 at 1, in single precision: each of them alone is rounded away."""
+    still = lambda t, y: ((jnp.ones((), jnp.float32), ()), ())
+    term, h = diffrax.ODETerm(lambda t, y, args: still(t, y)[0]), jnp.float32(1e-8)
+    start = (jnp.ones((), jnp.float32), ())
+
+    def step(y, rest):
+        found = rk_step(diffrax.Tsit5(), term, 0.0, y, h, still(0.0, y)[0], None, still, rest)
+        return found.y1, found.rest
+
+    none = jax.tree.map(jnp.zeros_like, start)
+    carried = jax.jit(lambda: jax.lax.fori_loop(0, 4000, lambda _, s: step(*s), (start, none)))
+    assert carried()[0][0] - 1 == pytest.approx(4e-5, abs=1.2e-7)
+    assert step(start, None)[0][0] == 1
+
+
 @pytest.mark.parametrize(
     "solver", [diffrax.Kvaerno5(), diffrax.Euler(), diffrax.LeapfrogMidpoint()]
 )
