@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import wiperjax
+from wiperjax.control import step_factor
 from wiperjax.stages import check_solver, node_states, rk_step
-from wiperjax.trial import step_factor
 
 SOLVERS = [diffrax.Tsit5(), diffrax.Dopri5(), diffrax.Dopri8(), diffrax.Bosh3()]
 

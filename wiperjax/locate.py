@@ -16,12 +16,13 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from .barrier import keep
+from .examine import pick
 from .fastmath import larger, smaller, within
 from .guards import JAM
 from .polynomials import first_root
 from .state import Problem, State
 from .system import Scalar
-from .trial import Trial, pick
+from .trial import Trial
 
 SLOPE_ERROR = 4  # of a guard's polynomial at the end of the step, over the polynomial's own
 MAX_TRIES = 12  # steps of one location

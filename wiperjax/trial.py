@@ -4,7 +4,6 @@ Everything is elementwise, so the same code serves one trajectory (scalars) and 
 a lane); nodes of the step and slots of the guards are tuples, which a compiler takes apart.
 """
 
-from functools import reduce
 from typing import NamedTuple
 
 import jax
@@ -12,27 +11,15 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from .barrier import keep
-from .fastmath import exp, larger, log, smaller, within
+from .control import error_norm, propose, rounding_share
+from .examine import Guard, examine
+from .fastmath import larger, smaller
 from .guards import FIRST, JAM, SECOND, guard_values
-from .polynomials import (
-    control_values,
-    deflated,
-    descent_cut,
-    interpolation_error,
-    largest,
-    minimum,
-    power_of,
-)
 from .regimes import Forces, acceleration, forces
 from .results import Regime
-from .sparse import absent, plus, times
 from .stages import NODES, Step, node_states, rk_step
 from .state import TERM, Problem, State
 from .system import Contact, Scalar, contact, rates
-
-LEAST_GROWTH = 0.2  # of a step over the last one, as the controller may ask for
-ROUNDINGS = 2  # last digits of a position that its rates may be uncertain by
-NOISE = {"float64": 256, "float32": 8}  # rounding errors of a guard, in digits of its size
 
 
 class Node(NamedTuple):
@@ -42,23 +29,6 @@ class Node(NamedTuple):
     position: tuple
     velocity: tuple
     forces: Forces
-
-
-class Guard(NamedTuple):
-    """What one guard does along a trial step."""
-
-    value: Scalar  # at the end of the step (differentiable)
-    slope: Scalar  # d/dtheta there
-    control: tuple  # Bernstein control values of the deflated guard, less its error estimate
-    start: Scalar  # deflated value at the start
-    blur: Scalar  # its error estimate,
-    error: Scalar  # the same before it was set aside as rounding
-    cut: Scalar  # lower bound of the first zero
-    proved: Scalar  # it has no zero in the step
-    falls: Scalar  # it is violated from the start of the step on
-    size: Scalar  # so far, this step included
-    noise: Scalar  # what it may be off by rounding
-    nodes: tuple  # values at the nodes
 
 
 class Trial(NamedTuple):
@@ -76,67 +46,6 @@ class Trial(NamedTuple):
     nodes: tuple[Node, ...]  # at `NODES`
     last: Contact  # contact space at the end, in this regime
     guards: tuple[Guard, ...]  # one a slot
-
-
-def error_norm(problem: Problem, state: State, step: Step, h, share):
-    """Largest ratio of the error estimate to atol + rtol |y| over the coordinates.
-
-    The largest, not the mean: in contact half of the wiper's coordinates rest and would dilute it.
-    What is rounding in the estimate does not count (``share``: see `rounding_share`), for no
-    shorter step would lower it: without that, steps in single precision shrink to nothing behind a
-    stiff shoulder.
-    """
-    y0 = (state.position, state.velocity)
-    leaves = zip(
-        jax.tree.leaves(step.error),
-        jax.tree.leaves(y0),
-        jax.tree.leaves(step.y1),
-        jax.tree.leaves(problem.atol),
-        rate_noise(state, step, share),
-        strict=True,
-    )
-    h = h.astype(state.velocity[0].dtype)
-    ratios = tuple(
-        jnp.abs(e) / (a + problem.rtol * larger(jnp.abs(y), jnp.abs(z)) + plus(1e-30, times(h, n)))
-        for e, y, z, a, n in leaves
-    )
-    return reduce(jnp.maximum, ratios)  # a NaN stays one
-
-
-def rounding_share(problem: Problem, state: State, y1) -> Scalar:
-    """Return the last digit of the position over the way that it goes in a step to ``y1``, at most
-    1: of all that changes along the step with the position, this share is rounding.
-    """
-    if state.position[0].dtype == jnp.float64:  # below any tolerance, and not free
-        return 0.0
-    scales = [a / problem.rtol for a in problem.atol[0]]
-    ends = zip(state.position, y1[0], scales, strict=True)
-    way = largest(tuple((z - y) / s for y, z, s in ends))
-    reach = largest(tuple(y / s for y, s in zip(state.position, scales, strict=True)))
-    digit = ROUNDINGS * float(jnp.finfo(reach.dtype).eps) * reach
-    return stop_gradient(digit / larger(larger(way, digit), 1e-30))
-
-
-def rate_noise(state: State, step: Step, share) -> list[Scalar]:
-    """Return the rounding errors of the rates, one a coordinate."""
-    rates = zip(jax.tree.leaves(state.rate), jax.tree.leaves(step.rate1), strict=True)
-    return [times(share, jnp.abs(y - x)) for x, y in rates]
-
-
-def step_factor(error, last_error, growth, ok, order: int):
-    """Return next step over this one: the smaller of PI and predictive control (Gustafsson) where
-    ``ok``, else the plain rule.
-
-    ``growth``: this step over the last accepted one. Where friction steepens towards v_t = 0 the
-    steps have to shrink at a steady rate: the plain rule has every other one refused there, PI
-    control still a good part of them; the predictive rule expects the error to go on changing as it
-    did. In single precision: a step size needs no more digits.
-    """
-    now, before, growth = (log(e.astype(jnp.float32)) for e in (error, last_error, growth))
-    proportional = (0.4 * before - 0.7 * now) / order
-    predictive = growth + (before - 2 * now) / order
-    exponent = jnp.where(ok, smaller(proportional, predictive), -now / order)
-    return within(0.2, 0.9 * exp(exponent), 5.0)
 
 
 def trial_size(problem: Problem, state: State):
@@ -197,14 +106,8 @@ def attempt(problem: Problem, state: State) -> Trial:
     for leaf in jax.tree.leaves(step.y1):
         finite = finite & jnp.isfinite(leaf)
     ok = finite & (error <= 1) & state.active  # other lanes of a batch stay put
-    order = solver.order(TERM)
-    assert order is not None  # check_solver: a Runge-Kutta pair
     error = jnp.where(finite, larger(error, 1e-8), 1e10)
-    # infinite after an event; of a step cut short for other reasons the rule learns nothing
-    least = larger(LEAST_GROWTH * state.last_step, jnp.finfo(h.dtype).tiny)
-    growth = larger(stop_gradient(h), least) / state.last_step
-    factor = step_factor(error, state.last_error, growth, ok, order)
-    next_step = stop_gradient(h) * factor.astype(h.dtype)
+    next_step = propose(problem, state, stop_gradient(h), error, ok)
     ok, finite, error, next_step = keep((ok, finite, error, next_step))
     return Trial(
         h=h,
@@ -222,69 +125,6 @@ def attempt(problem: Problem, state: State) -> Trial:
     )
 
 
-def guard_noise(nodes, size, share) -> Scalar:
-    """Return what a guard of ``size`` may be off by rounding: its own, and that of the position
-    that it is taken at, which counts where the guard is steep.
-    """
-    own = NOISE[size.dtype.name] * float(jnp.finfo(size.dtype).eps) * size
-    if absent(share):
-        return own
-    return own + share * largest(tuple(x - nodes[0] for x in nodes[1:]))
-
-
-def examine(values, order, size, share, sliver, highest: int) -> Guard:
-    """Return what a guard with ``values`` at the nodes does.
-
-    ``order``, at most ``highest``, is its zero at the start; ``size`` is the largest that was
-    committed so far: what its rounding errors scale with. ``share``: see `rounding_share`.
-    ``sliver``: hardly any time is left before a known time, and no event fires in it.
-    """
-    nodes = tuple(stop_gradient(x) for x in values)
-    noise = rounding = guard_noise(nodes, size, share)
-    # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
-    # one that starts at zero, by the way it goes.
-    order = jnp.where((order == 0) & (jnp.abs(nodes[0]) <= noise), 1, order)
-    noise = noise * power_of(10.0, order, highest).astype(noise.dtype)
-    start, *rest = deflated(nodes, order, highest)
-    order, rounding, noise, start, rest = keep((order, rounding, noise, start, rest))
-    height = largest(rest)
-    if highest > 1:
-        # A double or triple zero is left upwards by construction (release, lift-off). Its event was
-        # located to within the tolerance, so a hair's breadth downwards is not a new event.
-        upwards = (order >= 2) & (start > -0.05 * height)
-        start = jnp.where(upwards, larger(start, 1e-6 * height), start)
-    # Only a guard that goes down from its zero all along counts as violated there; an extrapolation
-    # that merely turns negative asks for a shorter step.
-    top = rest[0]
-    for x in rest[1:]:
-        top = larger(top, x)
-    falls = (top <= 0) & (start <= -0.5 * height)
-    falls = jnp.where(order == 0, start <= 0, falls & (start < -noise))
-    quotient = (start, *rest)
-    control, error = keep((control_values(quotient), interpolation_error(quotient, order)))
-    low = minimum(control)
-    proved = (low > error) | ((order > 0) & (low > -noise) & (error <= noise)) | sliver
-    # below this the estimate is rounding: the polynomial itself decides
-    floor = larger(1e-9 * larger(height, jnp.abs(start)), noise)
-    blur = jnp.where(error > floor, error, 0.0)
-    control, blur, start = keep((tuple(b - blur for b in control), blur, start))
-    return Guard(
-        value=values[-1],
-        # of theta^m p(theta), at 1
-        slope=order * nodes[-1] + (len(control) - 1) * (control[-1] - control[-2]),
-        control=control,
-        start=start,
-        blur=blur,
-        error=error,
-        cut=descent_cut(control),
-        proved=proved,
-        falls=falls,
-        size=larger(size, jnp.abs(nodes[-1])),
-        noise=rounding,
-        nodes=nodes,
-    )
-
-
 def _braking(problem: Problem, state: State):
     """True where slip runs into D = 0 under load: the normal force grows without bound there, so
     that steps shrink to nothing in front of it and never reach it."""
@@ -294,11 +134,3 @@ def _braking(problem: Problem, state: State):
     d, pressing = state.guards[JAM], state.guards[SECOND]
     near = (d > 0) & (d < 1e-2) & (pressing > 0)
     return sliding & near & state.active
-
-
-def pick(slots, index):
-    """Entry ``index`` (traced, one a lane) of a tuple; entries may be tuples of the same shape."""
-    out = slots[0]
-    for i, entry in enumerate(slots[1:], 1):
-        out = jax.tree.map(lambda a, b, i=i: jnp.where(index == i, b, a), out, entry)
-    return out

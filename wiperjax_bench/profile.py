@@ -233,9 +233,9 @@ def stages(problem, state):
 
 def control(problem, state):
     """The step, its error and the next step size."""
+    from wiperjax.control import error_norm, rounding_share, step_factor
     from wiperjax.stages import rk_step
     from wiperjax.state import TERM, vector_field
-    from wiperjax.trial import error_norm, rounding_share, step_factor
 
     args = (_local(problem, state), state.regime)
     y0 = (state.position, state.velocity)
