@@ -336,6 +336,17 @@ def test_a_lip_meets_its_shoulder_and_collapses_behind_it(side):
     assert Event.KINK not in kinds and kinds[-1:] == [Event.COLLAPSE]
 
 
+def test_an_attack_angle_behind_the_collapse_does_not_move_it():
+    """Neither shoulder can be reached: the lip collapses at its own angle."""
+    wiper = Wiper(attack_angle=np.deg2rad(80.0), shoulder_angle=0.1, collapse_angle=np.pi / 3)
+    s = wiperjax.solve(wiper, 0.05, initial_state=((0.0, 0.0), (0.0, 0.0)), max_events=32)
+    assert Result(int(s.result)) == Result.COLLAPSED
+    assert np.rad2deg(np.arcsin(float(s.final_position[0]) / 6e-3)) == pytest.approx(60, abs=1e-4)
+    with pytest.raises(ValueError, match="must lie where the model holds"):
+        edge = 6e-3 * np.sin(np.pi / 3)
+        wiperjax.simulate(wiper, 0.05, initial_state=((edge * 1.001, 0.0), (0.0, 0.0)))
+
+
 # --- how trajectories end -------------------------------------------------------------------------
 
 

@@ -78,8 +78,9 @@ def check_start(system: AbstractSystem, start, result: int) -> None:
     t = jnp.asarray(0.0)
     q, v = (tuple(jnp.asarray(x) for x in part) for part in start)
     sides = starting_sides(system, t, q, v)
-    switches = system.on_sides(sides).switches(t, q, v)
-    if any(side * s < 0 for side, s in zip(sides, switches, strict=True)):
+    system = system.on_sides(sides)
+    found = zip(sides, system.switches(t, q, v), system.ends(t, q, v), strict=True)
+    if any(side * s < 0 or (s == 0 and end) for side, s, end in found):
         where = " (|phi| < collapse_angle)" if isinstance(system, Wiper) else ""
         raise ValueError(f"initial_state must lie where the model holds{where}, but was {start}")
     if result == Result.INCONSISTENT_START:

@@ -1,6 +1,7 @@
 """Step control: a step's error over its tolerance, what of it is rounding, and the next step."""
 
 from functools import reduce
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,11 +18,20 @@ LEAST_GROWTH = 0.2  # of a step over the last one, as the controller may ask for
 ROUNDINGS = 2  # last digits of a position that its rates may be uncertain by
 
 
-def error_norm(problem: Problem, state: State, step: Step, h, share):
+class Share(NamedTuple):
+    """Last digit of the position over the way that it goes in a step, at most 1: of all that
+    changes along the step with the position, this share is rounding. 0.0 in double precision.
+    """
+
+    net: Scalar  # of the way from the step's start to its end,
+    path: Scalar  # and of the longer one that its speeds allow: it may turn round in between
+
+
+def error_norm(problem: Problem, state: State, step: Step, h, share: Share):
     """Largest ratio of the error estimate to atol + rtol |y| over the coordinates.
 
     The largest, not the mean: in contact half of the wiper's coordinates rest and would dilute it.
-    What is rounding in the estimate does not count (``share``: see `rounding_share`), for no
+    What is rounding in the estimate does not count (``share``), for no
     shorter step would lower it: without that, steps in single precision shrink to nothing behind a
     stiff shoulder.
     """
@@ -42,24 +52,26 @@ def error_norm(problem: Problem, state: State, step: Step, h, share):
     return reduce(jnp.maximum, ratios)  # a NaN stays one
 
 
-def rounding_share(problem: Problem, state: State, y1) -> Scalar:
-    """Return the last digit of the position over the way that it goes in a step to ``y1``, at most
-    1: of all that changes along the step with the position, this share is rounding.
-    """
+def rounding_share(problem: Problem, state: State, step: Step, h) -> Share:
+    """Return the share of rounding in what changes along a step of ``h``."""
     if state.position[0].dtype == jnp.float64:  # below any tolerance, and not free
-        return 0.0
+        return Share(0.0, 0.0)
     scales = [a / problem.rtol for a in problem.atol[0]]
-    ends = zip(state.position, y1[0], scales, strict=True)
-    way = largest(tuple((z - y) / s for y, z, s in ends))
+    h = h.astype(state.position[0].dtype)
+    ends = zip(state.position, step.y1[0], scales, strict=True)
+    net = largest(tuple((z - y) / s for y, z, s in ends))
+    speeds = zip(state.rate[0], step.rate1[0], scales, strict=True)
+    path = larger(net, largest(tuple(h * x / s for u, w, s in speeds for x in (u, w))))
     reach = largest(tuple(y / s for y, s in zip(state.position, scales, strict=True)))
     digit = ROUNDINGS * float(jnp.finfo(reach.dtype).eps) * reach
-    return stop_gradient(digit / larger(larger(way, digit), 1e-30))
+    shares = (digit / larger(larger(way, digit), 1e-30) for way in (net, path))
+    return Share(*map(stop_gradient, shares))
 
 
-def rate_noise(state: State, step: Step, share) -> list[Scalar]:
+def rate_noise(state: State, step: Step, share: Share) -> list[Scalar]:
     """Return the rounding errors of the rates, one a coordinate."""
     rates = zip(jax.tree.leaves(state.rate), jax.tree.leaves(step.rate1), strict=True)
-    return [times(share, jnp.abs(y - x)) for x, y in rates]
+    return [times(share.net, jnp.abs(y - x)) for x, y in rates]
 
 
 def step_factor(error, last_error, growth, ok, order: int):

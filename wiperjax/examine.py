@@ -57,14 +57,15 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
     """Return what a guard with ``values`` at the nodes does.
 
     ``order``, at most ``highest``, is its zero at the start; ``size`` is the largest that was
-    committed so far: what its rounding errors scale with. ``share``: see `rounding_share`.
+    committed so far: what its rounding errors scale with. ``share``: `control.Share`, of the path.
     ``sliver``: hardly any time is left before a known time, and no event fires in it.
     """
     nodes = tuple(stop_gradient(x) for x in values)
     noise = rounding = guard_noise(nodes, size, share)
     # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
     # one that starts at zero, by the way it goes.
-    order = jnp.where((order == 0) & (jnp.abs(nodes[0]) <= noise), 1, order)
+    order = jnp.where((order == 0) & (jnp.abs(nodes[0]) <= rounding), 1, order)
+    # dividing by theta^m magnifies it
     noise = noise * power_of(10.0, order, highest).astype(noise.dtype)
     start, *rest = deflated(nodes, order, highest)
     order, rounding, noise, start, rest = keep((order, rounding, noise, start, rest))

@@ -12,6 +12,7 @@ same arithmetic:
 """
 
 import jax.numpy as jnp
+import numpy as np
 
 from .regimes import friction_coefficient, slip_sign, stick_forces
 from .results import Regime
@@ -44,8 +45,9 @@ def first_switch(system: AbstractSystem) -> int:
 def starting_sides(system: AbstractSystem, t, q, v) -> tuple[Scalar, ...]:
     """Return the side (+1 or -1) of every switch on which a motion begins at (t, q, v)."""
     pairs = zip(system.switches(t, q, v), system.ends(t, q, v), strict=True)
+    one_sided = lambda end: isinstance(end, bool | np.bool_) and bool(end)
     return tuple(
-        jnp.where((s < 0) & (end is not True), -1.0, 1.0).astype(q[0].dtype) for s, end in pairs
+        jnp.where((s < 0) & (not one_sided(end)), -1.0, 1.0).astype(q[0].dtype) for s, end in pairs
     )
 
 

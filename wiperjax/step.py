@@ -82,13 +82,11 @@ def jump(problem: Problem, state: State) -> State:
     end = jnp.minimum(problem.end, before.break_time(state.piece))
     after = keep(transition(problem, state, fires, breaks, piece, end))
 
-    # the first slots mean something else in another regime, and so do their sizes
+    # the first slots mean something else in another regime, a switch on its other side
     contact_slots = first_switch(problem.system)
-    anew = fires & (state.due < contact_slots)
-    reach = tuple(
-        jnp.where(anew, new, old) if i < contact_slots else old
-        for i, (old, new) in enumerate(zip(state.reach, after.sizes, strict=True))
-    )
+    anew = [fires & (state.due < contact_slots)] * contact_slots
+    anew += [fires & (state.due == i) for i in range(contact_slots, len(state.reach))]
+    reach = tuple(map(jnp.where, anew, after.sizes, state.reach))
     old, new = _kind(state.regime), _kind(after.regime)
     remembered = tuple(
         jnp.where(happens & (old == i), state.step, s) for i, s in enumerate(state.step_of)

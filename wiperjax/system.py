@@ -85,8 +85,8 @@ class AbstractSystem(eqx.Module):
         return rates
 
     def switches(self, t: Scalar, q: Coordinates, v: Coordinates) -> tuple[Scalar, ...]:
-        """Smooth functions whose zeros are corners of the vector field (a spring's kink), or where
-        the model ends (`ends`).
+        """Functions whose zeros are corners of the vector field (a spring's kink), or where the
+        model ends (`ends`): smooth on either side of a zero, and of the sign that `on_sides` says.
         """
         return ()
 
@@ -117,8 +117,8 @@ class AbstractSystem(eqx.Module):
         """Return the system continued smoothly across its switches, from where they have the signs
         ``sides``.
 
-        Not needed for values, which are continuous there: but a stage at a corner, or a hair's
-        breadth behind it, would have the derivative of the wrong side.
+        Not needed for the values of forces, which are continuous there: but a stage at a corner,
+        or a hair's breadth behind it, would have the derivative of the wrong side.
         """
         return self
 

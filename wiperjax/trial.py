@@ -92,9 +92,9 @@ def attempt(problem: Problem, state: State) -> Trial:
         last_node,
     )
     slots = zip(state.guards, *(values for _, _, values in looks), end_values, strict=True)
-    share = keep(rounding_share(problem, state, step.y1))
+    share = keep(rounding_share(problem, state, step, h))
     guards = tuple(
-        keep(examine(values, order, size, share, sliver, 3 if slot == FIRST else 1))
+        keep(examine(values, order, size, share.path, sliver, 3 if slot == FIRST else 1))
         for slot, (values, order, size) in enumerate(
             zip(slots, state.orders, state.reach, strict=True)
         )

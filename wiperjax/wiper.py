@@ -103,12 +103,10 @@ class Wiper(AbstractSystem):
         if self.constants is not None:
             return self.constants
         low, high = self.attack_angle - self.shoulder_angle, self.attack_angle + self.shoulder_angle
-        last = self.collapse_angle  # a shoulder behind it is out of reach
-        return Constants(
-            self.lip_length * jnp.cos(self.attack_angle),
-            jnp.sin(last),
-            (jnp.sin(larger(low, -last)), jnp.sin(smaller(high, last))),
-        )
+        right, edge = 0.5 * np.pi, jnp.sin(self.collapse_angle)
+        # a shoulder behind the collapse is out of reach
+        low, high = (within(-edge, jnp.sin(within(-right, x, right)), edge) for x in (low, high))
+        return Constants(self.lip_length * jnp.cos(self.attack_angle), edge, (low, high))
 
     def prepared(self):
         return eqx.tree_at(

@@ -241,7 +241,7 @@ def control(problem, state):
     y0 = (state.position, state.velocity)
     arrive = lambda t, y: (vector_field(t, y, args), ())
     step = rk_step(problem.solver, TERM, state.time, y0, state.step, state.rate, args, arrive)
-    share = rounding_share(problem, state, step.y1)
+    share = rounding_share(problem, state, step, state.step)
     error = error_norm(problem, state, step, state.step, share)
     growth = state.step / state.last_step
     factor = step_factor(error + 1e-8, state.last_error, growth, error <= 1, 5)
