@@ -233,7 +233,10 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     least = (problem.end - state.time) * (PACE_TURNS / budget)
     stalls = paced & (state.time - state.paced_time < least)
     too_small = (plan.rejected & (state.step < floor)) | stalls
-    why = jnp.where(trial.finite, int(Result.STEP_TOO_SMALL), int(Result.NON_FINITE))
+    # in a flight that began just now it is the impacts that pile up
+    piles = (state.regime == Regime.FLIGHT) & (state.time - state.last_event <= floor) & ~stalls
+    why = jnp.where(piles, int(Result.ZENO_UNRESOLVED), int(Result.STEP_TOO_SMALL))
+    why = jnp.where(trial.finite, why, int(Result.NON_FINITE))
     running = state.result == RUNNING
     result = jnp.where(running & too_small, why, state.result)
     spent = (result == RUNNING) & (state.attempts >= problem.max_steps)
