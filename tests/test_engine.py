@@ -306,6 +306,74 @@ def test_a_double_root_is_found_in_single_precision_too(depth):
     np.testing.assert_allclose(events_times(s), [1 - reach, 1 + reach], atol=5e-7 / reach)
 
 
+class Waves(AbstractSystem):
+    """Free motion q' = 1 through a switching function of three sines.
+
+    Its motion has no error at all: nothing but the guard itself limits the step.
+    """
+
+    size: tuple
+    number: tuple
+    phase: tuple
+
+    def free_acceleration(self, t, q, v):
+        return (0.0 * t,)
+
+    def directions(self, t, q):
+        return (0.0,), (1.0,)
+
+    def gap(self, t, q):
+        return 100.0 + q[0]
+
+    def switches(self, t, q, v):
+        waves = zip(self.size, self.number, self.phase, strict=True)
+        return (sum(a * jnp.sin(k * q[0] + p) for a, k, p in waves),)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_no_zero_hides_between_the_nodes_of_a_step(dtype):
+    """Every crossing is found and none twice, where the guard changes faster than the motion."""
+
+    @jax.jit
+    def crossings(waves, rtol):
+        problem, *start = make_problem(
+            Waves(*(tuple(x.astype(dtype)) for x in waves)),
+            10.0,
+            initial_state=((0.0,), (1.0,)),
+            solver=None,
+            rtol=rtol,
+            atol=None,
+            max_events=64,
+            dtype=jnp.dtype(dtype),
+        )
+        return solution(problem, run(problem, begin(problem, *start)))
+
+    rng = np.random.default_rng(1)
+    x = np.linspace(0, 10, 200_001)
+    for _ in range(250):
+        waves = rng.uniform([[0.3], [1], [0]], [[1], [8], [6.28]], (3, 3))
+        size, number, phase = waves[:, :, None]
+        g = np.sum(size * np.sin(number * x + phase), axis=0)
+        true = x[np.flatnonzero(g[1:] * g[:-1] < 0)]
+        for rtol in (1e-3, 1e-5):
+            s = crossings(waves, rtol)
+            assert Result(int(s.result)) == Result.FINISHED
+            found = events_times(s)
+            assert len(found) == len(true), (waves, rtol)
+            # by what the tolerance leaves where two of them lie close together
+            np.testing.assert_allclose(found, true, rtol=0, atol=2 * np.sqrt(rtol))
+
+
+def test_an_event_is_foreseen():
+    """The step before it tells where it will be: one step ends there, and none is taken back."""
+    solve = jax.jit(
+        lambda gate: wiperjax.solve(Gates(gate, 2.0), 1.0, initial_state=((0.0,), (1.0,)))
+    )
+    through, past = int(solve(2.0).steps), int(solve(0.9).steps)
+    assert through >= 3  # 0.9 lies in a later step than the first
+    assert past == through + 1
+
+
 @eqx.filter_jit
 def overloaded(wiper):
     return wiperjax.solve(wiper, 0.05, rtol=1e-9, max_events=32)

@@ -23,6 +23,7 @@ from .polynomials import (
 from .sparse import absent
 from .system import Scalar
 
+COARSE = 1e-4  # error of a guard's polynomial, over the guard, from which on steps do not grow
 NOISE = {"float64": 256, "float32": 8}  # rounding errors of a guard, in digits of its size
 
 
@@ -36,8 +37,10 @@ class Guard(NamedTuple):
     blur: Scalar  # its error estimate,
     error: Scalar  # the same before it was set aside as rounding
     cut: Scalar  # lower bound of the first zero
-    proved: Scalar  # it has no zero in the step
+    proved: Scalar  # it has no zero in the step,
+    lone: Scalar  # or one at most, towards its end or beyond
     falls: Scalar  # it is violated from the start of the step on
+    coarse: Scalar  # its polynomial would not do for a longer step
     size: Scalar  # so far, this step included
     noise: Scalar  # what it may be off by rounding
     nodes: tuple  # values at the nodes
@@ -89,6 +92,7 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
     # below this the estimate is rounding: the polynomial itself decides
     floor = larger(1e-9 * larger(height, jnp.abs(start)), noise)
     blur = jnp.where(error > floor, error, 0.0)
+    coarse = blur > COARSE * larger(height, jnp.abs(start))
     control, blur, start = keep((tuple(b - blur for b in control), blur, start))
     return Guard(
         value=values[-1],
@@ -100,7 +104,9 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
         error=error,
         cut=descent_cut(control),
         proved=proved,
+        lone=minimum(control[:-1]) > 0,
         falls=falls,
+        coarse=coarse,
         size=larger(size, jnp.abs(nodes[-1])),
         noise=rounding,
         nodes=nodes,

@@ -77,9 +77,9 @@ class State(NamedTuple):
     last_event: Scalar  # time
     last_error: Scalar  # of the last accepted step, relative to the tolerance,
     last_step: Scalar  # and its length; 1 and 0 after an event
-    target: Scalar  # slot of an event being located, or -1
+    target: Scalar  # slot of an event being located or foreseen, or -1
     trial: Scalar  # step that should end on it
-    tries: Scalar
+    tries: Scalar  # steps that did not; 0 where it is only foreseen
     # outcome
     result: Scalar
     flagged: Scalar  # an indeterminate Painleve state was passed

@@ -4,6 +4,7 @@ Everything is elementwise, so the same code serves one trajectory (scalars) and 
 a lane); nodes of the step and slots of the guards are tuples, which a compiler takes apart.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import jax
@@ -107,7 +108,12 @@ def attempt(problem: Problem, state: State) -> Trial:
         finite = finite & jnp.isfinite(leaf)
     ok = finite & (error <= 1) & state.active  # other lanes of a batch stay put
     error = jnp.where(finite, larger(error, 1e-8), 1e10)
-    next_step = propose(problem, state, stop_gradient(h), error, ok)
+    length = stop_gradient(h)
+    next_step = propose(problem, state, length, error, ok)
+    # a guard may change faster than the motion, which in stick has no error at all: of a step too
+    # long for its polynomial nothing could be proved, and zeros would hide between its nodes
+    coarse = reduce(jnp.logical_or, (g.coarse for g in guards))
+    next_step = jnp.where(coarse, smaller(next_step, length), next_step)
     ok, finite, error, next_step = keep((ok, finite, error, next_step))
     return Trial(
         h=h,
