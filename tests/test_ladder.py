@@ -267,5 +267,6 @@ def test_ladder_of_squeal():
     assert compare.lowest_sufficient(rungs) == "block"  # as docs/ladder.md says
     block, bar, lip = rungs
     assert bar.frequency == pytest.approx(lip.frequency, rel=1e-4)
-    assert block.steps < lip.steps and lip.share == 1
+    # the same motion: as many steps, and what is saved is the price of each
+    assert block.steps == pytest.approx(lip.steps, rel=0.1) and lip.share == 1
     assert compare.table([rungs]).splitlines()[2].startswith("| squeal | **block** | squeal |")
