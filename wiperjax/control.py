@@ -1,6 +1,5 @@
 """Step control: a step's error over its tolerance, what of it is rounding, and the next step."""
 
-import math
 from functools import reduce
 from typing import NamedTuple
 
@@ -16,7 +15,6 @@ from .state import TERM, Problem, State
 from .system import Scalar
 
 LEAST_GROWTH = 0.2  # of a step over the last one, as the controller may ask for
-LEAST_TREND = math.log(0.01)  # of the last error over the tolerance: below, it shows no trend
 ROUNDINGS = 2  # last digits of a position that its rates may be uncertain by
 
 
@@ -82,11 +80,10 @@ def step_factor(error, last_error, growth, ok, order: int):
     ``growth``: this step over the last accepted one. Where friction steepens towards v_t = 0 the
     steps have to shrink at a steady rate: the plain rule has every other one refused there, PI
     control still a good part of them; the predictive rule expects the error to go on changing as it
-    did. Against a last error of next to nothing, as in stick, PI control would hold a step back for
-    no reason. In single precision: a step size needs no more digits.
+    did. In single precision: a step size needs no more digits.
     """
     now, before, growth = (log(e.astype(jnp.float32)) for e in (error, last_error, growth))
-    proportional = (0.4 * larger(before, LEAST_TREND) - 0.7 * now) / order
+    proportional = (0.4 * before - 0.7 * now) / order
     predictive = growth + (before - 2 * now) / order
     exponent = jnp.where(ok, smaller(proportional, predictive), -now / order)
     return within(0.2, 0.9 * exp(exponent), 5.0)
