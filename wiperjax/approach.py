@@ -48,6 +48,8 @@ def approach(problem: Problem, state: State, trial: Trial) -> Approach:
     fine = within(2000 * eps, 0.01 * root, 1e-3)
     # derivatives feel the rest itself, times what is not known of the acceleration's change
     wide = within(2000 * eps, smaller(root, 1e3 * problem.rtol), 1e-2)
+    # a step that was cut to the zero ends far nearer to it than that, a guess anywhere
+    wide = jnp.where(foreseen, smaller(wide, 1e-3), wide)
     falling = slope < 0
     shift = keep(-value / jnp.where(falling, slope, -1.0))
     miss = jnp.abs(stop_gradient(shift))
