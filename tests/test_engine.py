@@ -1,6 +1,7 @@
 """The event engine itself: order, energy, batches, failures, ties, logs and compilations."""
 
 import math
+from typing import ClassVar
 
 import diffrax
 import equinox as eqx
@@ -11,8 +12,9 @@ import pytest
 from problems import Ball, Block, Puck, StopOscillator, events, stop_oscillator, trajectory
 
 import wiperjax
-from wiperjax import AbstractSystem, Event, Regime, Result, SteadyBelt, Wiper
+from wiperjax import AbstractSystem, Coulomb, Event, Regime, Result, SteadyBelt, Wiper
 from wiperjax.solve import begin, make_problem, run, solution
+from wiperjax.step import advance
 
 PARAMETERS = ("attack_angle", "normal_load", "restitution", "mu_static", "support_stiffness")
 TIMES = np.linspace(0, 0.02, 16001)
@@ -217,21 +219,27 @@ def test_one_compilation_for_all_parameters():
 # --- ties, order of listing, several roots in a step ----------------------------------------------
 
 
-class Gates(AbstractSystem):
-    """Free motion q' = 1 past gates at given places: each is a switching function, once."""
+class Far(AbstractSystem):
+    """Motion so far above its ground that nothing happens but at its switches."""
 
-    first: float = 0.3
-    second: float = 0.7
-    swapped: bool = False
+    push: ClassVar[float] = 0.0
 
     def free_acceleration(self, t, q, v):
-        return (0.0 * t,)
+        return (self.push + 0.0 * t,)
 
     def directions(self, t, q):
         return (0.0,), (1.0,)
 
     def gap(self, t, q):
-        return 10.0 + q[0]
+        return 1e3 + q[0]
+
+
+class Gates(Far):
+    """Motion past gates at given places: each is a switching function, once."""
+
+    first: float = 0.3
+    second: float = 0.7
+    swapped: bool = False
 
     def switches(self, t, q, v):
         a, b = (q[0] - self.first), (q[0] - self.second)
@@ -253,19 +261,11 @@ def test_a_tie_is_two_events_at_one_time(swapped):
     assert Result(int(s.result)) == Result.FINISHED
 
 
-class Parabola(AbstractSystem):
+class Parabola(Far):
     """Free fall through a switching function q - level: two roots, or none."""
 
+    push: ClassVar[float] = -1.0
     level: float = 0.5
-
-    def free_acceleration(self, t, q, v):
-        return (-1.0 + 0 * t,)
-
-    def directions(self, t, q):
-        return (0.0,), (1.0,)
-
-    def gap(self, t, q):
-        return 1e3 + q[0]
 
     def switches(self, t, q, v):
         return (self.level - q[0],)
@@ -306,38 +306,46 @@ def test_a_double_root_is_found_in_single_precision_too(depth):
     np.testing.assert_allclose(events_times(s), [1 - reach, 1 + reach], atol=5e-7 / reach)
 
 
-class Waves(AbstractSystem):
-    """Free motion q' = 1 through a switching function of three sines.
+class FlyingWaves(Far):
+    """Motion through a switching function of three sines.
 
-    Its motion has no error at all: nothing but the guard itself limits the step.
+    It has no error at all: nothing but the guard itself limits the step.
     """
 
     size: tuple
     number: tuple
     phase: tuple
 
-    def free_acceleration(self, t, q, v):
-        return (0.0 * t,)
-
-    def directions(self, t, q):
-        return (0.0,), (1.0,)
-
-    def gap(self, t, q):
-        return 100.0 + q[0]
-
     def switches(self, t, q, v):
         waves = zip(self.size, self.number, self.phase, strict=True)
         return (sum(a * jnp.sin(k * q[0] + p) for a, k, p in waves),)
 
 
+class SlidingWaves(FlyingWaves):
+    """The same on a smooth table. Slip is expected to last as long as it did before: never so."""
+
+    unilateral: ClassVar[bool] = False
+    law: ClassVar[Coulomb] = Coulomb(0.0, 0.0)
+
+    def directions(self, t, q):
+        return (1.0,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0]
+
+
+@pytest.mark.parametrize("waves_of", [FlyingWaves, SlidingWaves])
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_no_zero_hides_between_the_nodes_of_a_step(dtype):
+def test_no_zero_hides_between_the_nodes_of_a_step(dtype, waves_of):
     """Every crossing is found and none twice, where the guard changes faster than the motion."""
 
     @jax.jit
     def crossings(waves, rtol):
         problem, *start = make_problem(
-            Waves(*(tuple(x.astype(dtype)) for x in waves)),
+            waves_of(*(tuple(x.astype(dtype)) for x in waves)),
             10.0,
             initial_state=((0.0,), (1.0,)),
             solver=None,
@@ -372,6 +380,26 @@ def test_an_event_is_foreseen():
     through, past = int(solve(2.0).steps), int(solve(0.9).steps)
     assert through >= 3  # 0.9 lies in a later step than the first
     assert past == through + 1
+
+
+def test_a_stay_that_repeats_itself_ends_in_one_step():
+    """On a cycle of stick and slip a trial step ends on the next event at once; not before it."""
+    problem, *start = make_problem(
+        Block(1.0, 0.5, belt=0.4),
+        100.0,
+        initial_state=((0.0,), (0.4,)),
+        solver=None,
+        rtol=1e-6,
+        atol=None,
+    )
+    turn = jax.jit(lambda state: advance(problem, state))
+    state, tries = begin(problem, *start), []
+    while len(tries) < 24:
+        before, state = state, turn(state)
+        if state.events > before.events:
+            tries.append(int(before.tries))
+    assert max(tries[:4]) > 0
+    assert tries[4:] == [0] * 20
 
 
 @eqx.filter_jit

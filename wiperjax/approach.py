@@ -30,8 +30,8 @@ class Approach(NamedTuple):
 
 
 def approach(problem: Problem, state: State, trial: Trial) -> Approach:
-    """Return how the step ends to the event of ``state.target``, if it has one."""
-    slot = larger(state.target, 0)
+    """Return how the step ends to the event of ``trial.target``, if it has one."""
+    slot = larger(trial.target, 0)
     value, slope, start, proved, lone, error, noise = keep(
         pick(
             [(g.value, g.slope, g.start, g.proved, g.lone, g.error, g.noise) for g in trial.guards],
@@ -40,7 +40,7 @@ def approach(problem: Problem, state: State, trial: Trial) -> Approach:
     )
     # what was foreseen, not found, may vanish twice in this step: it is then as any other
     foreseen = state.tries == 0
-    pending = (state.target >= 0) & (lone | ~foreseen)
+    pending = (trial.target >= 0) & (lone | ~foreseen)
 
     # the slope comes from a polynomial and may be a per cent off, in stick most of all
     eps = float(jnp.finfo(start.dtype).eps)
@@ -62,10 +62,10 @@ def approach(problem: Problem, state: State, trial: Trial) -> Approach:
     close = (miss * size <= fine * flat) | ((sharp | zero) & (miss * size <= wide * flat))
     # what lies past the end of the step is not proved: nothing else may vanish there first, and no
     # known time be passed
-    ahead = 2 * larger(stop_gradient(shift), 0.0)
-    close = close & ((state.time + trial.h * (1 + 0.5 * ahead) <= trial.mark) | (ahead == 0))
+    past = larger(stop_gradient(shift), 0.0)
+    close = close & ((state.time + trial.h * (1 + past) <= trial.mark) | (past == 0))
     for i, g in enumerate(trial.guards):
-        close = close & ((g.value + ahead * g.slope > 0) | (slot == i) | (ahead == 0))
+        close = close & ((g.value + 2 * past * g.slope > 0) | (slot == i) | (past == 0))
     # as near as the clock can tell
     tick = 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
     small = (trial.h <= tick) & (miss * trial.h <= tick)

@@ -152,7 +152,7 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
             s.transient,
             interval,
             s.samples,
-            SAMPLES_PER_STEP * flows_per_jump(solver, jnp.dtype(s.precision)),
+            SAMPLES_PER_STEP * flows_per_jump(solver),
             s.raster is not None,
         ),
         max_events=s.event_log or 0,

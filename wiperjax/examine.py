@@ -90,9 +90,9 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
     low = minimum(control)
     proved = (low > error) | ((order > 0) & (low > -noise) & (error <= noise)) | sliver
     # below this the estimate is rounding: the polynomial itself decides
-    floor = larger(1e-9 * larger(height, jnp.abs(start)), noise)
-    blur = jnp.where(error > floor, error, 0.0)
-    coarse = blur > COARSE * larger(height, jnp.abs(start))
+    extent = larger(height, jnp.abs(start))
+    blur = jnp.where(error > larger(1e-9 * extent, noise), error, 0.0)
+    coarse = blur > COARSE * extent
     control, blur, start = keep((tuple(b - blur for b in control), blur, start))
     return Guard(
         value=values[-1],

@@ -92,11 +92,11 @@ def _outcome(problem: Problem, state: State) -> Outcome:
     )
 
 
-def flows_per_jump(solver, dtype) -> int:
-    """Return how many flows share a jump: 2 where few lead to the next event, as with a scheme of
-    high order, or the loose tolerances of float32; else 3.
+def flows_per_jump(solver) -> int:
+    """Return how many flows share a jump: 1 where few lead to the next event, as with a scheme of
+    high order, else 2.
     """
-    return 3 if solver.order(TERM) < 6 and dtype == jnp.float64 else 2
+    return 1 if solver.order(TERM) >= 6 else 2
 
 
 def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome, Any, Effort]:
@@ -110,7 +110,7 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
     cases = jnp.minimum(pool.count, capacity).astype(jnp.int32)
     problem = pool.problem
     if flows is None:
-        flows = flows_per_jump(problem.solver, pool.position[0].dtype)
+        flows = flows_per_jump(problem.solver)
     varying, shared = _split(problem, capacity)
     signal: Signal | None = problem.signal
 

@@ -46,17 +46,17 @@ class Plan(NamedTuple):
 def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     """Return what to do with ``trial``."""
     aim = approach(problem, state, trial)
-    first = first_obstacle(state, trial, aim.pending)
+    first = first_obstacle(trial, aim.pending)
     obstructed = jnp.asarray(first.blocks)
     h = stop_gradient(trial.h)
 
     free = aim.pending & trial.ok & ~obstructed
     # of a guard that is zero in its digits no other step will tell more
-    blind = (aim.falling & (state.tries > 0)) | stands_still(problem, state, trial)
+    blind = (state.tries > 0) & (aim.falling | stands_still(problem, state, trial))
     located = free & (aim.near | (aim.zero & blind))
     chase = free & jnp.logical_not(located)
     # it is not there, or a known time comes first
-    elsewhere = ~aim.falling | (jnp.abs(aim.shift) > 0.05) | (h < state.trial)
+    elsewhere = ~aim.falling | (jnp.abs(aim.shift) > 0.05) | trial.cut
     miss = chase & aim.above & aim.proved & elsewhere
     # two guards that vanish close together may send the step to and fro between them
     wearied = state.tries >= MAX_TRIES
@@ -72,12 +72,12 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     fire = trial.ok & first.violated
 
     dtype = h.dtype
-    target = jnp.where(retarget | foreseen, first.slot, jnp.where(newton, state.target, -1))
+    target = jnp.where(retarget | foreseen, first.slot, jnp.where(newton, trial.target, -1))
     theta = first.theta.astype(dtype)
     stretch = within(0.5, 1 + stop_gradient(aim.shift), 1.5).astype(dtype)
     length = jnp.where(retarget, theta, jnp.where(foreseen, theta - 1, stretch))
     # a shortened step must not teach the controller: it keeps its own step until one is accepted
-    short = trial.lands | (state.target >= 0)
+    short = trial.lands | (trial.target >= 0)
     grown = jnp.where(short, larger(state.step, trial.next_step), trial.next_step)
     step = jnp.where(accept, grown, state.step)
     step = jnp.where(inaccurate, trial.next_step, step)

@@ -13,7 +13,6 @@ from .barrier import keep
 from .examine import pick
 from .fastmath import larger, smaller
 from .polynomials import first_root
-from .state import State
 from .system import Scalar
 from .trial import Trial
 
@@ -38,7 +37,7 @@ class Obstacle(NamedTuple):
         return self.violated | self.murky | self.found | self.undecided
 
 
-def first_obstacle(state: State, trial: Trial, pending) -> Obstacle:
+def first_obstacle(trial: Trial, pending) -> Obstacle:
     """Return the earliest of what all guards put in the way, whatever their order in the list.
 
     A root is sought for the guard whose lower bound comes first. Another one that vanishes earlier
@@ -48,10 +47,10 @@ def first_obstacle(state: State, trial: Trial, pending) -> Obstacle:
     target, which is then not in the way.
     """
     earliest = second = jnp.full_like(trial.guards[0].cut, CLEAR)
-    slot = upcoming = jnp.zeros_like(state.target)
+    slot = upcoming = jnp.zeros_like(trial.target)
     value, fall = jnp.ones_like(earliest), jnp.zeros_like(earliest)  # of the upcoming one
     for i, g in enumerate(trial.guards):
-        clear = jnp.logical_or(g.proved, pending & (state.target == i))
+        clear = jnp.logical_or(g.proved, pending & (trial.target == i))
         # an error estimate near the value itself makes roots out of nothing: shorten the step first
         murky = g.start <= 8 * g.blur
         bound = jnp.where(g.falls, VIOLATED, jnp.where(murky, MURKY, g.cut))

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 
 from .guards import first_switch, guard_values, starting_sides
 from .observers import AbstractObserver
+from .recall import Memory, nothing
 from .regimes import Forces, acceleration, decide, forces, slip_sign
 from .results import RUNNING, Regime, Result
 from .sparse import plus, times
@@ -73,7 +74,7 @@ class State(NamedTuple):
     reactions: Forces
     # step control
     step: Scalar  # the controller's next step
-    step_of: tuple  # remembered step of stick, slip, flight
+    memory: Memory  # of steps and stays, see `recall`
     last_event: Scalar  # time
     last_error: Scalar  # of the last accepted step, relative to the tolerance,
     last_step: Scalar  # and its length; 1 and 0 after an event
@@ -222,7 +223,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         guards=guards,
         reactions=reactions,
         step=step,
-        step_of=(step, step, step),
+        memory=nothing(start, step),
         last_event=start,
         last_error=jnp.ones_like(position[0]),
         last_step=jnp.zeros_like(step),

@@ -14,6 +14,7 @@ from .guards import first_switch
 from .implicit import time_to_event
 from .locate import Plan, locate
 from .observers import Happening, Stretch
+from .recall import remember
 from .results import RUNNING, Regime, Result
 from .sampling import take_samples, take_signal
 from .state import BREAK, Problem, State
@@ -87,14 +88,7 @@ def jump(problem: Problem, state: State) -> State:
     anew = [fires & (state.due < contact_slots)] * contact_slots
     anew += [fires & (state.due == i) for i in range(contact_slots, len(state.reach))]
     reach = tuple(map(jnp.where, anew, after.sizes, state.reach))
-    old, new = _kind(state.regime), _kind(after.regime)
-    remembered = tuple(
-        jnp.where(happens & (old == i), state.step, s) for i, s in enumerate(state.step_of)
-    )
-    resumed = remembered[0]
-    for i in (1, 2):
-        resumed = jnp.where(new == i, remembered[i], resumed)
-    step = jnp.where(happens & (old != new), resumed, state.step)
+    memory, step = remember(state, after.regime, after.time, happens, fires)
 
     result = jnp.where(fires & after.stopped, int(Result.COLLAPSED), state.result)
     stuck = (state.streak > ZERO_TIME_EVENTS) | (happens & after.inconsistent)
@@ -135,8 +129,8 @@ def jump(problem: Problem, state: State) -> State:
         rate=where(happens, after.rate, state.rate),
         guards=where(happens, after.guards, state.guards),
         reactions=where(happens, after.reactions, state.reactions),
-        step=stop_gradient(step),
-        step_of=jax.tree.map(stop_gradient, remembered),
+        step=step,
+        memory=memory,
         last_error=jnp.where(happens, 1.0, state.last_error),
         last_step=jnp.where(happens, 0.0, state.last_step),
         last_event=jnp.where(happens, after.time, state.last_event),
@@ -146,11 +140,6 @@ def jump(problem: Problem, state: State) -> State:
         log=log,
         observed=observed,
     )
-
-
-def _kind(regime):
-    """Index of the step memory: stick, slip, flight."""
-    return jnp.where(regime == Regime.STICK, 0, jnp.where(regime == Regime.FLIGHT, 2, 1))
 
 
 def drift(state: State, h, q, v, rate, d):

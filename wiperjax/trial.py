@@ -16,6 +16,7 @@ from .control import error_norm, propose, rounding_share
 from .examine import Guard, examine
 from .fastmath import larger, smaller
 from .guards import FIRST, JAM, SECOND, guard_values
+from .recall import aim
 from .regimes import Forces, acceleration, forces
 from .results import Regime
 from .stages import NODES, Step, node_states, rk_step
@@ -36,6 +37,8 @@ class Trial(NamedTuple):
     """Everything a trial step of size ``h`` tells."""
 
     h: Scalar
+    target: Scalar  # slot of the event that it is to end on, or -1
+    cut: Scalar  # it is shorter than that asks for
     lands: Scalar  # it ends on a known time (``mark``)
     braking: Scalar  # slip is just in front of D = 0 under load (MODEL.md section 7)
     mark: Scalar
@@ -49,25 +52,39 @@ class Trial(NamedTuple):
     guards: tuple[Guard, ...]  # one a slot
 
 
-def trial_size(problem: Problem, state: State):
-    """Return (step, whether it lands on a known time, that time, whether hardly any is left)."""
+class Size(NamedTuple):
+    """How long a trial step is, and why."""
+
+    h: Scalar
+    target: Scalar  # as in `Trial`
+    cut: Scalar
+    lands: Scalar
+    mark: Scalar
+    sliver: Scalar  # hardly any time is left before the mark
+
+
+def trial_size(problem: Problem, state: State) -> Size:
+    """Return the size of the next trial step."""
     mark = smaller(problem.end, problem.system.break_time(state.piece)).astype(state.time.dtype)
     mark = jnp.where(problem.mark > state.time, smaller(problem.mark, mark), mark)
     to_mark = mark - state.time
     # a rest that the clock cannot divide: an event in it fires after the mark, if ever
     sliver = to_mark <= 4 * jnp.finfo(mark.dtype).eps * jnp.abs(mark)
-    wanted = stop_gradient(jnp.where(state.target >= 0, state.trial, state.step))
+    target, length = aim(state)
+    wanted = stop_gradient(jnp.where(target >= 0, length, state.step))
     wanted = jnp.where(state.time >= problem.mark, smaller(wanted, problem.max_step), wanted)
     # a sliver left over before a known time would be a step of rounding errors only
     lands = wanted >= to_mark * (1 - 1e-9)
-    return keep((jnp.where(lands, to_mark, wanted), lands, mark, sliver))
+    h = jnp.where(lands, to_mark, wanted)
+    return keep(Size(h, target, h < length, lands, mark, sliver))
 
 
 def attempt(problem: Problem, state: State) -> Trial:
     """Return the trial step from ``state``; nothing is committed."""
     system, solver = problem.system.on_piece(state.piece).on_sides(state.sides), problem.solver
     y0 = (state.position, state.velocity)
-    h, lands, mark, sliver = trial_size(problem, state)
+    size = trial_size(problem, state)
+    h = size.h
 
     def look(t, q, v) -> tuple[Node, Contact, tuple]:
         """The motion at an instant, its contact, and its guards."""
@@ -95,8 +112,8 @@ def attempt(problem: Problem, state: State) -> Trial:
     slots = zip(state.guards, *(values for _, _, values in looks), end_values, strict=True)
     share = keep(rounding_share(problem, state, step, h))
     guards = tuple(
-        keep(examine(values, order, size, share.path, sliver, 3 if slot == FIRST else 1))
-        for slot, (values, order, size) in enumerate(
+        keep(examine(values, order, reach, share.path, size.sliver, 3 if slot == FIRST else 1))
+        for slot, (values, order, reach) in enumerate(
             zip(slots, state.orders, state.reach, strict=True)
         )
     )
@@ -117,9 +134,11 @@ def attempt(problem: Problem, state: State) -> Trial:
     ok, finite, error, next_step = keep((ok, finite, error, next_step))
     return Trial(
         h=h,
-        lands=lands,
+        target=size.target,
+        cut=size.cut,
+        lands=size.lands,
         braking=_braking(problem, state),
-        mark=mark,
+        mark=size.mark,
         step=step,
         ok=ok,
         next_step=next_step,

@@ -303,7 +303,7 @@ def run(precision: str = "float64", quick: bool = False, say=print) -> str:
 
     lanes = 64 if quick else LANES[precision]
     cells, turns = 64 * lanes, 200 if quick else 8000
-    flows = flows_per_jump(diffrax.Tsit5(), jnp.dtype(precision))
+    flows = flows_per_jump(diffrax.Tsit5())
     top = peak(precision)
     streams = {name: bandwidth(size) for name, size in (("32 kB", 1 << 15), ("512 kB", 1 << 19))}
     say(f"peak {top / 1e9:.0f} Gflop/s")

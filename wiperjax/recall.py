@@ -1,0 +1,102 @@
+"""What the motion did before, by which it is resumed in a regime: its step, and how long it stayed.
+
+Motion near a cycle repeats itself: where it has come into a regime as it did before, it is expected
+to leave it after the same time, by the same event. A trial step is then made to end there. As with
+an event foreseen from a polynomial (`obstacle`) this decides the length of a step and no more.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+
+from .results import Regime
+from .system import Scalar
+
+STICK, SLIP, FLIGHT = range(3)
+WAYS = 4  # into stick or slip, from stick or from elsewhere
+LEAST = 1e-2  # of the controller's step: what is left of a stay may be a remnant of rounding
+
+
+class Stay(NamedTuple):
+    """How one kind of stay in a regime ended."""
+
+    end: Scalar  # after this time, 0 if there was none yet
+    slot: Scalar  # by this guard
+
+
+class Memory(NamedTuple):
+    """What is kept of a trajectory's past."""
+
+    steps: tuple  # the controller's last step in stick, slip and flight
+    stays: tuple[Stay, ...]  # the last one of each of the `WAYS`
+    way: Scalar  # index of the present stay, -1 if it has none
+    expected: Stay  # its end, as a time
+
+
+def nothing(time, step) -> Memory:
+    """Return the memory of a trajectory that starts at ``time`` with ``step``."""
+    none = Stay(jnp.zeros_like(step), jnp.full_like(time, -1, jnp.int32))
+    return Memory(
+        (step,) * 3, (none,) * WAYS, none.slot, none._replace(end=jnp.full_like(time, -jnp.inf))
+    )
+
+
+def aim(state) -> tuple[Scalar, Scalar]:
+    """Return the slot that the next trial step is to end on, or -1, and its length then.
+
+    An end that was repeated before is known better than one that a polynomial foresees.
+    """
+    left = state.memory.expected.end - state.time
+    recalled = (state.tries == 0) & (left > LEAST * state.step) & (left <= state.step)
+    slot = state.memory.expected.slot
+    return jnp.where(recalled, slot, state.target), jnp.where(recalled, left, state.trial)
+
+
+def remember(state, regime, time, happens, fires) -> tuple[Memory, Scalar]:
+    """Return the memory behind an event that leads into ``regime`` at ``time``, and the step to
+    resume there.
+
+    ``happens``: there is one; ``fires``: of the motion itself, not a break of the prescribed one.
+
+    Flights are not recalled: bounces die away, and where a state has too few digits to see that, a
+    flight that is taken to last as long as the one before never ends in rest.
+    """
+    memory: Memory = state.memory
+    old, new = _kind(state.regime), _kind(regime)
+    steps = tuple(
+        jnp.where(happens & (old == i), state.step, s) for i, s in enumerate(memory.steps)
+    )
+    step = jnp.where(happens & (old != new), _pick(steps, new), state.step)
+
+    ended = Stay(state.time - state.last_event, state.due)
+    stays = tuple(
+        Stay(*(jnp.where(fires & (memory.way == i), a, b) for a, b in zip(ended, s, strict=True)))
+        for i, s in enumerate(memory.stays)
+    )
+    way = jnp.where(fires & (new != FLIGHT), 2 * (old == STICK) + new, -1)
+    ends, slots = zip(*stays, strict=True)
+    expected = Stay(
+        jnp.where(way >= 0, time + _pick(ends, way), -jnp.inf),
+        _pick(slots, way),
+    )
+    expected = Stay(
+        *(jnp.where(happens, a, b) for a, b in zip(expected, memory.expected, strict=True))
+    )
+    way = jnp.where(happens, way, memory.way).astype(jnp.int32)
+    return stop_gradient(Memory(steps, stays, way, expected)), stop_gradient(step)
+
+
+def _kind(regime):
+    """Index of a regime's step."""
+    return jnp.where(
+        regime == Regime.STICK, STICK, jnp.where(regime == Regime.FLIGHT, FLIGHT, SLIP)
+    )
+
+
+def _pick(entries, index):
+    """Return entry ``index`` (traced) of a tuple, the first where there is none."""
+    out = entries[0]
+    for i, entry in enumerate(entries[1:], 1):
+        out = jnp.where(index == i, entry, out)
+    return out
