@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from wiperjax import SteadyBelt, TrapezoidBelt, Wiper
 from wiperjax.wiper import ENGINE_FIELDS
@@ -233,14 +234,16 @@ def batch(cells: int = 4096, duration: float = 0.02, seed: int = 20261121) -> Sc
 
 
 def workload(cells: int, duration: float = 0.1, seed: int = 20261121) -> Scene:
-    """Return the blades of the speed table: alpha -40..40 deg, N0 5..30 N/m, V 0.02..1 m/s."""
-    rng = np.random.default_rng(seed)
-    speed = rng.uniform(0.02, 1.0, cells)
-    wiper = Wiper(
-        belt=_steady(speed),
-        attack_angle=np.radians(rng.uniform(-40, 40, cells)),
-        normal_load=rng.uniform(5, 30, cells),
-    )
+    """Return the blades of the speed table: alpha -40..40 deg, N0 5..30 N/m, V 0.02..1 m/s.
+
+    The first of one scrambled Sobol sequence: a slow method that is given a few of them meets the
+    same share of dear ones as a fast one that is given them all (a few independent draws do not:
+    32 of them were 4 % cheaper than the rest, 8 of them a fifth dearer).
+    """
+    sequence = qmc.Sobol(3, rng=np.random.default_rng(seed))
+    drawn = sequence.random_base2(max(cells - 1, 0).bit_length())[:cells]
+    speed, angle, load = qmc.scale(drawn, [0.02, -40, 5], [1.0, 40, 30]).T
+    wiper = Wiper(belt=_steady(speed), attack_angle=np.radians(angle), normal_load=load)
     return Scene(
         "workload", "random blades, uniform", wiper, _resting(wiper, cells), duration,
         _times(duration), (LENGTH, speed),

@@ -32,6 +32,7 @@ from .rivals.scipy_phases import Phases
 RTOLS = (1e-5, 1e-6, 1e-7, 1e-8)  # of the peers: their cost is read off at the engine's error
 ACCURACY = 0.02  # s, at which accuracy is judged
 PATIENCE = 2.0  # s: the trajectories of a peer are cut so that one call takes no longer
+FEWEST = 32  # trajectories of a peer, however slow it is
 PLAINEST = (diffrax.Tsit5, "float64")
 SIZES = (10_000, 100_000, 1_000_000)
 
@@ -54,7 +55,9 @@ def peers(cores: int) -> list:
     if cores > 1:
         rows += [(Engine(*variant, cores=cores), cores) for variant in RTOL]
         rows += [(Numba(f"numba scalar loop, {cores} cores", None), cores)]
-    return [*rows, (PerPhase(mapped=True), 1), (PerPhase(mapped=False), 1), (Phases("RK45"), 1)]
+    rivals: list = [PerPhase(True, solver, cells=256) for solver in (diffrax.Tsit5, diffrax.Dopri8)]
+    rivals += [PerPhase(mapped=False), Phases("RK45")]
+    return [*rows, *((rival, 1) for rival in rivals)]
 
 
 def run(
@@ -110,7 +113,8 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
         ours = isinstance(method, Engine)
         if quick and ("diffrax" in method.name or (ours and method.variant != PLAINEST)):
             continue
-        cells = min(trajectories, 8) if method.cells <= 3 else min(trajectories, method.cells)
+        enough = max(method.cells, FEWEST)
+        cells = min(trajectories, enough)
         if not ours and method.cells > 64:
             cells = affordable(method, duration, trajectories)
         scene = scenes.workload(cells * (used if quick and ours else 1), duration)
@@ -124,7 +128,7 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
                 started = time.perf_counter()
                 getattr(call, "warm", call)()
                 compiled = time.perf_counter() - started
-                small = method.prepare(judged.head(min(method.cells, judged.cells)), rtol)
+                small = method.prepare(judged.head(min(enough, judged.cells)), rtol)
                 answer: Any = getattr(small, "answer", small)()
             except Exception as error:  # a rival that breaks is a result, not the end of the run
                 if ours:

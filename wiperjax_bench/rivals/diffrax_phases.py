@@ -339,10 +339,11 @@ class PerPhase:
     setting_name = "rtol"
     settings = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 
-    def __init__(self, mapped: bool):
-        self.mapped = mapped
+    def __init__(self, mapped: bool, solver: type = diffrax.Tsit5, cells: int | None = None):
+        self.mapped, self.solver = mapped, solver()
         self.name = f"diffrax Event per phase, {'lax.map' if mapped else 'vmap'}"
-        self.cells = 32 if mapped else 64
+        self.name += f", {solver.__name__}" * (solver is not diffrax.Tsit5)
+        self.cells = cells or (32 if mapped else 64)
 
     def available(self) -> str | None:
         return None
@@ -371,10 +372,9 @@ class PerPhase:
         )
         marks, kinds, index = (jnp.asarray(a[order]) for a in (times, kinds, index))
         rtol = jnp.asarray(setting)
-        solver = diffrax.Tsit5()
 
         def call() -> Answer:
-            found = run(varying, shared, marks, kinds, index, rtol, solver, self.mapped)
+            found = run(varying, shared, marks, kinds, index, rtol, self.solver, self.mapped)
             taken, at, codes, counts, stopped, steps = (np.asarray(a) for a in found)
             counts = np.minimum(counts, LOG)
             taken = taken[:, : len(scene.sample_times)]
