@@ -12,7 +12,7 @@ from .columns import columns_of
 from .dataset import raster_index
 from .dealing import capacity, deal, dearest_first
 from .ladder import on_rung, start_on_rung
-from .lanes import Outcome, Pool, flows_per_jump, run_pool
+from .lanes import ROUND, Outcome, Pool, run_pool
 from .margins import watch
 from .noise import ReversalTotals
 from .observers import RegimeTotals
@@ -152,7 +152,7 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
             s.transient,
             interval,
             s.samples,
-            SAMPLES_PER_STEP * flows_per_jump(solver),
+            SAMPLES_PER_STEP * ROUND,
             s.raster is not None,
         ),
         max_events=s.event_log or 0,

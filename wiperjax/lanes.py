@@ -1,9 +1,10 @@
 """A batch that never waits: a fixed number of lanes over a pool of cases.
 
 Every lane is a trajectory with its own time, step and regime. A lane that ends takes the next case
-of the pool inside the compiled loop, so none idles for another. A round is a few flows (trial steps
-of smooth motion) and one jump (regimes changed): events are rare, their arithmetic is dear, a batch
-runs it for all lanes at once, and a lane with an event waits for it.
+of the pool inside the compiled loop, so none idles for another. A turn is one or two flows (trial
+steps of smooth motion) and a jump (regimes changed): events are rare, their arithmetic is dear, a
+batch runs it for all lanes at once, and a lane with an event waits for it. After a round of turns
+samples are put away and lanes are refilled.
 """
 
 from typing import Any, NamedTuple
@@ -19,6 +20,8 @@ from .solve import final_velocity
 from .state import TERM, EventLog, Problem, State, initial_state
 from .step import flow, jump
 from .transition import where
+
+ROUND = 2  # flows of a round, or more where a jump is shared by more
 
 
 class Pool(NamedTuple):
@@ -111,6 +114,7 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
     problem = pool.problem
     if flows is None:
         flows = flows_per_jump(problem.solver)
+    turns = max(1, ROUND // flows)
     varying, shared = _split(problem, capacity)
     signal: Signal | None = problem.signal
 
@@ -157,14 +161,17 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
         local = _rebuild(problem, parts, shared)
         room = jnp.where(upcoming < cases, wait, lanes)
 
+        def turn(_, state):
+            state = lax.fori_loop(0, flows, lambda _, s: flow(local, s), state)
+            # once, if any: a loop of its own becomes one compiled function (`launch.COMPILER`)
+            return lax.while_loop(lambda s: jnp.any(s.due >= 0), lambda s: jump(local, s), state)
+
         def goes_on(carry):
             return jnp.sum(carry[0].result != RUNNING) < room
 
         def round_(carry):
             state, samples, rounds = carry
-            state = lax.fori_loop(0, flows, lambda _, s: flow(local, s), state)
-            # once, if any: a loop of its own becomes one compiled function (`launch.COMPILER`)
-            state = lax.while_loop(lambda s: jnp.any(s.due >= 0), lambda s: jump(local, s), state)
+            state = lax.fori_loop(0, turns, turn, state)
             if signal is not None:
                 samples, ring = flush(samples, state.samples, case, state.sample_index)
                 state = state._replace(samples=ring)
@@ -173,7 +180,7 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
         before = jnp.sum(state.attempts)
         state, samples, rounds = lax.while_loop(goes_on, round_, (state, samples, jnp.int64(0)))
         useful = useful + jnp.sum(state.attempts) - before
-        executed = executed + rounds * (flows * lanes)
+        executed = executed + rounds * (turns * flows * lanes)
         return parts, state, case, upcoming, outcome, samples, useful, executed
 
     def busy(carry):
