@@ -267,6 +267,7 @@ def test_ladder_of_squeal():
     assert compare.lowest_sufficient(rungs) == "block"  # as docs/ladder.md says
     block, bar, lip = rungs
     assert bar.frequency == pytest.approx(lip.frequency, rel=1e-4)
-    # the same motion: as many steps, and what is saved is the price of each
-    assert block.steps == pytest.approx(lip.steps, rel=0.1) and lip.share == 1
+    assert bar.steps == pytest.approx(lip.steps, rel=0.01) and lip.share == 1  # the same motion
+    # friction sets the steps, not geometry: the block takes about as many, not always fewer
+    assert block.steps == pytest.approx(lip.steps, rel=0.1)
     assert compare.table([rungs]).splitlines()[2].startswith("| squeal | **block** | squeal |")

@@ -5,6 +5,7 @@ import os
 import platform
 import sys
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
 
 RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time")
@@ -33,6 +34,7 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
 
 
+@cache
 def version(library: str) -> str:
     """Installed version of a library, else `none`; of wiperjax, also in a mere checkout."""
     if library == "wiperjax" and (own := getattr(sys.modules.get(library), "__version__", None)):
