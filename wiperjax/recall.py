@@ -36,10 +36,8 @@ class Memory(NamedTuple):
 
 def nothing(time, step) -> Memory:
     """Return the memory of a trajectory that starts at ``time`` with ``step``."""
-    none = Stay(jnp.zeros_like(step), jnp.full_like(time, -1, jnp.int32))
-    return Memory(
-        (step,) * 3, (none,) * WAYS, none.slot, none._replace(end=jnp.full_like(time, -jnp.inf))
-    )
+    no, never = jnp.full_like(time, -1, jnp.int32), jnp.full_like(time, -jnp.inf)
+    return Memory((step,) * 3, (Stay(0.0 * step, no),) * WAYS, no, Stay(never, no))
 
 
 def aim(state) -> tuple[Scalar, Scalar]:
