@@ -13,6 +13,7 @@ from problems import Ball, Block, Puck, StopOscillator, events, stop_oscillator,
 
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb, Event, Regime, Result, SteadyBelt, Wiper
+from wiperjax.examine import examine
 from wiperjax.solve import begin, make_problem, run, solution
 from wiperjax.step import advance
 
@@ -370,6 +371,20 @@ def test_no_zero_hides_between_the_nodes_of_a_step(dtype, waves_of):
             assert len(found) == len(true), (waves, rtol)
             # by what the tolerance leaves where two of them lie close together
             np.testing.assert_allclose(found, true, rtol=0, atol=2 * np.sqrt(rtol))
+
+
+def test_rounding_at_the_start_of_slip_is_no_root():
+    """Slip that begins with v_t ~ t^3 (float32, from a blade that was caught there for ever): over
+    theta its guard starts at rounding, where its polynomial dips below zero."""
+
+    def along(*values):
+        nodes = tuple(jnp.float32(x) for x in values)
+        return examine(nodes, jnp.int32(1), jnp.float32(0.1), jnp.float32(2.3e-4), False, 3)
+
+    guard = along(-0.0, 1.4896451e-3, 1.28741749e-2, 4.19373922e-2, 9.30096507e-2)
+    assert 0 < guard.start < guard.noise and min(guard.control) < -guard.error
+    assert guard.murky and not guard.falls  # a shorter step will tell
+    assert along(-0.0, 3.7164764e-4, 1.7030519e-3, 4.3886891e-3, 8.9159730e-3).proved
 
 
 def test_an_event_is_foreseen():

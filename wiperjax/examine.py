@@ -40,6 +40,7 @@ class Guard(NamedTuple):
     proved: Scalar  # it has no zero in the step,
     lone: Scalar  # or one at most, towards its end or beyond
     falls: Scalar  # it is violated from the start of the step on
+    murky: Scalar  # its start is no larger than what it may be off: nothing can be said of it
     coarse: Scalar  # its polynomial would not do for a longer step
     size: Scalar  # so far, this step included
     noise: Scalar  # what it may be off by rounding
@@ -93,6 +94,8 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
     extent = larger(height, jnp.abs(start))
     blur = jnp.where(error > larger(1e-9 * extent, noise), error, 0.0)
     coarse = blur > COARSE * extent
+    # an error estimate near the value itself makes roots out of nothing, and so does rounding
+    murky = start - blur <= larger(8 * blur, jnp.where(order > 0, noise, 0.0))
     control, blur, start = keep((tuple(b - blur for b in control), blur, start))
     return Guard(
         value=values[-1],
@@ -106,6 +109,7 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
         proved=proved,
         lone=minimum(control[:-1]) > 0,
         falls=falls,
+        murky=murky,
         coarse=coarse,
         size=larger(size, jnp.abs(nodes[-1])),
         noise=rounding,

@@ -51,9 +51,7 @@ def first_obstacle(trial: Trial, pending) -> Obstacle:
     value, fall = jnp.ones_like(earliest), jnp.zeros_like(earliest)  # of the upcoming one
     for i, g in enumerate(trial.guards):
         clear = jnp.logical_or(g.proved, pending & (trial.target == i))
-        # an error estimate near the value itself makes roots out of nothing: shorten the step first
-        murky = g.start <= 8 * g.blur
-        bound = jnp.where(g.falls, VIOLATED, jnp.where(murky, MURKY, g.cut))
+        bound = jnp.where(g.falls, VIOLATED, jnp.where(g.murky, MURKY, g.cut))
         bound = keep(jnp.where(clear, CLEAR, bound))
         first = bound < earliest
         second = jnp.where(first, earliest, smaller(second, bound))
