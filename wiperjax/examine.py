@@ -94,8 +94,10 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
     extent = larger(height, jnp.abs(start))
     blur = jnp.where(error > larger(1e-9 * extent, noise), error, 0.0)
     coarse = blur > COARSE * extent
-    # an error estimate near the value itself makes roots out of nothing, and so does rounding
-    murky = start - blur <= larger(8 * blur, jnp.where(order > 0, noise, 0.0))
+    # an error estimate near the value itself makes roots out of nothing, and so does rounding, of a
+    # guard that rises from its zero
+    rising = (order > 0) & (minimum(rest) > 0)
+    murky = start - blur <= larger(8 * blur, jnp.where(rising, noise, 0.0))
     control, blur, start = keep((tuple(b - blur for b in control), blur, start))
     return Guard(
         value=values[-1],
