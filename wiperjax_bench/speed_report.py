@@ -113,8 +113,8 @@ def text(dataset: xr.Dataset, folder: Path | None = None) -> str:
         "## Asked and measured",
         "",
         "Ratios of trajectories per second on as many cores, at the error of the engine's row "
-        "(median position error at 20 ms); the peer's cost there is interpolated. Their schemes are "
-        "of order 5, as Tsit5, but where Dopri8 is named.",
+        "(median position error at 20 ms); the peer's cost there is interpolated. Their schemes "
+        "are of order 5, as Tsit5, but where Dopri8 is named.",
         "",
         "| against | measured | at least | met | |",
         "|---|---|---|---|---|",
