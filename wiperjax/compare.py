@@ -93,10 +93,10 @@ with `--model` (or `model = "bar"` in the file).
 
 Amplitude: standard deviation of the tip velocity (of the strokes on a wiping belt; for a
 reversal, the vibration just after it). Steps and CPU time are of one motion on one core; what a
-run of no length costs as well (some 20 ms for checks and labels) and compilation are not counted;
-on a busy machine shares scatter by a fifth. The default start of lip and bar is phi = alpha at
-rest, of the block its relaxed spring. The frequency of a squeal that comes and goes is that of its
-strongest line. Two blades on one linkage are no rung: that is two contacts.
+run of no length costs as well (checks, labels) and compilation are not counted; on a busy machine
+shares scatter by a fifth. The default start of lip and bar is phi = alpha at rest, of the block its
+relaxed spring. The frequency of a squeal that comes and goes is that of its strongest line. Two
+blades on one linkage are no rung: that is two contacts.
 
 """
 
@@ -152,13 +152,12 @@ def _hinged(spec: SceneSpec) -> SceneSpec:
 
 def _run(name: str, model: str, spec: SceneSpec) -> Rung:
     try:
-        scene.run(spec)  # compiles
+        run = scene.run(spec)  # compiles
     except ValueError:  # no start: a block without steady slip
         nothing = ("failed", "none", "none", np.nan, np.nan, np.nan, 0.0, 0)
         return Rung(name, model, *nothing)
     # what a run of no length costs as well (checks, labels) is not the model's
-    spent = [(_spent(spec)[0] - _spent(_brief(spec))[0]) for _ in range(TURNS)]
-    seconds, run = float(np.median(spent)), _spent(spec)[1]
+    seconds = float(np.median([_spent(spec) - _spent(_brief(spec)) for _ in range(TURNS)]))
     found = assess(run)
     said = words(found)
     loud = "velocity_rms"
@@ -181,11 +180,11 @@ def _run(name: str, model: str, spec: SceneSpec) -> Rung:
     )
 
 
-def _spent(spec: SceneSpec):
-    """Return (processor time [s], run) of a scene that is compiled."""
+def _spent(spec: SceneSpec) -> float:
+    """Return the processor time [s] of a run that is compiled."""
     begun = time.process_time()
-    run = scene.run(spec)
-    return time.process_time() - begun, run
+    scene.run(spec)
+    return time.process_time() - begun
 
 
 def _brief(spec: SceneSpec) -> SceneSpec:

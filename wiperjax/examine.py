@@ -120,7 +120,8 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
 
 
 def pick(slots, index):
-    """Entry ``index`` (traced, one a lane) of a tuple; entries may be tuples of the same shape."""
+    """Entry ``index`` (traced, one a lane) of a tuple, the first where there is none; entries may
+    be tuples of the same shape."""
     out = slots[0]
     for i, entry in enumerate(slots[1:], 1):
         out = jax.tree.map(lambda a, b, i=i: jnp.where(index == i, b, a), out, entry)

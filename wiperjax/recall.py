@@ -10,6 +10,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .examine import pick
 from .results import Regime
 from .system import Scalar
 
@@ -65,22 +66,16 @@ def remember(state, regime, time, happens, fires) -> tuple[Memory, Scalar]:
     steps = tuple(
         jnp.where(happens & (old == i), state.step, s) for i, s in enumerate(memory.steps)
     )
-    step = jnp.where(happens & (old != new), _pick(steps, new), state.step)
+    step = jnp.where(happens & (old != new), pick(steps, new), state.step)
 
     ended = Stay(state.time - state.last_event, state.due)
     stays = tuple(
-        Stay(*(jnp.where(fires & (memory.way == i), a, b) for a, b in zip(ended, s, strict=True)))
-        for i, s in enumerate(memory.stays)
+        _where(fires & (memory.way == i), ended, stay) for i, stay in enumerate(memory.stays)
     )
     way = jnp.where(fires & (new != FLIGHT), 2 * (old == STICK) + new, -1)
-    ends, slots = zip(*stays, strict=True)
-    expected = Stay(
-        jnp.where(way >= 0, time + _pick(ends, way), -jnp.inf),
-        _pick(slots, way),
-    )
-    expected = Stay(
-        *(jnp.where(happens, a, b) for a, b in zip(expected, memory.expected, strict=True))
-    )
+    last = pick(stays, way)
+    expected = Stay(jnp.where(way >= 0, time + last.end, -jnp.inf), last.slot)
+    expected = _where(happens, expected, memory.expected)
     way = jnp.where(happens, way, memory.way).astype(jnp.int32)
     return stop_gradient(Memory(steps, stays, way, expected)), stop_gradient(step)
 
@@ -92,9 +87,5 @@ def _kind(regime):
     )
 
 
-def _pick(entries, index):
-    """Return entry ``index`` (traced) of a tuple, the first where there is none."""
-    out = entries[0]
-    for i, entry in enumerate(entries[1:], 1):
-        out = jnp.where(index == i, entry, out)
-    return out
+def _where(condition, stay: Stay, other: Stay) -> Stay:
+    return Stay(*(jnp.where(condition, a, b) for a, b in zip(stay, other, strict=True)))
