@@ -157,19 +157,20 @@ def test_a_tone_at_the_turn(label, mechanism, band, values):
         assert classify(labels.Thresholds(tone_time=0.03), **TURN | values) != "squeal"
 
 
-def test_a_slip_that_falls_between_two_samples_is_no_failure():
-    """Stick and one short slip: all samples are equal, so no frequency, but exact statistics."""
+def test_a_frequency_that_samples_do_not_tell_is_no_failure():
+    """Its shares and its standard deviation are exact: it moves, and nobody knows how fast."""
     seen = {"dominant_frequency": NAN, "stick_fraction": 0.99, "velocity_rms": 0.02}
-    finite, lost = schema.SETTLED["yes"], schema.SETTLED["unknown"]
-    found = codes(**seen, settled=finite)
+    settled, untold = schema.SETTLED["yes"], schema.TOLD["no"]
+    found = codes(**seen, settled=settled, frequency_told=untold)
     assert found == {"label": "other", "mechanism": "stick_slip", "band": "none"} | {
         "settled": "unknown"
     }
-    assert classify(**seen | {"velocity_rms": 0.002}, settled=finite) == "quiet"
-    # samples that are not finite, or slip throughout, which cannot hide
-    assert classify(**seen, settled=lost) == "failed"
-    assert classify(**seen) == "failed"
-    assert classify(**seen | {"stick_fraction": 0.0}, settled=finite) == "failed"
+    quiet = seen | {"velocity_rms": 0.002}
+    assert classify(**quiet, settled=settled, frequency_told=untold) == "quiet"
+    # told, and yet without a line; or nobody has looked
+    told = {"frequency_told": schema.TOLD["yes"]}
+    assert classify(**seen, **told, settled=settled) == "failed"
+    assert classify(**seen, settled=settled) == "failed"
 
 
 def test_stored_thresholds():

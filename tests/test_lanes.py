@@ -8,8 +8,8 @@ import pytest
 
 import wiperjax
 from wiperjax import Event, Regime, Result, SteadyBelt, Wiper, cells, dealing, schema
+from wiperjax.averaging import Signal
 from wiperjax.lanes import Pool, run_pool
-from wiperjax.sampling import Signal
 from wiperjax.solve import make_problem
 from wiperjax.spec import parse_sweep
 
@@ -30,7 +30,7 @@ def blades(rng, cases=CASES):
 
 
 @eqx.filter_jit
-def run(wiper, position, count, lanes=8, flows=3, max_steps=20_000, room=ROOM):
+def compiled(wiper, position, count, lanes=8, flows=3, max_steps=20_000, room=ROOM):
     still = jnp.zeros_like(position)
     interval = DURATION / SAMPLES
     problem, q, v, start = make_problem(
@@ -43,9 +43,16 @@ def run(wiper, position, count, lanes=8, flows=3, max_steps=20_000, room=ROOM):
         max_steps=max_steps,
         max_step=2 * interval,
         max_events=room,
-        signal=Signal(0.0, interval, SAMPLES, 2 * flows),
+        signal=Signal(0.0, interval, SAMPLES, CASES * (SAMPLES + 2 * flows), 2 * flows, inner=True),
     )
     return run_pool(Pool(problem, q, v, start, count), lanes, flows)
+
+
+def run(*arguments, **options):
+    """Outcomes, samples as (cases, samples), effort."""
+    outcome, samples, effort = compiled(*arguments, **options)
+    rows = lambda flat: np.asarray(flat).reshape(CASES, -1)[:, :SAMPLES]
+    return outcome, jax.tree.map(rows, samples), effort
 
 
 @pytest.fixture(scope="module")
@@ -133,16 +140,33 @@ def test_a_part_of_the_pool_leaves_the_rest_alone(pool):
     assert np.all(np.asarray(some.steps)[10:] == 0)
 
 
-def test_the_signal_is_the_output_velocity(pool):
-    wiper, position, (_, signal, _) = pool
-    times = DURATION / SAMPLES * np.arange(SAMPLES)
+def test_the_signal_is_the_mean_of_the_output_velocity(pool):
+    """Means of x' are differences of x; with the variance inside they are the exact mean square."""
+    wiper, position, (outcome, samples, _) = pool
+    times = DURATION / SAMPLES * np.arange(SAMPLES + 1)
+    means, inner = samples.output.astype(float), samples.inner.astype(float)
+    square = np.asarray(outcome.observed.output_square_integral) / DURATION
     for case in (0, 7):
         one = jax.tree.map(lambda x, k=case: x[k] if jnp.ndim(x) else x, wiper)
-        dense = sampled_solver(one, jnp.asarray(times)).samples.velocity[0]
-        speed = float(one.belt.speed)
+        place = sampled_solver(one, jnp.asarray(times)).samples.position[0]
+        exact = np.diff(place) / (DURATION / SAMPLES)
         # friction bends the curve sharply at captures: the cubic is good to a part in a thousand
-        found = np.asarray(signal.output)[case, :SAMPLES]
-        assert np.max(np.abs(found - dense)) < 2e-3 * max(speed, 0.3)
+        size = max(float(one.belt.speed), 0.3)
+        assert np.max(np.abs(means[case] - exact)) < 1e-3 * size
+        np.testing.assert_allclose(np.mean(means[case] ** 2 + inner[case]), square[case], rtol=1e-4)
+
+
+def test_a_finer_look_is_the_same_motion_in_the_same_program():
+    spec = sweep_spec()
+    coarse = cells.evaluate(spec, np.arange(7), 1, 64)
+    compiled = cells._compute._cached._cache_size()
+    fine = cells.evaluate(spec, np.array([2, 5]), 4, 64)
+    assert cells._compute._cached._cache_size() == compiled
+    assert fine["signal"].shape == (2, 4 * spec.samples)
+    means = fine["signal"].reshape(2, spec.samples, 4).mean(axis=-1)
+    # other steps, the same motion to the tolerance
+    np.testing.assert_allclose(means, coarse["signal"][[2, 5]], atol=1e-3)
+    assert np.abs(fine["signal"]).max() > 0.1
 
 
 @eqx.filter_jit
@@ -167,7 +191,7 @@ def sweep_spec(angles=(-30, 30), speed=0.3, **run):
 def test_flows_and_a_jump_are_one_compiled_function_each(pool):
     """By `launch.COMPILER`, whose options a new XLA may rename; and barriers keep it small."""
     wiper, position, _ = pool
-    text = run.lower(wiper, position, jnp.int32(CASES), room=0).compile().compiled.as_text()
+    text = compiled.lower(wiper, position, jnp.int32(CASES), room=0).compile().compiled.as_text()
     assert text.count('xla_cpu_small_call="true"') == 2
     assert text.count(" = ") < 30_000
 
@@ -198,9 +222,9 @@ def test_a_cell_that_spends_its_budget_fails_alone():
     assert np.all(np.isnan(columns["stick_fraction"][spent]))
     assert np.all(np.isfinite(columns["stick_fraction"][~spent]))
     # samples up to where it came, and nothing behind
-    run = sweep_spec().run
-    time = run.transient + run.window / run.samples * np.arange(run.samples)
-    reached = time <= columns["final_time"][:, None]
+    run, samples = sweep_spec().run, sweep_spec().samples
+    ends = run.transient + run.window / samples * np.arange(1, samples + 1)
+    reached = ends <= columns["final_time"][:, None] * (1 + 1e-12)
     np.testing.assert_array_equal(np.isfinite(columns["signal"]), reached)
     assert not reached[spent].all()
 

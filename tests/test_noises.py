@@ -15,7 +15,7 @@ from scipy import signal
 from wiperjax import Event
 from wiperjax.cells import evaluate
 from wiperjax.scene import run as play
-from wiperjax.schema import BANDS, LABELS, MECHANISMS, SETTLED
+from wiperjax.schema import BANDS, LABELS, MECHANISMS, SETTLED, TOLD
 from wiperjax.spec import load_scene, load_sweep
 from wiperjax.work import evaluate_block
 
@@ -52,7 +52,12 @@ OTHERS = {  # further cells that a claim rests on
     "chatter weak remedy": ("chatter", {"support_damping": 2}),
     "squeal_slip less damping": ("squeal_slip", {"support_damping": 3}),
     "reversal damped": ("reversal", {"support_damping": 20}),
-    "squeal_reversal half a remedy": ("squeal_reversal", {"support_damping": 10}),
+    "squeal_reversal half a remedy": ("squeal_reversal", {"support_damping": 6}),
+    # the tip vibrates above half the sampling rate of the first look
+    "squeal steep": ("squeal", {"attack_angle": 40, "normal_load": 20, "belt_speed": 0.2091}),
+    "squeal steeper": ("squeal", {"attack_angle": 40, "normal_load": 25, "belt_speed": 0.2091}),
+    # a train of pulses whose eleventh line is the highest by a hair
+    "chatter rare": ("chatter", {"attack_angle": -40, "normal_load": 5, "belt_speed": 0.0437}),
     "reversal_sine undamped": ("reversal_sine", {"support_damping": 1, "lip_length": 3e-3}),
 }
 
@@ -208,7 +213,8 @@ def test_a_squeal_that_lives_only_within_the_window_is_no_quiet(cells):
     half = cells["squeal_reversal half a remedy"]
     assert half["velocity_rms_stroke"] < 0.01 * half["belt_speed_rms"]
     assert (half["label"], half["mechanism"]) == ("squeal", "stick_slip")
-    assert 0.015 < half["tone_time_before"] < 0.025 and half["tone_time_after"] < 0.015
+    # after the turn: before it, how long the tone is hangs on what the solver's errors start
+    assert 0.015 < half["tone_time_after"] < 0.019
     # a cure of the pulse that makes a tone of another pitch is none
     short = cells["reversal_sine undamped"]
     assert (short["label"], short["mechanism"], short["band"]) == ("other", "stick_slip", "low")
@@ -229,6 +235,23 @@ def test_squeal_with_and_without_stick(cells):
     # close to the glass's speed all the same, and grown from steady slip that is unstable
     assert 0.4 < slip["velocity_rms"] / 0.21 < 1 / np.sqrt(2) and slip["growth_rate"] > 0
     assert cells["squeal_slip less damping"]["mechanism"] == "stick_slip"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "label", "band", "frequency"),
+    [
+        ("squeal steep", "other", "high", 3200.7),
+        ("squeal steeper", "other", "high", 3385.2),
+        ("chatter rare", "chattering", "chatter", 9.99),
+    ],
+)
+def test_frequencies_that_the_first_samples_do_not_tell(cells, name, label, band, frequency):
+    """Computed beforehand with 20 and 80 kHz; at 5120 Hz the first two look like 1919 and 1735."""
+    cell = cells[name]
+    assert (cell["label"], cell["band"], cell["settled"]) == (label, band, "yes")
+    assert cell["dominant_frequency"] == pytest.approx(frequency, rel=2e-3)
+    assert cell["frequency_told"] == TOLD["yes"]
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax import plots, scene, storage
+from wiperjax import plots, runs, scene, storage
 from wiperjax.assess import assess, words
 from wiperjax.labels import Thresholds
 from wiperjax.parameters import PARAMETERS
@@ -207,3 +207,23 @@ def test_reversal_file_has_its_pulse():
     assert words(found)["label"] == "reversal"
     assert words(found)["mechanism"] == "reversal_pulse" and found.stick_fraction_stroke == 0
     assert float(found.normal_force_max_reversal) == pytest.approx(15.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("interval", "frequency"), [(2e-4, None), (5e-5, 3200.7)])
+def test_a_run_sampled_too_coarsely_does_not_say_what_it_seems(interval, frequency):
+    """At 5 kHz the samples look like 1800 Hz."""
+    data = {
+        "blade": {"attack_angle": 40, "normal_load": 20},
+        "belt": {"speed": 0.2091},
+        "run": {"duration": 0.1, "sample_interval": interval, "rtol": 1e-6},
+    }
+    run = scene.run(parse_scene(data))
+    found = assess(run)
+    said = words(found)
+    if frequency is None:
+        assert np.isnan(found["dominant_frequency"]) and np.isnan(runs.pitch(run))
+        assert (said["label"], said["band"], said["settled"]) == ("other", "none", "unknown")
+    else:
+        assert float(found["dominant_frequency"]) == pytest.approx(frequency, rel=2e-3)
+        assert runs.pitch(run) == pytest.approx(frequency, rel=2e-3)
+        assert (said["label"], said["band"], said["settled"]) == ("other", "high", "yes")

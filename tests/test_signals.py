@@ -5,7 +5,7 @@ import pytest
 
 from wiperjax import signals
 from wiperjax.labels import Thresholds
-from wiperjax.schema import SETTLED
+from wiperjax.schema import SETTLED, TOLD
 
 INTERVAL = 1 / 4096
 TIME = INTERVAL * np.arange(8192)  # 2 s: two periods at 1 Hz
@@ -14,8 +14,8 @@ LIMITS = Thresholds()
 SINCE = (TIME * 2 - np.round(TIME * 2)) / 2  # V = 0 at 0, 0.5, 1 s, ...
 
 
-def columns(*rows, since=None, wiping=None, limits=LIMITS, quiet=1e-3):
-    return signals.signal_columns(np.array(rows), INTERVAL, limits, quiet, since, wiping)
+def columns(*rows, since=None, wiping=None, limits=LIMITS, quiet=1e-3, inner=0.0):
+    return signals.signal_columns(np.array(rows), INTERVAL, limits, quiet, since, wiping, inner)
 
 
 def tone(frequency, size=1.0):
@@ -43,7 +43,7 @@ def test_settled(answer, signal):
 
 def test_a_steady_belt_is_all_stroke():
     found = columns(tone(40) + 0.3, tone(700))
-    assert set(found) == {"dominant_frequency", "settled"}
+    assert set(found) == {"dominant_frequency", "frequency_told", "settled"}
     assert found["dominant_frequency"] == pytest.approx([40, 700], abs=0.05)
 
 
@@ -137,3 +137,28 @@ def test_cells_that_ended_are_unknown():
     found = columns(lost, tone(700), since=SINCE, wiping=1.0)
     assert np.isnan(found["dominant_frequency"][0]) and found["settled"][0] == SETTLED["unknown"]
     assert np.isfinite(found["dominant_frequency"][1])
+
+
+def fast(frequency, where, size=0.2):
+    """Means over each sample of a tone that sounds ``where``, and the variance inside them."""
+    x = np.sinc(frequency * INTERVAL)
+    mean = np.where(where, size * x * np.sin(TURN * frequency * TIME), 0.0)
+    return mean, np.where(where, size**2 / 2 * (1 - x**2), 0.0)
+
+
+@pytest.mark.parametrize(("frequency", "told"), [(700.0, "yes"), (3400.0, "no"), (4796.0, "no")])
+def test_strokes_tell_a_tone_only_below_half_the_sampling_rate(frequency, told):
+    """3400 and 4796 Hz are folded to 696 and 700 Hz: squeal, if nobody looked."""
+    mean, inner = fast(frequency, np.abs(SINCE) > 0.05)
+    found = columns(mean + flips(), since=SINCE, wiping=1.0, inner=inner[None])
+    assert found["frequency_told"] == TOLD[told]
+    assert found["velocity_rms_stroke"] == pytest.approx(0.2 / np.sqrt(2), rel=0.07)
+
+
+@pytest.mark.parametrize(("frequency", "told"), [(700.0, "yes"), (3400.0, "no")])
+def test_a_tone_at_the_turn_is_told_or_not(frequency, told):
+    mean, inner = fast(frequency, (SINCE > 0.002) & (SINCE < 0.034))
+    found = columns(mean, since=SINCE, wiping=1.0, inner=inner[None])
+    assert found["frequency_told"] == TOLD[told]
+    assert found["tone_time_after"] == pytest.approx(0.032, abs=5e-3)
+    assert np.isnan(found["tone_frequency_after"][0]) == (told == "no")

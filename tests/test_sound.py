@@ -15,9 +15,11 @@ def tone(frequency, amplitude=0.5, seconds=0.2, step=2e-5, mean=0.3) -> xr.Datas
     """Run of a blade whose tip velocity is a sine about a mean."""
     time = step * np.arange(round(seconds / step) + 1)
     speed = mean + amplitude * np.sin(2 * np.pi * frequency * time)
+    place = mean * time - amplitude / (2 * np.pi * frequency) * np.cos(2 * np.pi * frequency * time)
     flags = {"flag_values": np.arange(4), "flag_meanings": "stick slip_pos slip_neg flight"}
     return xr.Dataset(
         {
+            "position": (("time", "axis"), np.column_stack([place, 0 * place]), {"units": "m"}),
             "velocity": (("time", "axis"), np.column_stack([speed, 0 * speed]), {"units": "m/s"}),
             "normal_force": ("time", 15 + 3 * (speed - mean) / amplitude, {"units": "N/m"}),
             "regime": ("time", np.full(time.size, 2, dtype=np.int8), flags),

@@ -118,7 +118,7 @@ def test_every_reference_value_lies_in_its_own_range():
 def test_defaults_of_run_start_and_classes():
     spec = sweep(ONE_AXIS)
     assert (spec.run.rtol, spec.run.precision, spec.run.solver) == (1e-6, "float64", "tsit5")
-    assert (spec.run.max_steps, spec.run.zeno_time, spec.run.samples) == (200_000, 1e-8, 2048)
+    assert (spec.run.max_steps, spec.run.zeno_time, spec.run.samples) == (200_000, 1e-8, None)
     assert spec.run.atol is None and spec.run.event_log is None
     assert spec.start.kind == "default"
     assert spec.classes.squeal_band == (500.0, 1000.0)
@@ -493,18 +493,33 @@ def test_faults_of_scenes():
         parse_scene({"belt": {"kind": "trapezoid"}, "run": {"duration": 1}}, "s")
 
 
-def test_notes_on_windows_and_samples():
+def test_notes_on_windows():
     """What is allowed but makes classes that nobody means."""
     axes = {"attack_angle": {"values": [-30.0, 0.0]}}
-    steady = {"axes": axes, "run": {"transient": 0.1, "window": 2.0, "samples": 2048}}
-    (note,) = parse_sweep(steady).notes()
-    assert note.startswith("run.samples resolve frequencies up to 512 Hz only; take 4000 or more")
     belt = {"kind": "wiping", "amplitude": 0.8, "frequency": 0.7}
     run = {"transient": 0.1, "window": 2.0, "samples": 4096}
     (note,) = parse_sweep({"axes": axes, "belt": belt, "run": run}).notes()
     assert "reversal_window is 0.025 s, but the glass needs up to 0.072 s after V = 0" in note
     wide = {"axes": axes, "belt": belt, "run": run, "classes": {"reversal_window": 0.1}}
     assert parse_sweep(wide).notes() == []
+
+
+@pytest.mark.parametrize(
+    ("window", "top", "samples"),
+    [(0.4, 1000, 2048), (2.0, 1000, 10048), (0.03, 1000, 192), (1e-3, 1000, 64), (0.4, 2500, 5056)],
+)
+def test_samples_follow_the_window_and_the_highest_squeal(window, top, samples):
+    """Five a period: what is slower is told at the first look, a longer window folds nothing."""
+    data = {
+        "axes": {"attack_angle": {"values": [0.0]}},
+        "run": {"transient": 0.1, "window": window},
+        "classes": {"squeal_band": [500, top]},
+    }
+    spec = parse_sweep(data)
+    assert spec.samples == samples >= 5 * top * window
+    # spelling it out is the same sweep
+    assert parse_sweep(data | {"run": data["run"] | {"samples": samples}}).digest() == spec.digest()
+    assert parse_sweep(data | {"run": data["run"] | {"samples": 99}}).samples == 99
 
 
 def test_time_of_a_flip():

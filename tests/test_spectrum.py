@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from wiperjax.spectrum import dominant_frequency
+from wiperjax.spectrum import dominant_frequency, strongest_lines
 
 WINDOW = 0.2
 SAMPLES = 2048
@@ -143,3 +143,69 @@ def test_repetition_rate_of_narrow_pulses_whose_harmonics_are_higher():
     pulse = np.where(phase < 0.04, np.sin(np.pi * phase / 0.04), 0.0)
     pulse += 0.3 * np.where(second < 0.04, np.sin(np.pi * second / 0.04), 0.0)
     assert dominant_frequency(pulse, INTERVAL) == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize(("spacing", "duty"), [(5.7, 0.02), (7.9, 0.04), (10.0, 0.046)])
+def test_a_flat_comb_repeats_at_its_spacing_however_high_its_strongest_line(spacing, duty):
+    """Slip pulses of a slow belt: the strongest line is the eleventh or so, by a few per cent."""
+    samples, window = 2048, 0.8
+    time = np.arange(samples) * window / samples
+    phase = (spacing * time + 0.3) % 1.0
+    pulse = np.where(phase < duty, np.sin(2 * np.pi * phase / duty), 0.0)  # no mean: a high comb
+    power = np.abs(np.fft.rfft(pulse * np.hanning(samples)))
+    assert np.argmax(power) / window > 7 * spacing  # else the test says nothing
+    pulse += np.where(phase < 4 * duty, 0.5 * np.sin(np.pi * phase / duty / 4), 0.0)
+    assert dominant_frequency(pulse, window / samples) == pytest.approx(spacing, rel=0.02)
+
+
+def test_two_lines_far_apart_are_no_comb():
+    signal = np.sin(2 * np.pi * 700 * TIME) + 0.6 * np.sin(2 * np.pi * 70 * TIME)
+    assert dominant_frequency(signal, INTERVAL) == pytest.approx(700, rel=1e-4)
+
+
+RATE = SAMPLES / WINDOW  # 10240 Hz
+
+
+def means(*lines):
+    """Means over each sample and mean variance inside, of sines (frequency, size), both exact."""
+    edges = np.append(TIME, WINDOW)[None]
+    omega, size = (np.array(column)[:, None] for column in zip(*lines, strict=True))
+    omega = 2 * np.pi * omega
+    place = np.sum(-size / omega * np.cos(omega * edges + size), axis=0)
+    mean = np.diff(place) / INTERVAL
+    return mean, max(np.sum(size**2) / 2 - np.var(mean), 0.0)
+
+
+@pytest.mark.parametrize("frequency", np.linspace(0.01, 0.48, 25) * RATE)
+def test_a_line_below_half_the_sampling_rate_is_told(frequency):
+    mean, inner = means((frequency, 1.0))
+    found = strongest_lines(mean, INTERVAL, averaged=True, inner=[inner])
+    assert found.told and found.frequency == pytest.approx(frequency, rel=1e-4)
+
+
+@pytest.mark.parametrize("frequency", np.r_[0.51:0.99:30j, 1.03:3.9:31j] * RATE)
+def test_a_folded_line_is_not_taken_for_what_it_seems(frequency):
+    mean, inner = means((frequency, 1.0))
+    found = strongest_lines(mean, INTERVAL, averaged=True, inner=[inner])
+    assert not found.told
+
+
+@pytest.mark.parametrize(("size", "told"), [(0.2, True), (0.5, True), (1.0, False), (2.0, False)])
+def test_a_hidden_line_matters_when_it_may_be_the_stronger(size, told):
+    mean, inner = means((700.0, 1.0), (1.25 * RATE + 33, size))
+    found = strongest_lines(mean, INTERVAL, averaged=True, inner=[inner])
+    assert found.told == told
+
+
+def test_means_weaken_lines_and_that_is_undone():
+    """The higher of two lines stays the strongest, though its mean comes down to 0.81."""
+    mean, inner = means((400.0, 0.9), (0.35 * RATE, 1.0))
+    assert abs(np.sinc(0.35)) < 0.9 < 1.0
+    found = strongest_lines(mean, INTERVAL, averaged=True, inner=[inner])
+    assert found.frequency == pytest.approx(0.35 * RATE, rel=1e-4)
+
+
+def test_of_values_at_instants_nothing_more_is_known():
+    folded = np.sin(2 * np.pi * 0.7 * RATE * TIME)
+    found = strongest_lines(folded, INTERVAL)
+    assert found.told and found.frequency == pytest.approx(0.3 * RATE, rel=1e-4)

@@ -50,20 +50,20 @@ def make_spec(angles: int = 7, loads: int = 5, speeds: int = 11, **run):
         {
             "title": "stub",
             "axes": axes,
-            "run": {"transient": 0.2, "window": 0.2, "samples": 256} | run,
+            "run": {"transient": 0.2, "window": 0.2, "samples": 512} | run,
         }
     )
 
 
-def evaluate(spec, index):
+def evaluate(spec, index, finer=1, room=None):
     """Cells of every class, with the sampled velocity that the engine would return."""
     cells = spec.cells(index)
     speed, angle = (
         np.broadcast_to(cells[name], index.shape) for name in ("belt_speed", "attack_angle")
     )
-    time_ = np.arange(spec.run.samples) * spec.run.window / spec.run.samples
+    time_ = np.arange(finer * spec.samples) * spec.run.window / (finer * spec.samples)
     frequency = np.where(angle < 0, 40.0, 580.0) + 10 * speed
-    wave = np.sin(2 * np.pi * frequency[:, None] * time_)
+    wave = np.sqrt(2) * speed[:, None] * np.sin(2 * np.pi * frequency[:, None] * time_)
     return {
         "result": np.where(index % 17 == 3, RESULTS["non_finite"], RESULTS["finished"]),
         "velocity_rms": np.where(index % 5 == 0, 0.0, speed),
@@ -173,6 +173,7 @@ def test_one_axis_and_block_larger_than_the_map(tmp_path):
     def flat(spec, index):
         return evaluate(spec, index) | {
             "stick_fraction": np.zeros(len(index)),
+            "velocity_rms": np.zeros(len(index)),
             "signal": np.ones((len(index), 64)),
         }
 
@@ -247,8 +248,8 @@ def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
     np.testing.assert_array_equal(ds.regime_raster, expected)
     assert ds.regime_raster.dtype == np.uint8 and ds.regime_raster.dims[-1] == "raster_time"
     assert schema.flag_names(ds.regime_raster)[255] == "none"
-    step = spec.run.window / spec.run.samples
-    np.testing.assert_allclose(ds.raster_time, np.arange(7) * 256 // 7 * step)
+    step = spec.run.window / spec.samples
+    np.testing.assert_allclose(ds.raster_time, np.arange(7) * spec.samples // 7 * step)
     whole_ = sweep.run(spec, evaluate=with_raster, block=BLOCK, progress=False)
     xr.testing.assert_identical(data_of(ds), data_of(whole_))
     assert verify(path, cells=20, evaluate=with_raster).passed
@@ -257,11 +258,11 @@ def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
     assert len(verify(path, cells=20, evaluate=with_raster).differing) == 20
 
 
-def with_events(spec, index):
+def with_events(spec, index, *look):
     """`evaluate` with an event log: cells of 0 to 8 events, where there is room for 5."""
     room, count = spec.run.event_log, index % 9
     held = np.arange(room) < count[:, None]
-    return evaluate(spec, index) | {
+    return evaluate(spec, index, *look) | {
         "event_count": count,
         "event_overflow": count > room,
         "event_time": np.where(held, 1e-3 * np.arange(room) + 1e-6 * index[:, None], np.nan),
@@ -941,7 +942,7 @@ def test_verify_recomputes_and_finds_a_changed_number(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
     run(spec, path)
     report = verify(path, cells=40, seed=1, evaluate=evaluate)
-    assert report.passed and report.same_versions and report.cells == 40 and report.columns == 13
+    assert report.passed and report.same_versions and report.cells == 40 and report.columns == 14
     assert set(report.largest) <= {"dominant_frequency"}
     with h5py.File(path, "r+") as file:
         file["normal_force_max"][...] = file["normal_force_max"][...] * (1 + 1e-6)

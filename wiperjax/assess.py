@@ -12,7 +12,8 @@ import xarray as xr
 
 from .labels import classify, stored
 from .results import RESULTS
-from .schema import BANDS, LABELS, MECHANISMS, SETTLED, flag_names
+from .runs import means
+from .schema import BANDS, LABELS, MECHANISMS, SETTLED, TOLD, flag_names
 from .signals import signal_columns
 
 TURN = 2 * np.pi
@@ -70,8 +71,15 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         columns["normal_force_mean_stroke"] = force[~near].mean() if (~near).any() else np.nan
         columns |= _events(run, transient, end, limits.reversal_window)
     quiet = limits.quiet_velocity_ratio * columns["belt_speed_rms"]
-    found = signal_columns(velocity[None], interval, limits, quiet, since, wiping)
+    mean, inner = means(kept)
+    if since is None:
+        inner = inner.mean(keepdims=True)
+    else:
+        since = since[:-1] + 0.5 * interval
+    found = signal_columns(mean[None], interval, limits, quiet, since, wiping, inner[None])
     columns |= {name: values[0] for name, values in found.items()}
+    if columns["frequency_told"] == TOLD["no"]:
+        columns["dominant_frequency"] = np.nan
     return _named(columns | classify(columns, limits))
 
 

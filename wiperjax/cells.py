@@ -7,16 +7,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .averaging import Samples, Signal
 from .belts import SteadyBelt
 from .columns import columns_of
 from .dataset import raster_index
 from .dealing import capacity, deal, dearest_first
 from .ladder import on_rung, start_on_rung
-from .lanes import ROUND, Outcome, Pool, run_pool
+from .lanes import Outcome, Pool, run_pool
 from .margins import watch
 from .noise import ReversalTotals
 from .observers import RegimeTotals
-from .sampling import SAMPLES_PER_STEP, Signal
 from .scene import SOLVERS, build_wiper, start_state
 from .solve import make_problem
 from .system import AbstractSystem
@@ -26,6 +26,7 @@ from .wiper import Wiper
 LANES = {"float64": 128, "float32": 256}
 WIDE = 1 << 16  # on a device of another kind, which needs many to be busy (not measured)
 CASES_PER_LANE = 8  # at least: the last cases of a block leave lanes empty
+RING = 4  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
 
 
 def lane_count(precision: str, cases: int) -> int:
@@ -40,22 +41,33 @@ def identity() -> dict[str, str]:
     return {"device": jax.devices()[0].device_kind}
 
 
-def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
+def evaluate(
+    spec: Any, index: np.ndarray, finer: int = 1, room: int | None = None
+) -> dict[str, Any]:
     """Return the columns of the cells ``index`` of a `SweepSpec`, each of shape (len(index),).
 
-    Beside columns of `schema.SCHEMA`: ``signal`` (cells, samples), the tip velocity [m/s] at
-    ``sample_interval`` [s], and ``occupancy`` of the batch.
+    Beside columns of `schema.SCHEMA`: ``signal`` (cells, samples), the mean tip velocity [m/s] over
+    each ``sample_interval`` [s] of the window, on a belt that reverses ``signal_inner``, its
+    variance inside each, and ``occupancy`` of the batch.
+
+    ``finer``: times as many samples; ``room`` (default: the number of cells) for so many cells with
+    the plain number of samples the program is compiled. Calls of one room share it, if they have
+    at most room / finer cells.
     """
-    if spec.sensitivities is not None:
+    if spec.sensitivities is not None and finer == 1:
         from . import sensitivity  # it stands on this module
 
         return sensitivity.evaluate(spec, index)
-    wiper, system, position, velocity = prepare(spec, index)
+    wiper, system, position, velocity = prepare(spec, index, room)
     settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
+    sampling = Sampling.of(spec, finer)
 
     def compute(cells, count):
         system, position, velocity = cells
-        return _compute(system, position, velocity, count, limit, settings)
+        outcome, samples, effort = _compute(
+            system, position, velocity, count, limit, sampling, settings
+        )
+        return outcome, sampling.rows(samples, spec.run.raster), effort
 
     precision, size = spec.run.precision, position[0].shape[-1]
     cells = (
@@ -68,13 +80,13 @@ def evaluate(spec: Any, index: np.ndarray) -> dict[str, Any]:
     return columns_of(spec, outcome, signal, effort, wiper, len(index))
 
 
-def prepare(spec, index) -> tuple[Wiper, Any, tuple, tuple]:
+def prepare(spec, index, room: int | None = None) -> tuple[Wiper, Any, tuple, tuple]:
     """Return wiper, system (its rung), positions and velocities of the cells ``index``, and
-    of some that fill up.
+    of some that fill up to ``room``.
 
     Every call of a sweep has the same shapes (one compilation).
     """
-    size = capacity(len(index))
+    size = capacity(max(len(index), room or 0))
     padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
     wiper = build_wiper(spec.cells(padded), spec.belt.kind)
     system = on_rung(wiper, spec.model)
@@ -99,8 +111,37 @@ class _Settings(NamedTuple):
 
 
 def _settings(spec) -> _Settings:
-    given = {name: getattr(spec.run, name) for name in _Settings._fields[:-1]}
+    run = spec.run.model_copy(update={"samples": spec.samples})
+    given = {name: getattr(run, name) for name in _Settings._fields[:-1]}
     return _Settings(**given, reversal_window=spec.classes.reversal_window)
+
+
+class Sampling(NamedTuple):
+    """How the settled window is sampled; traced, so that a finer look compiles nothing."""
+
+    interval: jax.Array  # [s]
+    count: jax.Array
+
+    @classmethod
+    def of(cls, spec, finer: int = 1) -> "Sampling":
+        """Return the sampling that ``spec`` asks for, ``finer`` times as fine."""
+        count = finer * spec.samples
+        return cls(jnp.asarray(spec.run.window / count), jnp.asarray(count, jnp.int32))
+
+    def rows(self, samples: Samples, raster: int | None) -> Samples:
+        """Return what the engine has recorded as (cases, samples) each; of the regimes the
+        ``raster``."""
+        count = int(self.count)
+
+        def row(flat):
+            flat, length = np.asarray(flat), count + RING
+            cases = len(flat) // length
+            return flat[: cases * length].reshape(cases, length)[:, :count]
+
+        found = jax.tree.map(row, samples)
+        if raster is None:
+            return found
+        return found._replace(regime=found.regime[:, raster_index(count, raster)])
 
 
 def _arrays(system: AbstractSystem, precision: str) -> AbstractSystem:
@@ -123,20 +164,21 @@ def _full(pair, size, precision):
 
 @eqx.filter_jit
 def _compute(
-    system, position, velocity, count, max_steps, s: _Settings
+    system, position, velocity, count, max_steps, sampling: Sampling, s: _Settings
 ) -> tuple[Outcome, Any, Any]:
     """Run the cells of one share. A program for one device: compiled for several together it
     would round otherwise, and a map would depend on the number of cores.
     """
-    return outcomes(system, position, velocity, count, max_steps, s)
+    return outcomes(system, position, velocity, count, max_steps, sampling, s)
 
 
-def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched=False):
+def outcomes(
+    system, position, velocity, count, max_steps, sampling: Sampling, s: _Settings, watched=False
+):
     """`_compute`, to be called inside `jax.jit`; ``watched``: with `margins` in the record."""
-    interval = s.window / s.samples
-    if isinstance(system.belt, SteadyBelt):
-        totals = RegimeTotals(s.transient)
-    else:
+    steady = isinstance(system.belt, SteadyBelt)
+    totals = RegimeTotals(s.transient)
+    if not steady:
         totals = ReversalTotals(s.transient, s.reversal_window)
     if watched:
         totals = watch(system, totals)
@@ -150,15 +192,16 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
         atol=s.atol,
         signal=Signal(
             s.transient,
-            interval,
-            s.samples,
-            SAMPLES_PER_STEP * ROUND,
-            s.raster is not None,
+            sampling.interval,
+            sampling.count,
+            room=position[0].shape[-1] * (s.samples + RING),
+            ring=RING,
+            inner=not steady,  # of a steady belt the statistics tell it
+            regimes=s.raster is not None,
         ),
         max_events=s.event_log or 0,
         log_start=s.transient,
         max_steps=max_steps,
-        max_step=SAMPLES_PER_STEP * interval,
         zeno_time=s.zeno_time,
         mark=s.transient,
         observer=totals,
@@ -166,8 +209,4 @@ def outcomes(system, position, velocity, count, max_steps, s: _Settings, watched
     )
     pool = Pool(problem, q, v, start, count)
     lanes = lane_count(s.precision, q[0].shape[-1])
-    outcome, signal, effort = run_pool(pool, lanes)
-    if s.raster is not None:
-        kept = np.array(raster_index(s.samples, s.raster))
-        signal = signal._replace(regime=signal.regime[:, kept])
-    return outcome, signal, effort
+    return run_pool(pool, lanes)

@@ -22,14 +22,16 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
     run = spec.run
     useful, executed = effort
     columns: dict[str, Any] = _columns(outcome, run, wiper, count)
-    columns["signal"] = signal.output[:, : run.samples]
+    columns["signal"] = signal.output
+    columns["sample_interval"] = interval = run.window / signal.output.shape[1]
+    if signal.inner is not None:
+        columns["signal_inner"] = signal.inner
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
     if outcome.log is not None:
         columns |= _events(outcome.log, run)
-    columns["sample_interval"] = interval = run.window / run.samples
     if not isinstance(wiper.belt, SteadyBelt):
-        times = run.transient + interval * np.arange(run.samples)
+        times = run.transient + interval * (np.arange(signal.output.shape[1]) + 0.5)
         per_cell = jax.tree.map(lambda x: cellwise(x, count)[:, None], wiper.belt)
         columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
         columns["wiping_frequency"] = cellwise(wiper.belt.wiping_frequency, count)

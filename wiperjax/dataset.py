@@ -66,9 +66,9 @@ def describe(spec: Any) -> dict[str, Any]:
         }
     further = {}
     if (instants := getattr(spec.run, "raster", None)) is not None:
-        step = spec.run.window / spec.run.samples
+        step = spec.run.window / spec.samples
         further["raster_time"] = {
-            "values": [k * step for k in raster_index(spec.run.samples, instants)],
+            "values": [k * step for k in raster_index(spec.samples, instants)],
             "attrs": {"units": "s", "long_name": "time since the start of the settled window"},
         }
     if (events := getattr(spec.run, "event_log", None)) is not None:

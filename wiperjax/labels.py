@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from .results import RESULTS
-from .schema import BANDS, LABELS, MECHANISMS, SETTLED, flag_names
+from .schema import BANDS, LABELS, MECHANISMS, SETTLED, TOLD, flag_names
 
 
 @dataclass(frozen=True)
@@ -81,13 +81,14 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
         and `normal_force_mean_stroke` (N/m), `vibration_reversal`, `vibration_stroke` and
         `velocity_rms_stroke` (m/s), `stick_fraction_stroke`, `flight_fraction_stroke`,
         `impact_impulse_reversal` and `impact_impulse_max` (N s/m), `tone_time_before` and
-        `tone_time_after` (s), `stick_count` and `reversal_count`.
+        `tone_time_after` (s), `stick_count` and `reversal_count`; `frequency_told` (`schema.TOLD`)
+        where the frequency is NaN for want of samples.
     - `thresholds`: `Thresholds`, or anything with its attributes; the defaults if None.
 
     A finished cell with NaN among the columns its class rests on is `failed`, never silently
-    another class. One exception: stick and a slip so short that it falls between two samples. Its
-    shares and its standard deviation are exact, its frequency is not known (NaN, though `settled`
-    says that all samples are finite): `other`, without a band, and `settled` comes back `unknown`.
+    another class. One exception: a motion whose frequency the finest samples do not tell
+    (`frequency_told` is "no"). Its shares and its standard deviation are exact, its frequency is
+    NaN: `other`, without a band, and `settled` comes back `unknown`.
 
     A tip that rides on the belt for the whole window is neither quiet, though a steady belt gives
     it a constant velocity (the spring must pull it back sooner or later: the window is too short),
@@ -123,8 +124,7 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
     at_turn = silent & reverses & (tone >= limits.tone_time)
     quiet = silent & ~at_turn
     sounds = ~quiet & ~carried
-    sampled = np.isin(of("settled"), [SETTLED["yes"], SETTLED["no"]])
-    unseen = sounds & np.isnan(frequency) & (stick > 0) & sampled
+    unseen = sounds & np.isnan(frequency) & (of("frequency_told") == TOLD["no"])
     low, high = limits.squeal_band
     squeal = sounds & (frequency >= low) & (frequency <= high)
     low, high = limits.chatter_band
@@ -218,6 +218,14 @@ def anatomy(ds: xr.Dataset, label: str = "other") -> list[tuple[str, str, int]]:
         for (m, b), n in zip(kinds.T, counts, strict=True)
     ]
     return sorted(rows, key=lambda row: -row[2])
+
+
+def untold(ds: xr.Dataset) -> int:
+    """Number of noisy cells whose frequency the finest samples do not tell."""
+    if "frequency_told" not in ds:
+        return 0
+    quiet = np.asarray(ds["label"]) == LABELS["quiet"]
+    return int(np.sum((np.asarray(ds["frequency_told"]) == TOLD["no"]) & ~quiet))
 
 
 def unsettled(ds: xr.Dataset) -> int:

@@ -14,8 +14,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from .results import RUNNING, Result
-from .sampling import Signal, flush
+from .averaging import Signal, flush
+from .results import Result
 from .solve import final_velocity
 from .state import TERM, EventLog, Problem, State, initial_state
 from .step import flow, jump
@@ -35,7 +35,7 @@ class Pool(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What every case leaves, (cases,) each; ``signal`` has the samples as last axis."""
+    """What every case leaves, (cases,) each."""
 
     result: jax.Array
     final_time: jax.Array
@@ -107,7 +107,8 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
 
     ``lanes`` trajectories are in flight at any time; ``flows`` is `flows_per_jump` unless given.
     The result of a case does not depend on its lane, its neighbours or their order. Samples come
-    back as a `sampling.Record`, with some room behind the last one. To be called inside `jax.jit`.
+    back as `averaging.Samples`, case after case in rows of ``problem.signal.length``. To be called
+    inside `jax.jit`.
     """
     capacity = pool.position[0].shape[-1]
     cases = jnp.minimum(pool.count, capacity).astype(jnp.int32)
@@ -124,7 +125,7 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
         start = jnp.broadcast_to(pool.start, at.shape)
         state = initial_state(_rebuild(problem, parts, shared), q, v, start)
         if signal is not None:
-            state = state._replace(samples=signal.empty((lanes,)))
+            state = state._replace(samples=signal.empty(q[0]))
         return parts, state
 
     # Every lane is idle at first, and filled inside the loop like any other: the same arithmetic
@@ -140,7 +141,7 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
 
     def refill(parts, state, case, upcoming, outcome):
         """Keep what has ended, and give its lanes the next cases."""
-        ended = state.result != RUNNING
+        ended = state.ended
         at = jnp.where(ended, case, capacity)
         outcome = jax.tree.map(
             lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"),
@@ -167,13 +168,13 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
             return lax.while_loop(lambda s: jnp.any(s.due >= 0), lambda s: jump(local, s), state)
 
         def goes_on(carry):
-            return jnp.sum(carry[0].result != RUNNING) < room
+            return jnp.sum(carry[0].ended) < room
 
         def round_(carry):
             state, samples, rounds = carry
             state = lax.fori_loop(0, turns, turn, state)
             if signal is not None:
-                samples, ring = flush(samples, state.samples, case, state.sample_index)
+                samples, ring = flush(signal, samples, state.samples, case)
                 state = state._replace(samples=ring)
             return state, samples, rounds + 1
 
@@ -188,7 +189,7 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
         return jnp.any(case < capacity) | (upcoming < cases)
 
     zero = jnp.zeros((), jnp.int64)
-    samples = signal and signal.record(capacity)
+    samples = None if signal is None else signal.record()
     carry = (parts, state, case, jnp.int32(0), blank, samples, zero, zero)
     *_, outcome, samples, useful, executed = lax.while_loop(busy, stretch, carry)
     return outcome, samples, Effort(useful, executed)

@@ -5,8 +5,11 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .observers import AbstractObserver, RegimeTotals, Totals, outputs
+from . import quartic
+from .fastmath import larger
+from .observers import AbstractObserver, RegimeTotals, Stretch, Totals, extremes, outputs
 from .results import Event, Regime
+from .stages import NODES
 from .system import Scalar
 
 
@@ -42,32 +45,71 @@ class ReversalTotals(AbstractObserver):
         s = stretch
         dtype = record.stroke_time.dtype
         on = s.start >= self.start
-        since = [s.system.belt.since_reversal(node.time) for node in s.nodes]
-        near = [jnp.abs(x) <= self.window for x in since]
-        just_after = [(n & (x >= 0)).astype(dtype) for n, x in zip(near, since, strict=True)]
+        step = s.step.astype(dtype)
         force = [node.forces.normal for node in s.nodes]
-        sizes = [jnp.where(n, jnp.abs(f), 0.0) for n, f in zip(near, force, strict=True)]
-        peak = reduce(jnp.maximum, sizes)  # a NaN stays one
-        far = [(~n).astype(dtype) for n in near]
-        vibration = [w * x * x for w, x in zip(just_after, outputs(s), strict=True)]
-        load = [w * f for w, f in zip(far, force, strict=True)]
+        load, squares = quartic.powers(force), quartic.powers([x * x for x in outputs(s)])
+        windows = self._windows(s)
 
-        def integral(values):
-            return jnp.where(on, s.integral(values), 0.0)
+        def within(coefficients, parts):
+            """Integral over parts of the step."""
+            ends = [(quartic.integral(coefficients, x) for x in part) for part in parts]
+            return step * sum(high - low for low, high in ends)
 
-        stroke = integral(far)
+        def counted(value):
+            return jnp.where(on, value, 0.0)
+
+        after = [(low, high) for low, high, behind in windows for low in (larger(low, behind),)]
+        after = [(low, larger(low, high)) for low, high in after]
+        near = [(low, high) for low, high, _ in windows]
+        one = (jnp.ones_like(step),)
+        stroke = counted(s.length.astype(dtype) - within(one, near))
+        peak = jnp.where(on, self._peak(s, load, near), 0.0)
 
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),
-            jnp.where(on, jnp.maximum(record.force_max_reversal, peak), record.force_max_reversal),
-            record.force_integral_stroke + integral(load),
+            jnp.maximum(record.force_max_reversal, peak),
+            record.force_integral_stroke + counted(s.integral(force) - within(load, near)),
             record.stroke_time + stroke,
             record.stick_time_stroke + jnp.where(s.regime == Regime.STICK, stroke, 0.0),
             record.flight_time_stroke + jnp.where(s.regime == Regime.FLIGHT, stroke, 0.0),
             record.impulse_max_reversal,
-            record.vibration_integral + integral(vibration),
-            record.vibration_time + integral(just_after),
+            record.vibration_integral + counted(within(squares, after)),
+            record.vibration_time + counted(within(one, after)),
         )
+
+    def _windows(self, s: Stretch):
+        """Parts of the step, (from, to, where V = 0 lies), within the window of the reversal behind
+        it, and of the one ahead; exact wherever a step ends. Empty ones begin where they end.
+        """
+        since = s.system.belt.since_reversal
+        size = jnp.where(s.step > 0, s.step, 1.0)
+        end = s.length / size
+        behind, ahead = since(s.start), since(s.start + s.length)
+        dtype = s.nodes[0].velocity[0].dtype
+        found = []
+        # in mid-stroke the nearest reversal becomes the next one: two windows, else one
+        same = jnp.abs(ahead - behind - s.length) < 0.5 * self.window
+        for zero, counts in ((-behind / size, True), (end - ahead / size, ~same)):
+            low, high = zero - self.window / size, zero + self.window / size
+            low, high = (jnp.clip(x, 0.0, end) for x in (low, high))
+            high = jnp.where(counts, high, low)
+            found.append(tuple(x.astype(dtype) for x in (low, high, zero)))
+        return found
+
+    def _peak(self, s: Stretch, load, near) -> Scalar:
+        """Largest normal force in parts of the step: the vertex, where all of it counts."""
+        whole, _ = extremes(s)
+        highest = jnp.zeros_like(whole)
+        for low, high in near:
+            inner = [
+                jnp.where((low <= u) & (u <= high), node.forces.normal, 0.0)
+                for u, node in zip(NODES, s.nodes, strict=True)
+            ]
+            ends = [jnp.where(high > low, quartic.value(load, x), 0.0) for x in (low, high)]
+            all_of_it = (low <= 0) & (high >= 1)
+            partly = reduce(jnp.maximum, [*inner, *ends])  # a NaN stays one
+            highest = jnp.maximum(highest, jnp.where(all_of_it, whole, partly))
+        return highest
 
     def event(self, record, happening):
         e = happening

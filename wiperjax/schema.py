@@ -33,6 +33,7 @@ MECHANISMS = {
 }
 BANDS = {"none": 0, "chatter": 1, "low": 2, "squeal": 3, "high": 4}
 SETTLED = {"no": 0, "yes": 1, "unknown": 2}
+TOLD = {"no": 0, "yes": 1, "unknown": 2}  # whether the samples tell the frequency
 NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
 NONE = 255  # of an unsigned column: there is no such instant, no such event
 REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": NONE}
@@ -87,8 +88,13 @@ _TABLE = (
     Column("flight_fraction_stroke", "float64", "1", "share of the strokes in flight"),
     Column(
         "dominant_frequency", "float64", "Hz", "frequency of the strongest line of tip velocity",
-        comment="Hann window, refined between bins; NaN where all samples are equal; on a belt "
-        "that reverses of the strokes, or of a tone around V = 0 if they are quiet",
+        comment="Hann window, refined between bins; NaN where all samples are equal, or do not "
+        "tell it; on a belt that reverses of the strokes, or of a tone around V = 0 if they are "
+        "quiet",
+    ),
+    Column(
+        "frequency_told", "int8", "", "whether the samples tell the frequency", TOLD,
+        comment="no: something faster than the finest samples may be as strong",
     ),
     Column("velocity_rms", "float64", "m/s", "standard deviation of the tip velocity"),
     Column(

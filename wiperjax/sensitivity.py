@@ -57,6 +57,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     base = cells._arrays(wiper, run.precision)
     theta = {name: _whole(_value(wiper, name, kind), size) for name in names}
     settings, limit = cells._settings(spec), jnp.int32(run.max_steps)
+    sampling = cells.Sampling.of(spec)
 
     def start(theta):
         return _start(base, theta, spec)
@@ -71,10 +72,13 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
 
     def compute(given, number):
         wiper, theta, state, seeds = given
-        return _tangents(wiper, theta, state, seeds, number, limit, settings, kind)
+        *found, samples, effort = _tangents(
+            wiper, theta, state, seeds, number, limit, sampling, settings, kind
+        )
+        return *found, sampling.rows(samples, run.raster), effort
 
     order = dearest_first(wiper, count)
-    (outcome, signal, slopes), effort = deal(compute, (base, theta, state, seeds[:2]), order)
+    (outcome, slopes, signal), effort = deal(compute, (base, theta, state, seeds[:2]), order)
     columns = columns_of(spec, outcome, signal, effort, wiper, count)
     slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
 
@@ -108,14 +112,14 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
 
 
 @eqx.filter_jit
-def _tangents(wiper, theta, state, seeds, count, limit, s, kind):
+def _tangents(wiper, theta, state, seeds, count, limit, sampling, s, kind):
     """Run the cells of one share with all tangents; slopes come as (cells, parameters)."""
 
     def run(theta, state):
         w = with_parameters(wiper, theta, kind)
         position, velocity = state
         outcome, signal, effort = cells.outcomes(
-            w, position, velocity, count, limit, s, watched=True
+            w, position, velocity, count, limit, sampling, s, watched=True
         )
         seconds = outcome.observed.seconds._asdict()
         found = statistics(outcome, s.window) | {SECOND[k]: x for k, x in seconds.items()}
@@ -125,14 +129,16 @@ def _tangents(wiper, theta, state, seeds, count, limit, s, kind):
         return jax.jvp(run, (theta, state), (dtheta, dstate), has_aux=True)
 
     _, slopes, (outcome, signal, effort) = jax.vmap(push, out_axes=(None, -1, None))(*seeds)
-    return outcome, signal, slopes, effort
+    return outcome, slopes, signal, effort
 
 
 @eqx.filter_jit
-def _plain(wiper, theta, state, count, limit, s, kind):
+def _plain(wiper, theta, state, count, limit, sampling, s, kind):
     w = with_parameters(wiper, theta, kind)
     position, velocity = state
-    outcome, _, effort = cells.outcomes(w, position, velocity, count, limit, s, watched=True)
+    outcome, _, effort = cells.outcomes(
+        w, position, velocity, count, limit, sampling, s, watched=True
+    )
     return statistics(outcome, s.window), outcome.observed.word, effort
 
 
@@ -180,10 +186,11 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     state, known = _start(at, moved, spec)
     settings, limit = cells._settings(spec), jnp.int32(spec.run.max_steps)
     settings = settings._replace(rtol=max(1e-3 * settings.rtol, 1e-13))
+    sampling = cells.Sampling.of(spec)
 
     def compute(given, number):
         wiper, theta, state = given
-        return _plain(wiper, theta, state, number, limit, settings, kind)
+        return _plain(wiper, theta, state, number, limit, sampling, settings, kind)
 
     (found, words), _ = deal(compute, (at, moved, state), np.arange(copies))
     found |= {name: np.asarray(x)[:copies] for name, x in known.items()}
@@ -278,10 +285,10 @@ def _is_settled(columns, spec) -> np.ndarray:
     signal = np.asarray(columns["signal"], np.float64)
     quiet = columns["velocity_rms"] < spec.classes.quiet_velocity_ratio * columns["belt_speed_rms"]
     settled = np.zeros(len(signal), bool)
-    for i, f in enumerate(dominant_frequency(signal, run.window / run.samples)):
+    for i, f in enumerate(dominant_frequency(signal, run.window / spec.samples)):
         periods = np.floor(0.5 * f * run.window) if np.isfinite(f) else 0
         if periods >= 1:
-            n = int(round(periods / f / run.window * run.samples))
+            n = int(round(periods / f / run.window * spec.samples))
             a, b = np.std(signal[i, :n]), np.std(signal[i, -n:])
             settled[i] = abs(a - b) <= spec.sensitivities.settled * max(a, b)
     return settled | quiet

@@ -5,6 +5,9 @@ and drifts with the friction curve. So the STROKE is looked at apart from the RE
 within a window of V = 0: the samples of the reversal are faded out of the stroke's signal, and
 what is slower than `SLOW` times the wiping frequency is taken off it. On a steady belt all is
 stroke, and nothing is taken off.
+
+Samples are means over their intervals (`averaging`), with the variance inside beside them, so that
+levels are exact and a frequency that the samples cannot tell is known for what it is.
 """
 
 from typing import Any
@@ -12,9 +15,9 @@ from typing import Any
 import numpy as np
 import scipy.signal
 
-from .schema import SETTLED
-from .spectrum import dominant_frequency
-from .turns import tones
+from .schema import SETTLED, TOLD
+from .spectrum import strongest_lines
+from .turns import SIDES, tones
 
 SLOW = 10.0  # multiples of the wiping frequency that are the stroke's own motion, not vibration
 FADE = 0.25  # of the window: length of the fade beside it
@@ -27,27 +30,33 @@ def signal_columns(
     quiet_below: Any = 0.0,
     since: np.ndarray | None = None,
     wiping: Any = None,
+    inner: Any = 0.0,
 ) -> dict[str, np.ndarray]:
     """Columns of a map that come from samples of the tip velocity.
 
     Arguments:
 
-    - `signal`: tip velocity [m/s], (cells, samples), uniformly spaced; NaN where a cell ended.
+    - `signal`: mean tip velocity [m/s] over each sample interval, (cells, samples); NaN where a
+        cell ended.
     - `interval`: time [s] between samples.
     - `limits`: thresholds, as `labels.Thresholds`.
     - `quiet_below`: [m/s], a number or (cells,): motion that counts as none when settling is
         judged.
-    - `since`: time [s] since the nearest passage of V through zero, (samples,) or (cells,
-        samples); None on a steady belt.
+    - `since`: time [s] of the middle of each sample since the nearest passage of V through zero,
+        (samples,) or (cells, samples); None on a steady belt.
     - `wiping`: wiping frequency [Hz], a number or (cells,); None on a steady belt.
+    - `inner`: variance of the tip velocity inside each sample interval, (cells, samples), or its
+        mean, (cells, 1).
 
-    Returns: `dominant_frequency` [Hz] of the stroke, `settled` (`SETTLED`); on a belt that
-    reverses also `velocity_rms_stroke`, `vibration_reversal` and `vibration_stroke` [m/s],
-    `reversal_count` and the results of `turns.tones`. Where the strokes are quiet and a tone
-    around the turn is not, the dominant frequency is that of the longest tone. All (cells,).
+    Returns: `dominant_frequency` [Hz] of the stroke, `frequency_told` (`TOLD`; where "no", the
+    frequency is what the samples seem to say), `settled` (`SETTLED`); on a belt that reverses
+    also `velocity_rms_stroke`, `vibration_reversal` and `vibration_stroke` [m/s],
+    `reversal_count` and the results of `turns.tones`. Where the strokes are quiet and a tone around
+    the turn is not, the dominant frequency is that of the longest tone. All (cells,).
     """
     signal = np.atleast_2d(np.asarray(signal, dtype=float))
     found: dict[str, np.ndarray] = {}
+    finite = np.isfinite(signal).all(axis=-1)
     quiet_below = np.broadcast_to(np.asarray(quiet_below, dtype=float), signal.shape[:1])
     halves_agree = None
     if since is not None:
@@ -55,23 +64,44 @@ def signal_columns(
         wiping = np.broadcast_to(np.asarray(wiping, dtype=float), signal.shape[:1])
         weight = stroke_weight(since, limits.reversal_window)
         floor = limits.chatter_band[1]  # slower motion is the flip itself
+        inner = np.broadcast_to(inner, signal.shape)
         vibration = high_pass(signal, interval, floor)
         after = ((since >= 0) & (since <= limits.reversal_window)).astype(float)
-        found["vibration_reversal"] = weighted_rms(vibration, after)
-        signal = _strokes(signal, weight, interval, wiping)
-        found["velocity_rms_stroke"] = weighted_rms(signal, weight)
-        found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), weight)
-        found |= tones(vibration, interval, since, quiet_below)
+        found["vibration_reversal"] = weighted_rms(vibration, inner, after)
+        found |= tones(vibration, inner, interval, since, quiet_below)
+        signal, inner = _strokes(signal, weight, interval, wiping), inner * weight**4
+        found["velocity_rms_stroke"] = weighted_rms(signal, inner, weight)
+        found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), inner, weight)
         found["reversal_count"] = np.sum((since[:, :-1] < 0) & (since[:, 1:] >= 0), axis=1)
         # halves of a window compare if each holds whole periods
         periods = wiping * interval * signal.shape[1] / 2
         halves_agree = (np.round(periods) >= 1) & (np.abs(periods - np.round(periods)) < 1e-6)
-    found["dominant_frequency"] = dominant_frequency(signal, interval)
+    found["dominant_frequency"], told = strongest_lines(
+        signal, interval, averaged=True, inner=inner
+    )
+    found["frequency_told"] = np.where(told, TOLD["yes"], TOLD["no"])
     found["settled"] = settled(signal, interval, limits.settled_change, quiet_below)
     if halves_agree is not None:
         _name_tones(found, limits.tone_time, quiet_below)
         found["settled"] = np.where(halves_agree, found["settled"], SETTLED["unknown"])
+    found["frequency_told"] = np.where(finite, found["frequency_told"], TOLD["unknown"])
     return found
+
+
+def untold(columns: dict[str, np.ndarray], limits: Any) -> np.ndarray:
+    """Which cells make a noise, or a tone, whose frequency the samples do not tell, (cells,) bool.
+
+    `columns`: what `signal_columns` returns, and the statistics of the cells.
+    """
+    if "frequency_told" not in columns:
+        return np.zeros(0, bool)
+    loud = columns["velocity_rms_stroke" if "velocity_rms_stroke" in columns else "velocity_rms"]
+    sounds = loud > limits.quiet_velocity_ratio * columns["belt_speed_rms"]
+    wanted = sounds & (columns["frequency_told"] == TOLD["no"])
+    for side in SIDES if "tone_time_before" in columns else ():
+        lasts = columns[f"tone_time_{side}"] >= limits.tone_time
+        wanted = wanted | lasts & np.isnan(columns[f"tone_frequency_{side}"])
+    return wanted
 
 
 def _name_tones(found: dict[str, np.ndarray], least: float, quiet_below: np.ndarray) -> None:
@@ -80,6 +110,8 @@ def _name_tones(found: dict[str, np.ndarray], least: float, quiet_below: np.ndar
     heard = (np.fmax(before, after) >= least) & (found["velocity_rms_stroke"] <= quiet_below)
     pitch = np.where(after >= before, found["tone_frequency_after"], found["tone_frequency_before"])
     found["dominant_frequency"] = np.where(heard, pitch, found["dominant_frequency"])
+    told = np.where(np.isfinite(pitch), TOLD["yes"], TOLD["no"])
+    found["frequency_told"] = np.where(heard, told, found["frequency_told"])
 
 
 def settled(
@@ -95,7 +127,7 @@ def settled(
     half = signal.shape[-1] // 2
     parts = signal[..., :half], signal[..., -half:]
     spread = np.stack([part.std(axis=-1) for part in parts])
-    pitch = np.stack([dominant_frequency(part, interval) for part in parts])
+    pitch = np.stack([strongest_lines(part, interval, averaged=True).frequency for part in parts])
     silent = np.all(spread <= np.asarray(quiet_below), axis=0)
     with np.errstate(invalid="ignore"):
         steady = np.abs(spread[1] - spread[0]) <= change * spread.max(axis=0)
@@ -114,10 +146,12 @@ def stroke_weight(since: np.ndarray, window: float) -> np.ndarray:
     return 0.5 - 0.5 * np.cos(np.pi * rise)
 
 
-def weighted_rms(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Root of the weighted mean square along the last axis; NaN where all weights are 0."""
+def weighted_rms(values: np.ndarray, inner: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Root of the weighted mean square along the last axis, the variance `inner` of each sample
+    included; NaN where all weights are 0.
+    """
     total = weight.sum(axis=-1)
-    square = (weight * values**2).sum(axis=-1)
+    square = (weight * (values**2 + inner)).sum(axis=-1)
     return np.sqrt(np.where(total > 0, square / np.where(total > 0, total, 1.0), np.nan))
 
 

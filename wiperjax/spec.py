@@ -34,10 +34,15 @@ from wiperjax.spec_tables import (
 __all__ = ["SceneSpec", "SpecError", "SweepSpec", "load_scene", "load_sweep"]
 __all__ += ["parse_scene", "parse_sweep"]
 
-FORMAT = 1
+FORMAT = 2
 """Version of the meaning of a specification; part of its digest."""
 
 MAX_CELLS = 10**9
+
+SAMPLES_A_PERIOD = 5
+"""Samples of a period of the highest squeal, unless the file says how many there are."""
+
+FEWEST_SAMPLES, MOST_SAMPLES = 64, 2**16
 
 FLIP = 1.5
 """Lip lengths that the glass travels until a lip that lies on its shoulder has flipped over."""
@@ -216,6 +221,9 @@ class SweepSpec(_System):
                 raise Fault(f"axes.{name}", problem)
         if self.size > MAX_CELLS:
             raise Fault("axes", f"must make at most {MAX_CELLS} cells, made {self.size}")
+        if (instants := self.run.raster) is not None and instants > self.samples:
+            must = f"must be at most the number of samples ({self.samples})"
+            raise Fault("run.raster", f"{must}, was {instants}")
         self._check_system(self.axes)
         if self.sensitivities is not None:
             self._check_sensitivities(self.sensitivities)
@@ -230,6 +238,16 @@ class SweepSpec(_System):
     def size(self) -> int:
         """Number of cells."""
         return math.prod(self.shape)
+
+    @property
+    def samples(self) -> int:
+        """Samples of the settled window: those of the file, or `SAMPLES_A_PERIOD` of the highest
+        squeal, rounded up to a whole number of `FEWEST_SAMPLES`.
+        """
+        if self.run.samples is not None:
+            return self.run.samples
+        needed = SAMPLES_A_PERIOD * self.classes.squeal_band[1] * self.run.window
+        return min(max(1, math.ceil(needed / FEWEST_SAMPLES)) * FEWEST_SAMPLES, MOST_SAMPLES)
 
     def axes_values(self) -> dict[str, np.ndarray]:
         """Coordinates of the map: axis -> values (count,) in edge units (angles in degrees)."""
@@ -266,14 +284,7 @@ class SweepSpec(_System):
             reach = np.abs(axis.values()).max()
             if PARAMETERS[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
-        highest, run = self.classes.squeal_band[1], self.run
-        if run.samples < 2 * highest * run.window * (1 - 1e-9):
-            finest = run.samples / run.window / 2
-            least = math.ceil(2 * highest * run.window)
-            lines.append(
-                f"run.samples resolve frequencies up to {finest:.4g} Hz only; take {least} or more "
-                f"for the squeal band, up to {highest:g} Hz"
-            )
+        run = self.run
         if self.sensitivities is not None and run.rtol > 1e-8:
             # docs/gradients.md: 3e1 and 1e5 times the tolerance
             lines.append(
@@ -320,7 +331,7 @@ class SweepSpec(_System):
             "belt": self.belt.kind,
             "model": self.model,
             "start": self.start.model_dump(mode="json"),
-            "run": self.run.model_dump(mode="json"),
+            "run": self.run.model_dump(mode="json") | {"samples": self.samples},
             "classes": self.classes.model_dump(mode="json"),
         }
         if self.sensitivities is not None:

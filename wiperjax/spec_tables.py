@@ -144,7 +144,8 @@ class SweepRun(Table):
         solver: Runge-Kutta method.
         max_steps: step budget of one cell; a cell that spends it gets that result code.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
-        samples: samples of the settled window.
+        samples: of the settled window, at a first look; None: as many as the highest squeal needs
+            (`SweepSpec.samples`). Cells that they cannot tell the frequency of are looked at again.
         raster: instants of the settled window at which the regime is stored; None: it is not.
         event_log: events of the settled window, from its start on, that are stored of each cell
             (more are counted and flagged); None: none.
@@ -158,7 +159,7 @@ class SweepRun(Table):
     solver: SolverName = "tsit5"
     max_steps: Count = 200_000
     zeno_time: Positive = 1e-8
-    samples: Annotated[int, Field(ge=16)] = 2048
+    samples: Annotated[int, Field(ge=16)] | None = None
     raster: Annotated[int, Field(ge=1, le=65536)] | None = None
     event_log: Annotated[int, Field(ge=1, le=65536)] | None = None
 
@@ -167,9 +168,6 @@ class SweepRun(Table):
         if self.precision == "float32" and self.rtol < 1e-6:
             must = "must be at least 1e-06 with precision = 'float32'"
             raise Fault("rtol", f"{must}, was {self.rtol:g}")
-        if self.raster is not None and self.raster > self.samples:
-            must = f"must be at most the number of samples ({self.samples})"
-            raise Fault("raster", f"{must}, was {self.raster}")
         return self
 
 

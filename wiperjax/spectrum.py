@@ -15,10 +15,17 @@ answer: the slip pulses of slow stick-slip fill a few per cent of the period, th
 flat, and which harmonic is highest by a few per cent is chance, while the motion repeats at the
 fundamental. In a period-doubled motion the strongest line wins as long as its subharmonic is less
 than half as high.
+
+Samples may be means over their intervals (`averaged`): a line at f then comes down by
+sinc(f interval), which is undone, and one above half the sampling rate does not vanish but is
+folded down, weakened by more. What the means leave out is the variance inside the intervals. So a
+line is known not to be a folded one if that would have left out more than there is; and no hidden
+line is as strong if what the lines that are seen do not account for is too little for it. Both
+together: the frequency is `told`.
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.fft
@@ -28,27 +35,47 @@ from . import launch
 PADDING = 4  # spectrum points per bin of the unpadded transform, or a little more
 NEWTON_STEPS = 3
 FUNDAMENTAL_RATIO = 0.5  # height of a fundamental against its highest harmonic
+FEW_HARMONICS, HARMONICS = 6, 40  # up to which a fundamental is looked for without, and with a comb
 CHUNK = 250_000  # numbers transformed at once by a thread: bounds the memory, and fits in caches
+HIDDEN = 1 / (1 - np.sinc(0.5) ** 2)  # most that a hidden line has, over what means leave out of it
+MARGIN = 1.2  # for motion that is not the same throughout its window
 
 
-def dominant_frequency(
+class Lines(NamedTuple):
+    """Strongest line of each signal."""
+
+    frequency: np.ndarray  # [Hz], NaN if the signal is constant or not finite
+    told: np.ndarray  # whether no line that the samples cannot show may be as strong
+
+
+def dominant_frequency(signal: np.ndarray, sample_interval: float, **options: Any) -> np.ndarray:
+    """Frequency of the strongest spectral line in Hz; see `strongest_lines`."""
+    return strongest_lines(signal, sample_interval, **options).frequency
+
+
+def strongest_lines(
     signal: np.ndarray,
     sample_interval: float,
     *,
+    averaged: bool = False,
+    inner: Any = 0.0,
     minimum_cycles: float = 1.5,
     harmonics: int = 4,
-) -> np.ndarray:
-    """Frequency of the strongest spectral line in Hz, NaN if the signal is constant or not finite.
+) -> Lines:
+    """Strongest spectral line of each signal, and whether the samples tell it.
 
     Arguments:
 
     - `signal`: samples, shape (..., samples), uniformly spaced, any unit. Small oscillations on a
         large mean need float64 (or the mean taken off before rounding to float32).
     - `sample_interval`: time between samples in seconds.
+    - `averaged`: samples are means over their intervals, not values at instants. Of values at
+        instants nothing is known but the samples: they tell all that they seem to.
+    - `inner`: variance inside the intervals, shape (..., samples), or its mean, (..., 1).
     - `minimum_cycles`: lines with fewer cycles in the window than this are not looked for.
     - `harmonics`: lines (the strongest one and its multiples) used in the last refinement.
 
-    Returns: array of shape (...,), in Hz.
+    Returns: `Lines` of shape (...,).
 
     Raises: `ValueError` if there are fewer than 8 samples or `sample_interval` is not positive.
     """
@@ -61,20 +88,29 @@ def dominant_frequency(
     if not sample_interval > 0:
         raise ValueError(f"argument sample_interval must be > 0, but is {sample_interval}")
     flat = signal.reshape(-1, samples)
+    inner = np.asarray(inner, dtype=float)
+    width = inner.shape[-1] if inner.ndim else 1
+    hidden = np.broadcast_to(inner, (*signal.shape[:-1], width)).reshape(-1, width)
     rows = max(1, CHUNK // (PADDING * samples))
-    chunks = [flat[i : i + rows] for i in range(0, len(flat), rows)]
-    line = partial(_strongest_line, minimum_cycles=minimum_cycles, harmonics=harmonics)
-    if len(chunks) > 1:  # most of it is numpy and scipy, without GIL
+    starts = range(0, len(flat), rows)
+
+    def line(i: int) -> Lines:
+        part = slice(i, i + rows)
+        return _strongest(flat[part], hidden[part], averaged, minimum_cycles, harmonics)
+
+    if len(starts) > 1:  # most of it is numpy and scipy, without GIL
         with ThreadPoolExecutor(launch.cores()) as pool:
-            parts = list(pool.map(line, chunks))
+            parts = list(pool.map(line, starts))
     else:
-        parts = [line(chunk) for chunk in chunks]
-    cycles_per_sample = np.concatenate(parts) if parts else np.zeros(0)
-    return (cycles_per_sample / sample_interval).reshape(signal.shape[:-1])
+        parts = [line(i) for i in starts] or [Lines(np.zeros(0), np.zeros(0, bool))]
+    frequency, told = (
+        np.concatenate(found).reshape(signal.shape[:-1]) for found in zip(*parts, strict=True)
+    )
+    return Lines(frequency / sample_interval, told)
 
 
-def _strongest_line(signal: np.ndarray, minimum_cycles: float, harmonics: int) -> np.ndarray:
-    """Strongest line of each row of `signal` (rows, samples), in cycles per sample."""
+def _strongest(signal, inner, averaged: bool, minimum_cycles: float, harmonics: int) -> Lines:
+    """`strongest_lines` of the rows of `signal` (rows, samples), in cycles per sample."""
     signal = signal.astype(np.float64)
     samples = signal.shape[1]
     window = np.hanning(samples + 2)[1:-1]
@@ -90,36 +126,56 @@ def _strongest_line(signal: np.ndarray, minimum_cycles: float, harmonics: int) -
     windowed = signal / scale[:, None] * window
 
     length = int(scipy.fft.next_fast_len(PADDING * samples, real=True) or 0)
-    power = np.abs(np.asarray(scipy.fft.rfft(windowed, n=length, axis=1))) ** 2
+    seen = np.abs(np.asarray(scipy.fft.rfft(windowed, n=length, axis=1))) ** 2
+    place = np.arange(seen.shape[1]) / length  # cycles per sample
+    response = np.sinc(place) ** 2 if averaged else np.ones_like(place)
+    power = seen / response
     start = max(1, int(np.ceil(minimum_cycles * length / samples)))
-    inner = power[:, start:-1]
-    is_peak = (inner >= power[:, start - 1 : -2]) & (inner >= power[:, start + 1 :])
-    peak = start + np.argmax(np.where(is_peak, inner, -1.0), axis=1)
-    peak = _fundamental(power, np.pad(is_peak, ((0, 0), (start, 1))), peak, length / samples)
+    inside = power[:, start:-1]
+    is_peak = (inside >= power[:, start - 1 : -2]) & (inside >= power[:, start + 1 :])
+    highest = start + np.argmax(np.where(is_peak, inside, -1.0), axis=1)
+    peak = _fundamental(power, np.pad(is_peak, ((0, 0), (start, 1))), highest, length / samples)
     row = np.arange(len(peak))
     left, top, right = (power[row, peak + k] for k in (-1, 0, 1))
     bend = left - 2.0 * top + right
     offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
-    frequency = _refine(windowed, (peak + offset) / length, harmonics)
-    return np.where(finite & (spread > 0), frequency, np.nan)
+    frequency = np.where(
+        finite & (spread > 0), _refine(windowed, (peak + offset) / length, harmonics), np.nan
+    )
+    if not averaged:
+        return Lines(frequency, finite)
+    weight = window**2 if inner.shape[1] > 1 else np.ones(1)
+    inner = (inner * weight).sum(axis=1) / weight.sum() / scale**2
+    # of the strongest line, its square mean, and what of it means leave out if it has been folded
+    line = 2 * seen[row, highest] / window.sum() ** 2
+    folded = line * (1 / np.sinc(1 - place[highest]) ** 2 - 1)
+    # Parseval: what is left when all lines that are seen have what they have lost
+    unit = 2 / (length * np.sum(window**2))
+    lost = np.maximum(inner - unit * (power - seen).sum(axis=1), 0.0)
+    told = (folded >= MARGIN * inner) & (MARGIN * HIDDEN * lost <= line / response[highest])
+    return Lines(frequency, finite & told)
 
 
 def _fundamental(power, is_peak, peak, resolution) -> np.ndarray:
-    """Lower `peak` of each row to the line it is a harmonic of, if that one is half as high.
+    """Lower `peak` of each row to the line it is a harmonic of, if that one is half as high; from
+    the seventh harmonic on, where lines that merely lie lower would be met, only if all the
+    harmonics between are.
 
-    Only bins within half a line's width (`resolution`, bins a line) of peak / n are looked at, so
-    lines that merely lie lower do not count. Beyond n = 6 nothing below half has been seen.
+    Bins within half a line's width (`resolution`, bins a line) of peak / n are looked at.
     """
-    row = np.arange(len(peak))
+    row, order = np.arange(len(peak)), np.arange(2, HARMONICS + 1)
     enough = FUNDAMENTAL_RATIO**2 * power[row, peak]
     reach = int(np.ceil(0.5 * resolution))
-    best = peak.copy()
-    for n in range(2, 7):
-        for shift in range(-reach, reach + 1):
-            at = np.clip(np.round(peak / n).astype(int) + shift, 0, power.shape[1] - 1)
-            line = is_peak[row, at] & (power[row, at] >= enough)
-            best = np.where(line & (at < best), at, best)
-    return best
+    place = np.round(peak[:, None] / order).astype(int)[..., None] + np.arange(-reach, reach + 1)
+    place = np.clip(place, 0, power.shape[1] - 1)  # (rows, orders, bins)
+    every = row[:, None, None]
+    line = is_peak[every, place] & (power[every, place] >= enough[:, None, None])
+    for k, n in enumerate(order[order > FEW_HARMONICS], FEW_HARMONICS - 1):
+        some = np.flatnonzero(line[:, k].any(axis=1))
+        between = np.round(peak[some, None] * np.arange(2, n) / n).astype(int)
+        near = [power[some[:, None], between + shift] for shift in (-1, 0, 1)]
+        line[some, k] &= np.all(np.max(near, axis=0) >= enough[some, None], axis=1)[:, None]
+    return np.minimum(peak, np.where(line, place, power.shape[1]).min(axis=(1, 2)))
 
 
 def _refine(windowed: np.ndarray, frequency: np.ndarray, harmonics: int) -> np.ndarray:

@@ -33,7 +33,7 @@ class Problem(eqx.Module):
     mark: Scalar  # a time to be stepped onto exactly (start of observation)
     observer: AbstractObserver
     sample_times: jax.Array | None  # increasing
-    signal: Any  # a `sampling.Signal`, or None
+    signal: Any  # an `averaging.Signal`, or None
     solver: diffrax.AbstractERK = eqx.field(static=True)
     record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree
     log_capacity: int = eqx.field(static=True, default=0)
@@ -95,12 +95,20 @@ class State(NamedTuple):
     log: EventLog
     sample_index: Scalar
     samples: Any
+    full: Scalar  # no room for the samples of another step
     observed: Any
 
     @property
     def active(self) -> Scalar:
-        """True where a trial step counts: the trajectory runs, and no event waits to be done."""
-        return (self.result == RUNNING) & (self.due < 0)
+        """True where a trial step counts: the trajectory runs, no event waits to be done and no
+        samples to be put away.
+        """
+        return (self.result == RUNNING) & (self.due < 0) & ~self.full
+
+    @property
+    def ended(self) -> Scalar:
+        """True where nothing is left to be done."""
+        return (self.result != RUNNING) & ~self.full
 
 
 def vector_field(t, y, args):
@@ -241,5 +249,6 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         log=log,
         sample_index=z,
         samples=None,
+        full=no,
         observed=problem.observer.init(dtype, start.shape),
     )

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .averaging import take_means
 from .barrier import keep
 from .guards import first_switch
 from .implicit import time_to_event
@@ -16,7 +17,7 @@ from .locate import Plan, locate
 from .observers import Happening, Stretch
 from .recall import remember
 from .results import RUNNING, Regime, Result
-from .sampling import take_samples, take_signal
+from .sampling import take_samples
 from .state import BREAK, Problem, State
 from .system import rates
 from .transition import settle, transition, where
@@ -192,13 +193,15 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
         tuple(g.size for g in trial.guards),
     )
     observed = problem.observer.stretch(state.observed, stretch)
+    index, full = state.sample_index, state.full
     if problem.signal is None:
         index, samples = take_samples(problem, state, trial, moves, length)
     else:
-        index, samples = take_signal(problem.signal, system, state, q, v, rate, moves, length)
+        samples, full = take_means(problem.signal, state.samples, stretch, moves)
     return state._replace(
         sample_index=index,
         samples=samples,
+        full=full,
         time=jnp.where(moves, state.time + length, state.time),
         position=where(moves, q, state.position),
         velocity=where(moves, v, state.velocity),

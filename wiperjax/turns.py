@@ -12,7 +12,7 @@ before V = 0, counts as long as it fades slowly.
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from .spectrum import dominant_frequency
+from .spectrum import strongest_lines
 
 AVERAGE = 5e-3  # s, over which the level is taken
 STEADY = 2.0  # largest over smallest level of a tone
@@ -20,21 +20,26 @@ SIDES = {"before": -1, "after": 1}
 
 
 def tones(
-    vibration: np.ndarray, interval: float, since: np.ndarray, quiet_below: np.ndarray
+    vibration: np.ndarray,
+    inner: np.ndarray,
+    interval: float,
+    since: np.ndarray,
+    quiet_below: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Longest tone before and after V = 0, among all turns of each signal.
 
     Arguments:
 
-    - `vibration`: tip velocity [m/s] without what is slow, (cells, samples); NaN where a cell
-        ended.
+    - `vibration`: mean tip velocity [m/s] of each sample without what is slow, (cells, samples);
+        NaN where a cell ended.
+    - `inner`: variance of the tip velocity inside each sample, of the same shape.
     - `interval`: time [s] between samples.
     - `since`: time [s] since the nearest V = 0, negative before it, (cells, samples).
     - `quiet_below`: level [m/s] that counts as none, (cells,).
 
     Returns: `tone_time_before`, `tone_time_after` [s] (0 if there is none) and
-    `tone_frequency_before`, `tone_frequency_after` [Hz] (NaN if there is none), (cells,). Each side
-    reaches to the middle of the stroke.
+    `tone_frequency_before`, `tone_frequency_after` [Hz] (NaN if there is none, or the samples do
+    not tell it), (cells,). Each side reaches to the middle of the stroke.
     """
     found = {
         f"tone_{what}_{side}": np.full(len(vibration), np.nan)
@@ -46,13 +51,14 @@ def tones(
         if not np.isfinite(row).all():
             continue
         # a running sum of squares may come out below zero by rounding
-        level = np.sqrt(np.maximum(uniform_filter1d(row**2, width), 0.0))
+        level = np.sqrt(np.maximum(uniform_filter1d(row**2 + inner[k], width), 0.0))
         for side, sign in SIDES.items():
             start, length = _longest(level, np.sign(since[k]) == sign, since[k], quiet_below[k])
             found[f"tone_time_{side}"][k] = length * interval
             if length >= 8:
-                line = dominant_frequency(row[start : start + length], interval)
-                found[f"tone_frequency_{side}"][k] = line
+                part = slice(start, start + length)
+                line = strongest_lines(row[part], interval, averaged=True, inner=inner[k][part])
+                found[f"tone_frequency_{side}"][k] = line.frequency if line.told else np.nan
     return found
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import dataset, labels, provenance, schema
 from .results import RESULTS
-from .signals import signal_columns
+from .signals import signal_columns, untold
 
 MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy
 BLOCK_TIME = 2**13  # s of motion in a block: half a minute on two cores, so that little can be lost
@@ -22,8 +22,9 @@ FEWEST_CELLS = 256
 SHARES = 4  # blocks for each of several workers, at least: they end at about the same time,
 SHARED_CELLS = 1024  # unless blocks would have fewer cells than this
 BLOCK_BYTES = 2**27  # of samples and event logs
+FINER = (2, 16)  # times as many samples, for cells whose frequency the first do not tell
 
-Evaluate = Callable[[Any, np.ndarray], Mapping[str, Any]]
+Evaluate = Callable[..., Mapping[str, Any]]  # (spec, cells) and, of samples, (finer, room)
 
 DECISIVE = ("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 """Libraries whose version has a part in the numbers; it must not change within a map."""
@@ -46,7 +47,7 @@ def block_size(spec: Any, workers: int = 1) -> int:
     run = spec.run
     most = min(int(BLOCK_TIME / (run.transient + run.window)), MOST_CELLS)
     event = sum(np.dtype(c.dtype).itemsize for c in schema.SCHEMA.values() if c.along == "event")
-    of_a_cell = run.samples * (5 if run.raster else 4) + event * (run.event_log or 0)
+    of_a_cell = spec.samples * (5 if run.raster else 4) + event * (run.event_log or 0)
     if workers > 1:
         most = min(most, max(spec.size // (SHARES * workers), SHARED_CELLS))
     most = max(min(BLOCK_BYTES // of_a_cell, most), FEWEST_CELLS)
@@ -74,27 +75,53 @@ def evaluate_block(
     if it tells.
 
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
-    beside columns of the schema, `signal` (cells, samples), the tip velocity at `window / samples`
-    apart, `sample_interval` in seconds if that is not so, `occupancy`, and for a belt that reverses
-    `since_reversal` [s] of each sample and `wiping_frequency` [Hz]; whatever else it returns is not
-    stored.
+    beside columns of the schema, what `naming` takes; whatever else it returns is not stored. Cells
+    whose frequency its samples do not tell are looked at again with `FINER` ones, by
+    `evaluate(spec, cells, finer, room)`.
     """
     columns = dict(evaluate(spec, index))
-    signal = columns.pop("signal", None)
-    interval = columns.pop("sample_interval", None)
     occupancy = columns.pop("occupancy", None)
-    since = columns.pop("since_reversal", None)
-    wiping = columns.pop("wiping_frequency", None)
-    if signal is not None:
-        if interval is None:
-            interval = spec.run.window / signal.shape[-1]
-        # what a cell that stopped early left in its samples is no settled motion
-        finished = np.asarray(columns["result"]) == RESULTS["finished"]
-        whole = np.where(finished[:, None], signal, np.nan)
-        quiet = spec.classes.quiet_velocity_ratio * np.asarray(columns["belt_speed_rms"])
-        found = signal_columns(whole, float(np.mean(interval)), spec.classes, quiet, since, wiping)
-        columns |= found
+    found = naming(spec, columns)
+    for finer in FINER:
+        again = np.flatnonzero(untold(found | columns, spec.classes))
+        most = max(1, len(index) // finer)  # the room of a block holds so many
+        for part in (again[k : k + most] for k in range(0, again.size, most)):
+            closer = naming(spec, dict(evaluate(spec, index[part], finer, len(index))))
+            for name, values in closer.items():
+                found[name][part] = values
+    if found:
+        told = found["frequency_told"] != schema.TOLD["no"]
+        found["dominant_frequency"] = np.where(told, found["dominant_frequency"], np.nan)
+    columns |= found
     columns |= labels.classify(columns, spec.classes)
     return dataset.select(columns, len(index)), None if occupancy is None else float(
         np.mean(occupancy)
+    )
+
+
+def naming(spec: Any, columns: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Columns that come from samples (`signals.signal_columns`), which are taken out of `columns`:
+    `signal` (cells, samples), the mean tip velocity over intervals of `window / samples`,
+    `sample_interval` in seconds if that is not so, and for a belt that reverses `signal_inner`,
+    `since_reversal` [s] of the middle of each sample and `wiping_frequency` [Hz]. None where there
+    are no samples.
+    """
+    signal = columns.pop("signal", None)
+    interval = columns.pop("sample_interval", None)
+    since = columns.pop("since_reversal", None)
+    wiping = columns.pop("wiping_frequency", None)
+    inner = columns.pop("signal_inner", None)
+    if signal is None:
+        return {}
+    if interval is None:
+        interval = spec.run.window / signal.shape[-1]
+    # what a cell that stopped early left in its samples is no settled motion
+    finished = np.asarray(columns["result"]) == RESULTS["finished"]
+    whole = np.where(finished[:, None], signal, np.nan)
+    quiet = spec.classes.quiet_velocity_ratio * np.asarray(columns["belt_speed_rms"])
+    if inner is None:  # on a steady belt: what the means lack to the exact variance
+        lack = np.square(columns["velocity_rms"]) - np.var(whole, axis=-1, dtype=float)
+        inner = np.maximum(lack, 0.0)[:, None]
+    return signal_columns(
+        whole, float(np.mean(interval)), spec.classes, quiet, since, wiping, inner
     )

@@ -14,11 +14,10 @@ import numpy as np
 import xarray as xr
 
 from wiperjax import cells
-from wiperjax.labels import label
 from wiperjax.results import Result
 from wiperjax.scene import build_wiper
 from wiperjax.spec import parse_sweep
-from wiperjax.spectrum import dominant_frequency
+from wiperjax.work import evaluate_block
 
 from . import measure, scenes
 from .keep import Parts
@@ -48,7 +47,7 @@ QUICK = [SETTINGS[3], SETTINGS[-2]]
 QUICK_REFERENCES = ("scalar", {"rtol": 1e-10}), ("scalar", {"rtol": 1e-9})  # compile nothing more
 
 
-def scalar_evaluate(spec, index: np.ndarray) -> dict:
+def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = None) -> dict:
     """Return the columns of cells as `wiperjax.cells.evaluate` does, by the scalar loop."""
     wiper = build_wiper(spec.cells(index), spec.belt.kind)
     full = lambda x: np.broadcast_to(np.asarray(x, float), index.shape).copy()
@@ -58,8 +57,9 @@ def scalar_evaluate(spec, index: np.ndarray) -> dict:
     end = run.transient + run.window
     speed = full(wiper.belt.peak)
     scene = scenes.Scene("map", "", wiper, start, end, np.array([end]), (scenes.LENGTH, speed))
+    samples = finer * spec.samples
     r = compiled.run(
-        scene, run.rtol, threads=None, mark=run.transient, samples=run.samples, window=run.window
+        scene, run.rtol, threads=None, mark=run.transient, samples=samples, window=run.window
     )
     result = np.array([Result.FINISHED, Result.COLLAPSED, Result.STEP_TOO_SMALL,
                        Result.STEP_BUDGET_SPENT, Result.NON_FINITE])[r.result]  # fmt: skip
@@ -69,7 +69,8 @@ def scalar_evaluate(spec, index: np.ndarray) -> dict:
     variance = total[:, statistics.UU] / run.window - mean**2
     return {
         "result": result,
-        "attempts": r.attempts,
+        "steps": r.attempts - r.rejected,
+        "rejected_steps": r.rejected,
         "stick_fraction": total[:, statistics.STICK_TIME] / run.window,
         "slip_fraction": total[:, statistics.SLIP_TIME] / run.window,
         "flight_fraction": total[:, statistics.FLIGHT_TIME] / run.window,
@@ -78,8 +79,7 @@ def scalar_evaluate(spec, index: np.ndarray) -> dict:
         "belt_speed_rms": speed,
         "normal_force_mean": total[:, statistics.FORCE] / run.window,
         "normal_force_max": total[:, statistics.FORCE_MAX],
-        "signal": r.signal,
-        "sample_interval": run.window / run.samples,
+        "signal": np.diff(r.signal) * samples / run.window,  # means between places
     }
 
 
@@ -87,15 +87,8 @@ def evaluate(code: str, changes: dict, index: np.ndarray) -> dict:
     """Return the columns with class, frequency, and trial steps (``attempts``)."""
     spec = parse_sweep(SWEEP | {"run": SWEEP["run"] | changes}, "bench maps")
     how = cells.evaluate if code == "engine" else scalar_evaluate
-    columns = dict(how(spec, index))
-    if code == "engine":
-        columns["attempts"] = columns["steps"] + columns["rejected_steps"]
-    finished = columns["result"] == Result.FINISHED
-    with np.errstate(invalid="ignore"):
-        frequency = dominant_frequency(columns.pop("signal"), float(columns["sample_interval"]))
-    columns["dominant_frequency"] = np.where(finished, frequency, np.nan)
-    columns["label"] = label(columns, spec.classes)
-    return columns
+    columns, _ = evaluate_block(spec, index, how)
+    return columns | {"attempts": columns["steps"] + columns["rejected_steps"]}
 
 
 def run(output: Path, *, quick: bool = False, count: int = 2048, seed: int = 5, say=print):

@@ -171,7 +171,7 @@ def info(
     ],
 ) -> None:
     """Show what a file holds, how it was made, and the classes of a map."""
-    from wiperjax.labels import anatomy, class_table, unsettled
+    from wiperjax.labels import anatomy, class_table, unsettled, untold
     from wiperjax.storage import open_map
 
     with open_map(file) as dataset:
@@ -186,6 +186,8 @@ def info(
                 print(f"{name}: {value}")
         if "label" in dataset:
             print_classes(class_table(dataset))
+            if fast := untold(dataset):
+                print(f"not told     {fast} cells: faster than the finest samples (frequency: NaN)")
             if lost := unsettled(dataset):
                 print(f"not settled  {lost} cells: growing, dying or irregular (docs/classes.md)")
             if "mechanism" in dataset:
@@ -196,10 +198,17 @@ def info(
         elif "special_kind" in dataset:
             print_special(dataset)
         elif "belt_kind" in dataset.attrs:
+            import numpy as np
+
             from wiperjax.assess import assess, words
 
             found = assess(dataset)
             for name, word in words(found).items():
                 print(f"{name:<12}{word}")
-            print(f"{'frequency':<12}{float(found['dominant_frequency']):.1f} Hz")
+            known = bool(np.isfinite(found["dominant_frequency"]))
+            pitch = f"{float(found['dominant_frequency']):.1f} Hz" if known else "not known: "
+            if not known:
+                fast = found.get("frequency_told", 1) == 0
+                pitch += "too fast for run.sample_interval" if fast else "no line"
+            print(f"{'frequency':<12}{pitch}")
         print_events(dataset)

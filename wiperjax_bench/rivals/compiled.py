@@ -105,7 +105,7 @@ def run(
     """Return the `scalar.batch.Record` of all cells of ``scene``.
 
     ``threads`` None: all cores; ``events``: length of each cell's log; statistics are gathered
-    from ``mark`` [s] on, and ``samples`` values of x' over ``window`` [s] after it.
+    from ``mark`` [s] on, and x at the ends of ``samples`` parts of ``window`` [s] after it.
     """
     return prepared(scene, rtol, threads, events, mark, samples, window, budget, zeno_time)()
 
@@ -135,7 +135,7 @@ def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, sample
             np.full((n, len(scene.sample_times), 4), np.nan),
             np.full((n, events), np.nan),
             np.zeros((n, events), np.int8),
-            np.zeros((n, samples)),
+            np.zeros((n, samples + 1 if samples else 0)),
             np.zeros((n, SUMS)),
         )
         if threads != 1:

@@ -69,7 +69,7 @@ def run(
 ):  # fmt: skip
     """Run one cell; return (result, events, attempts, time, x, y, x', y', rejected).
 
-    ``taken`` (samples, 4), ``signal`` (x' at mark + i interval), the event arrays and ``total`` are
+    ``taken`` (samples, 4), ``signal`` (x at mark + i interval), the event arrays and ``total`` are
     filled; events beyond the length of their arrays are counted.
     """
     atol_x, atol_v = rtol * scale_x, rtol * scale_v
@@ -170,7 +170,7 @@ def run(
                 taken[upcoming, 3] = 0.0
                 upcoming += 1
             while ticks < len(signal) and mark + ticks * interval <= t:
-                signal[ticks] = belt(g, mark + ticks * interval)[0]
+                signal[ticks] = x0 + carried(g, t0, mark + ticks * interval)[0]
                 ticks += 1
             w = y = vy = 0.0
             phi = math.asin(lean(p, x)[0])
@@ -286,7 +286,7 @@ def run(
                     gather(total, regime, length + d, x1, w1 + a, x7, w7 + a_end, n1, n7, 0.0)
                     while ticks < len(signal) and mark + ticks * interval <= t + length:
                         z = (mark + ticks * interval - t) / max(length, 1e-300)
-                        signal[ticks] = hermite(z, x1, (w1 + a) * length, x7, (w7 + a_end) * length)
+                        signal[ticks] = hermite(z, x, x1 * length, xe, x7 * length)
                         ticks += 1
                 t = t_stop if done else t + length + d
                 x = xe + d * (x7 + 0.5 * d * (w7 + a_end))
@@ -389,7 +389,7 @@ def run(
                     gather(total, FLIGHT, length + d, u, u1, ue, u7, 0.0, 0.0, max(y, ye))
                     while ticks < len(signal) and mark + ticks * interval <= t + length:
                         z = (mark + ticks * interval - t) / max(length, 1e-300)
-                        signal[ticks] = hermite(z, u, u1 * length, ue, u7 * length)
+                        signal[ticks] = hermite(z, x, u * length, xe, ue * length)
                         ticks += 1
                 t = t_stop if done else t + length + d
                 x, y = xe + d * (ue + 0.5 * d * u7), ye + d * (ve + 0.5 * d * v7)
