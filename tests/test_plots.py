@@ -115,6 +115,136 @@ def _legends(figure):
     return [*figure.legends, *(legend for part in figure.subfigs for legend in part.legends)]
 
 
+def _texts(figure):
+    return [text.get_text() for legend in _legends(figure) for text in legend.get_texts()]
+
+
+def _shares(cells, variable="label"):
+    return {
+        f"{palette.readable(name)} ({share:.1%})"
+        for name, count, share in labels.class_table(cells, variable)
+        if share >= 0.001
+    }
+
+
+def inside_the_page(figure):
+    """Draws a figure; returns the texts of headings, axes and legends that reach beyond it."""
+    figure.draw_without_rendering()
+    width, height = figure.bbox.size
+    axes = [*figure.axes, *(child for ax in figure.axes for child in ax.child_axes)]
+    words = [
+        *(text for ax in axes for text in (ax.xaxis.label, ax.yaxis.label, ax.title)),
+        *(
+            text
+            for legend in _legends(figure)
+            for text in (*legend.get_texts(), legend.get_title())
+        ),
+        *([figure._suptitle] if figure._suptitle else []),
+    ]
+    boxes = {text: text.get_window_extent() for text in words if text.get_text()}
+    return [
+        text.get_text()
+        for text, box in boxes.items()
+        if box.x0 < -1 or box.y0 < -1 or box.x1 > width + 1 or box.y1 > height + 1
+    ]
+
+
+def test_shares_are_those_of_the_cells_shown(small_map):
+    low = {"normal_load": 5.0}
+    slices = {
+        (1,): small_map.sel(normal_load=[5.0]),
+        (2,): small_map.sel(normal_load=[5.0, 30.0]),
+        (3,): small_map,
+    }
+    assert len({frozenset(_shares(cells)) for cells in slices.values()}) == 3
+    for shape, options in (((1,), {"at": low}), ((2,), {"panels": 2}), ((3,), {})):
+        axes = plots.class_map(small_map, **options)
+        figure, cells = axes[0].figure, slices[shape]
+        assert axes.shape == shape and _shares(cells) <= set(_texts(figure))
+        said = f"shares of the {cells['label'].size:,} cells shown, of 459" in " ".join(
+            figure.legends[0].get_title().get_text().split()
+        )
+        assert said == (cells["label"].size < 459)
+        assert ("normal load 5 N/m" in figure.get_suptitle()) == (options.get("at") == low)
+    for at, cells in ((low, slices[1,]), (None, small_map)):
+        figure = plots.map_overview(small_map, at=at)
+        bars = next(ax for ax in figure.axes if "cells" in ax.get_title())
+        assert bars.get_title().startswith(f"share of {cells['label'].size} cells")
+        numbers = {text.get_text().split()[0] for text in bars.texts}
+        found = {f"{share:.1%}" for _, count, share in labels.class_table(cells) if count}
+        assert numbers == found
+        assert not any("%" in text for text in _texts(figure))  # one statement of the shares
+
+
+def test_nothing_reaches_beyond_a_page_of_a_map(small_map):
+    long = small_map["growth_rate"].assign_attrs(
+        long_name="derivative of standard deviation of the tip velocity by shoulder stiffness",
+        units="(m/s)/(N m/rad/m)",
+    )
+    names = list(palette.MECHANISMS)
+    codes = xr.zeros_like(small_map["label"])
+    codes[:] = np.arange(codes.size).reshape(codes.shape) % len(names)
+    codes.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
+    ds = small_map.assign(mechanism=codes, d_velocity_rms_d_shoulder_stiffness=long)
+    at = {"normal_load": 5.0}
+    for drawn in (
+        plots.mechanism_map(ds, at=at)[0].figure,
+        plots.mechanism_map(ds)[0].figure,
+        plots.regime_map(ds, at=at)[0].figure,
+        plots.map_overview(ds),
+        plots.value_map(ds, "d_velocity_rms_d_shoulder_stiffness").figure,
+        plots.along_axis(ds)[0].figure,
+    ):
+        assert inside_the_page(drawn) == []
+
+
+def test_signed_numbers_have_colours_that_part_at_zero(small_map):
+    def drawn(values, name="d_gap_max_d_normal_load"):
+        column = small_map["growth_rate"].copy(data=np.broadcast_to(values, (17, 3, 9)))
+        mesh = plots.value_map(small_map.assign({name: column}), name).collections[0]
+        return mesh.norm, mesh.cmap.name
+
+    ramp = np.linspace(-1.0, 3.0, 9)
+    for name in ("d_gap_max_d_normal_load", "growth_rate"):
+        norm, colours = drawn(ramp, name)
+        assert (norm.vmin, norm.vmax) == (-3.0, 3.0) and norm(0.0) == 0.5
+        assert colours == planes.SIGNED
+    # of one sign by chance, a derivative says so; a level does not pretend to have a sign
+    assert drawn(ramp + 2)[0](0.0) == 0.5 and drawn(ramp + 2)[1] == planes.SIGNED
+    assert drawn(ramp + 2, "velocity_rms")[1] == "viridis"
+    # one cell of a thousand times the size of the others does not leave these white
+    norm, _ = drawn(np.where(np.arange(9) == 4, 1e3, ramp))
+    assert norm(0.0) == 0.5 and norm(1.0) > 0.55 and norm(-1.0) < 0.45
+    assert drawn(np.zeros(9))[0](0.0) == 0.5
+
+
+def test_codes_are_drawn_as_what_they_mean(small_map):
+    names = list(schema.BANDS)
+    codes = xr.zeros_like(small_map["label"])
+    codes[:] = np.arange(codes.size).reshape(codes.shape) % 5
+    codes.attrs = schema.SCHEMA["band"].attributes()
+    picture = plots.PICTURES["map"]["value"]
+    axes = picture.draw(small_map.assign(band=codes), quantity="band")
+    figure = axes[0].figure
+    assert {text.split(" (")[0] for text in _texts(figure)} >= set(names)
+    assert "band of the dominant frequency" in figure.get_suptitle()
+    with pytest.raises(ValueError, match="'impact' is not in this map; it holds label"):
+        picture.draw(small_map, quantity="impact")
+
+
+@pytest.mark.parametrize("low", [12.0, 60.0, 120.0, 450.0, 501.0, 999.0])
+@pytest.mark.parametrize("ratio", [1.05, 1.3, 1.9, 4.0, 30.0, 1e3])
+def test_a_logarithmic_scale_has_marks_however_narrow(low, ratio):
+    ax = Figure().subplots()
+    plot_axes.plain_log(ax, "y")
+    ax.set_ylim(low, low * ratio)
+    marks = ax.yaxis.get_major_locator()()
+    shown = [mark for mark in marks if low <= mark <= low * ratio]
+    assert 3 <= len(shown) <= 12
+    words = [ax.yaxis.get_major_formatter()(mark) for mark in shown]
+    assert len(set(words)) == len(words)  # no two marks read the same
+
+
 def test_boundary_is_where_the_growth_rate_vanishes(small_map):
     ax = Figure().subplots()
     plots.class_map(small_map.isel(normal_load=[1]), ax)
@@ -327,12 +457,14 @@ def _lab(colour, sight):
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS"])
+@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS", "SPARE"])
 def test_colours_are_told_apart_by_everybody(name, sight):
     """A difference of 2 is just seen side by side; 15 is another colour. Hatched cells have their
     pattern too.
     """
-    colours = {k: v for k, v in getattr(palette, name).items() if k not in palette.HATCHES}
+    every = getattr(palette, name)
+    every = every if isinstance(every, dict) else dict(enumerate(every))
+    colours = {k: v for k, v in every.items() if k not in palette.HATCHES}
     seen = {key: _lab(colour, SIGHT[sight]) for key, colour in colours.items()}
     pairs = [(a, b) for a in seen for b in seen if a < b]
     near = {pair: float(np.linalg.norm(seen[pair[0]] - seen[pair[1]])) for pair in pairs}

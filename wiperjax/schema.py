@@ -181,6 +181,11 @@ def sensitivity_name(outcome: str, parameter: str) -> str:
     return f"d_{outcome}_d_{parameter}"
 
 
+def is_derivative(name: str) -> bool:
+    """Whether `name` is one of `sensitivity_name`."""
+    return name.startswith("d_") and "_d_" in name[2:]
+
+
 def _sensitivity_columns() -> tuple[Column, ...]:
     known = {column.name: column for column in _TABLE}
     columns = [

@@ -3,8 +3,9 @@
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.legend import Legend
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 SHOWN = {  # unit in a file -> factor and unit in a picture: lips move by millimetres
     "m": (1e3, "mm"),
@@ -98,7 +99,31 @@ def _short(value: float) -> str:
 
 
 def log_marks(axis) -> None:
-    """Marks 1, 2, 5, 10 on an axis that is logarithmic, as plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    """Marks 1, 2, 5, 10 on an axis that is logarithmic, as plain numbers; closer ones where the
+    axis is so short that fewer than three of them lie on it.
+    """
+    axis.set_major_locator(_LogMarks(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
     axis.set_minor_formatter(NullFormatter())
+
+
+class _LogMarks(LogLocator):
+    def tick_values(self, vmin, vmax):
+        marks = np.asarray(super().tick_values(vmin, vmax))
+        low, high = sorted((vmin, vmax))
+        if np.count_nonzero((marks >= low) & (marks <= high)) >= 3:
+            return marks
+        marks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
+        return marks[marks > 0]
+
+
+def legend_below(figure: Figure | SubFigure, handles: list, **options) -> Legend | None:
+    """A legend below the axes of a page, in as many columns as fit its width; None if empty."""
+    for columns in range(min(len(handles), 8), 0, -1):
+        legend = figure.legend(
+            handles=handles, loc="outside lower center", ncols=columns, frameon=False, **options
+        )
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return legend
+        legend.remove()
+    return None

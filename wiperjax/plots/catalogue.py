@@ -15,6 +15,7 @@ from ..storage import StoreError
 from . import (
     animation,
     branches,
+    categories,
     classes,
     friction,
     line,
@@ -54,6 +55,9 @@ def _phase(part: xr.Dataset, whole: xr.Dataset, component: int = 0):
 
 
 def _value(ds: xr.Dataset, quantity: str = "velocity_rms", **options: Any):
+    planes.check_cellwise(ds, quantity)
+    if "flag_values" in ds[quantity].attrs:  # codes are names, not numbers
+        return categories.category_map(ds, quantity, **options)
     return planes.value_map(ds, quantity, **options)
 
 

@@ -1,6 +1,7 @@
 """Any categorical variable of a map: one plane, small multiples of it, and their legend."""
 
 import textwrap
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,9 @@ from matplotlib.patches import Patch
 
 from ..labels import class_table
 from ..schema import NOT_COMPUTED, flag_names
-from .axes import edges, page, set_axis, shown
+from .axes import edges, legend_below, long_name, page, set_axis, shown, value_text
 from .caption import footnote, set_caption
-from .palette import BOUNDARY, CLASSES, HATCHES, MECHANISMS, MOTIONS, UNKNOWN, readable
+from .palette import BOUNDARY, CLASSES, HATCHES, MECHANISMS, MOTIONS, SPARE, UNKNOWN, readable
 from .planes import At, check_dim, choose_plane, cut, map_dims, stability_boundary
 
 COLOURS = MOTIONS | MECHANISMS | CLASSES
@@ -56,67 +57,94 @@ def category_map(
         category_panel(plane, ax, x, y, variable)
         ax.set_title(where, fontsize="medium")
         return np.array([ax])
-    panel = panel or panel_dim(ds, x, y, at)
-    count = min(panels, ds.sizes[panel]) if panel else 1
+    cells, where, panel = shown_cells(ds, x, y, at, panel, panels)
+    count = cells.sizes[panel] if panel else 1
     columns = count if count < 4 else -(-count // 2)
     rows = -(-count // columns)
     figure = page((3.6 * columns + 0.6, 3.0 * rows + 1.6) if count > 1 else (6.4, 5.4))
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    category_panels(ds, axes, x, y, panel, count, at, variable)
-    handles = category_legend(ds, variable)
-    width = figure.get_figwidth()
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(len(handles), int(width / 2.0)),
-        frameon=False,
-        title=textwrap.fill(footnote(ds), int(16 * width)),
+    boundary = category_panels(cells, axes, x, y, panel, variable)
+    words, computed = footnote(ds), int((np.asarray(cells["label"]) != NOT_COMPUTED).sum())
+    if cells["label"].size < ds["label"].size:
+        words = f"shares of the {computed:,} cells shown, of {ds['label'].size:,}; {words}"
+    legend_below(
+        figure,
+        category_legend(cells, variable, boundary),
+        title=textwrap.fill(words, int(16 * figure.get_figwidth())),
         title_fontsize="x-small",
     )
-    set_caption(figure, ds)
+    set_caption(figure, ds, where, long_name(ds[variable]))
     return axes.ravel()[:count]
 
 
-def panel_dim(ds: xr.Dataset, x: str, y: str, at: At | None = None) -> str | None:
-    """Dimension of the small multiples: the first that is neither drawn nor cut."""
-    rest = [dim for dim in map_dims(ds) if dim not in (x, y, *(at or {}))]
-    return next((dim for dim in rest if ds.sizes[dim] > 1), None)
+def shown_cells(
+    ds: xr.Dataset,
+    x: str,
+    y: str,
+    at: At | None = None,
+    panel: str | None = None,
+    panels: int = 6,
+) -> tuple[xr.Dataset, str, str | None]:
+    """Cells that small multiples show: up to `panels` slices along `panel`, both ends included.
+
+    Without `panel` it is the first dimension that is neither drawn nor in `at`; all others are cut.
+
+    Returns: those cells; the text of where they are cut; `panel`, or None for a single plane.
+
+    Raises: as `planes.cut`.
+    """
+    if panel is None:
+        rest = [dim for dim in map_dims(ds) if dim not in (x, y, *(at or {}))]
+        panel = next((dim for dim in rest if ds.sizes[dim] > 1), None)
+    cells, where = cut(ds, (x, y, panel) if panel else (x, y), at)
+    if panel:
+        last = ds.sizes[panel] - 1
+        places = np.unique(np.linspace(0, last, min(panels, last + 1)).round().astype(int))
+        cells = cells.isel({panel: places})
+    return cells, where, panel
 
 
 def category_panels(
-    ds: xr.Dataset,
+    cells: xr.Dataset,
     axes: np.ndarray,
     x: str,
     y: str,
     panel: str | None,
-    count: int,
-    at: At | None = None,
     variable: str = "label",
-) -> None:
-    """Draws `count` slices along `panel` (one plane if None) into `axes`; hides axes left over."""
-    places = (
-        np.unique(np.linspace(0, ds.sizes[panel] - 1, count).round().astype(int)) if panel else [0]
-    )
+) -> bool:
+    """Draws each slice of `shown_cells` into one of `axes`; hides axes left over.
+
+    Returns: whether there is a stability boundary in one of them.
+    """
+    planes = list(_planes(cells, panel))
+    boundary = False
     for number, ax in enumerate(axes.ravel()):
-        if number >= len(places):
+        if number >= len(planes):
             ax.set_visible(False)
             continue
-        part = ds.isel({panel: [places[number]]}) if panel else ds
-        plane, where = cut(part, (x, y), at)
-        category_panel(plane, ax, x, y, variable)
-        ax.set_title(where, fontsize="medium")
+        plane, words = planes[number]
+        boundary |= category_panel(plane, ax, x, y, variable)
+        ax.set_title(words, fontsize="medium")
         ax.label_outer()
+    return boundary
 
 
-def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "label") -> None:
+def _planes(cells: xr.Dataset, panel: str | None) -> Iterator[tuple[xr.Dataset, str]]:
+    """Each plane of small multiples, and its title."""
+    for k in range(cells.sizes[panel] if panel else 1):
+        plane = cells.isel({panel: k}) if panel else cells
+        yield plane, value_text(plane[panel]) if panel else ""
+
+
+def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "label") -> bool:
     """Draws a categorical variable of a map of the dimensions `x` and `y` into `ax`, with the
-    stability boundary.
+    stability boundary; returns whether there is one.
     """
     codes = ds[variable].transpose(y, x).values
     across, up = edges(shown(ds[x])[0]), edges(shown(ds[y])[0])
     names = flag_names(ds[variable])
     values = sorted(names)
-    colours = ListedColormap([COLOURS.get(names[value], UNKNOWN) for value in values])
+    colours = ListedColormap(list(_colours(ds[variable]).values()))
     borders = BoundaryNorm([value - 0.5 for value in values] + [values[-1] + 0.5], len(values))
     ax.pcolormesh(across, up, codes, cmap=colours, norm=borders, rasterized=True)
     for value, name in names.items():
@@ -124,7 +152,7 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
             _hatch(ax, across, up, codes == value, *HATCHES[name])
     set_axis(ax, "x", ds[x])
     set_axis(ax, "y", ds[y])
-    stability_boundary(ds, ax, x, y)
+    return stability_boundary(ds, ax, x, y)
 
 
 def _hatch(ax: Axes, across, up, mask: np.ndarray, hatch: str, colour: str) -> None:
@@ -150,35 +178,35 @@ def _hatch(ax: Axes, across, up, mask: np.ndarray, hatch: str, colour: str) -> N
 
 
 def category_legend(
-    ds: xr.Dataset, variable: str = "label", boundary: bool = True, shares: bool = True
+    cells: xr.Dataset, variable: str = "label", boundary: bool = False, shares: bool = True
 ) -> list[Any]:
-    """Legend entries of the categories that occur in a map, with their shares, and of the stability
-    boundary.
+    """Legend entries of the categories that occur in `cells`, with their shares of these, and of
+    the stability `boundary` if it is drawn.
     """
     handles: list[Any] = []
-    for name, count, share in class_table(ds, variable):
+    colours = _colours(cells[variable])
+    for name, count, share in class_table(cells, variable):
         if count:
             part = f"{share:.1%}" if share >= 0.001 else "<0.1%"  # one cell of many is not none
             text = f"{readable(name)} ({part})" if shares else readable(name)
-            handles.append(_swatch(name, text))
-    if (np.asarray(ds["label"]) == NOT_COMPUTED).any() and variable != "motion":
-        handles.append(_swatch("not_computed", "not computed"))
-    rate = np.asarray(ds["growth_rate"]) if boundary and "growth_rate" in ds else np.zeros(1)
-    if (rate > 0).any() and (rate < 0).any():  # else there is no such line
-        handles.append(
-            Line2D(
-                [], [], color=BOUNDARY, linewidth=1.4, label="steady slip loses stability (linear)"
-            )
-        )
+            handles.append(_swatch(name, text, colours.get(name, UNKNOWN)))
+    if (np.asarray(cells["label"]) == NOT_COMPUTED).any():
+        handles.append(_swatch("not_computed", "not computed", COLOURS["not_computed"]))
+    if boundary:
+        words = "steady slip loses stability (linear)"
+        handles.append(Line2D([], [], color=BOUNDARY, linewidth=1.4, label=words))
     return handles
 
 
-def _swatch(name: str, text: str) -> Patch:
-    hatch, colour = HATCHES.get(name, (None, "#444444"))
-    return Patch(
-        facecolor=COLOURS.get(name, UNKNOWN),
-        edgecolor=colour,
-        linewidth=0.6,
-        hatch=hatch,
-        label=text,
-    )
+def _colours(variable: xr.DataArray) -> dict[str, str]:
+    """Colour of each name of a categorical variable, in the order of its codes: its own, or a spare
+    one.
+    """
+    spare = iter(SPARE)
+    names = [name for _, name in sorted(flag_names(variable).items())]
+    return {name: COLOURS.get(name) or next(spare, UNKNOWN) for name in names}
+
+
+def _swatch(name: str, text: str, colour: str) -> Patch:
+    hatch, edge = HATCHES.get(name, (None, "#444444"))
+    return Patch(facecolor=colour, edgecolor=edge, linewidth=0.6, hatch=hatch, label=text)

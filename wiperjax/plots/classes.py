@@ -27,7 +27,7 @@ def motion(ds: xr.Dataset) -> xr.DataArray:
         ds.attrs.get("class_quiet_velocity_ratio", 0.01)
     ) * np.asarray(ds["belt_speed_rms"])
     ended = np.asarray(ds["label"])
-    names = list(MOTIONS)
+    names = {name: code for code, name in enumerate(MOTIONS)} | {"not_computed": NOT_COMPUTED}
     codes = np.select(
         [
             ended == NOT_COMPUTED,
@@ -40,17 +40,17 @@ def motion(ds: xr.Dataset) -> xr.DataArray:
             still,
         ],
         [
-            names.index(name)
+            names[name]
             for name in (
                 *("not_computed", "failed", "collapsed", "stick_only", "stick_slip_and_flight"),
                 *("slip_and_flight", "stick_and_slip", "steady_slip"),
             )
         ],
-        default=names.index("slip_only"),
+        default=names["slip_only"],
     ).astype(np.int8)
     attrs = {
         "long_name": "regimes in the settled window",
-        "flag_values": np.arange(len(names), dtype=np.int8),
+        "flag_values": np.array(list(names.values()), dtype=np.int8),
         "flag_meanings": " ".join(names),
     }
     return xr.DataArray(codes, coords=ds["label"].coords, dims=ds["label"].dims, attrs=attrs)
@@ -69,6 +69,7 @@ def regime_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.nda
 def mechanism_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.ndarray:
     """What keeps the motion going (the column `mechanism`) over two axes; see `category_map`."""
     names = flag_names(ds["mechanism"])
+    names = {code: "quiet" if name == "none" else name for code, name in names.items()}
     codes = np.asarray(ds["mechanism"], dtype=np.int8).copy()
     ended = np.asarray(ds["label"])
     for name in ("failed", "collapsed"):  # these have no motion to speak of, and are not quiet
@@ -83,8 +84,8 @@ def mechanism_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.
     return category_map(ds.assign(mechanism=marked), "mechanism", ax, **options)
 
 
-def class_bars(ds: xr.Dataset, ax: Axes) -> Axes:
-    """Share of each class, in words and numbers."""
+def class_bars(ds: xr.Dataset, where: str, ax: Axes) -> Axes:
+    """Share of each class among the cells of `ds`, in words and numbers; `where` they are cut."""
     table = [row for row in class_table(ds) if row[1] > 0][::-1]
     names = [readable(name) for name, _, _ in table]
     bars = ax.barh(
@@ -104,5 +105,6 @@ def class_bars(ds: xr.Dataset, ax: Axes) -> Axes:
     ax.set_xlim(0, 1.35 * max((share for *_, share in table), default=1.0))
     ax.set_xticks([])
     ax.spines[["top", "right", "bottom"]].set_visible(False)
-    ax.set_title("share of cells (number)", fontsize="medium")
+    title = f"share of {sum(count for _, count, _ in table):,} cells"
+    ax.set_title(f"{title}\n{where}" if where else title, fontsize="medium")
     return ax

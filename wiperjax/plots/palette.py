@@ -46,8 +46,10 @@ MOTIONS = {  # what a settled motion consists of; named after the rarest regime 
     "failed": CLASSES["failed"],
     "not_computed": CLASSES["not_computed"],
 }
+SPARE = (  # of categories that have no colours of their own
+    *("#DDCC77", "#44AA99", "#882255", "#88CCEE", "#117733", "#CC6677", "#332288", "#999933"),
+)
 NAMES = {
-    "none": "quiet",
     "slip_pos": "slip forward",
     "slip_neg": "slip backward",
     "stick_slip": "stick-slip",

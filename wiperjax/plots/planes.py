@@ -1,19 +1,21 @@
 """Planes of a map: which axes are drawn, where the others are cut, and one quantity over them."""
 
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 
-from ..schema import LABELS, flag_names
+from ..schema import LABELS, flag_names, is_derivative
 from .axes import edges, label, log_marks, long_name, page, set_axis, shown, shown_unit, value_text
 from .caption import set_caption
 from .palette import BOUNDARY, UNKNOWN
 
 At = Mapping[str, float]  # where a dimension that is not drawn is cut, in the units of the map
+SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody
 
 
 def map_dims(ds: xr.Dataset) -> list[str]:
@@ -45,6 +47,13 @@ def check_dim(ds: xr.Dataset, name: str | None) -> None:
     """Raises `ValueError` unless `name` is None or an axis of the map."""
     if name is not None and name not in map_dims(ds):
         raise ValueError(f"{name!r} is no axis of this map; it has {', '.join(map_dims(ds))}")
+
+
+def check_cellwise(ds: xr.Dataset, name: str) -> None:
+    """Raises `ValueError`, listing what there is, unless the map holds one `name` a cell."""
+    held = [str(n) for n in ds.data_vars if set(ds[n].dims) == set(map_dims(ds))]
+    if name not in held:
+        raise ValueError(f"{name!r} is not in this map; it holds {', '.join(held)}")
 
 
 def cut(ds: xr.Dataset, keep: tuple[str, ...], at: At | None = None) -> tuple[xr.Dataset, str]:
@@ -106,13 +115,11 @@ def value_map(
     colour bar.
 
     Cells without a number (failed, collapsed, constant) stay grey. `title` is its long name if
-    None. The scale is logarithmic where the numbers are positive and span three decades.
+    None. Colours and scale suit the numbers (`suited`) unless `norm` says otherwise.
 
     Raises: `ValueError` if the map does not hold `name` as one number a cell.
     """
-    if name not in ds or set(ds[name].dims) != set(map_dims(ds)) or ds[name].dtype.kind not in "fi":
-        held = [str(n) for n in ds.data_vars if set(ds[n].dims) == set(map_dims(ds))]
-        raise ValueError(f"{name!r} is not in this map; it holds {', '.join(held)}")
+    check_cellwise(ds, name)
     x, y = choose_plane(ds, x, y)
     whole = ax is None
     if ax is None:
@@ -122,8 +129,8 @@ def value_map(
     values = np.ma.masked_invalid(factor * plane[name].transpose(y, x).values.astype(float))
     ended = [LABELS["failed"], LABELS["collapsed"], -1]
     values = np.ma.masked_where(np.isin(plane["label"].transpose(y, x).values, ended), values)
-    if norm is None and values.count() and values.min() > 0 and values.max() > 1e3 * values.min():
-        norm = LogNorm(max(values.min(), 1e-6 * values.max()), values.max())
+    if norm is None:
+        norm, cmap = suited(values, is_derivative(name), cmap)
     ax.set_facecolor(UNKNOWN)
     mesh = ax.pcolormesh(
         edges(shown(ds[x])[0]), edges(shown(ds[y])[0]), values, norm=norm, cmap=cmap,
@@ -134,14 +141,41 @@ def value_map(
     stability_boundary(plane, ax, x, y)
     words = title or long_name(ds[name])
     bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
-    bar.set_label(label(words, unit) if whole else unit)
+    bar.set_label(textwrap.fill(label(words, unit), 45) if whole else unit)
     if isinstance(norm, LogNorm):
         log_marks(bar.ax.yaxis)
     if whole:
-        set_caption(ax.figure, ds, where)
+        lacking = "grey: no number" if values.count() < values.size and "grey" not in words else ""
+        set_caption(ax.figure, ds, where, lacking)
     else:
+        words = textwrap.fill(words, 36)
         ax.set_title(f"{words}\n{where}" if where else words, fontsize="medium")
     return ax
+
+
+def suited(
+    values: np.ma.MaskedArray, signed: bool, cmap: str = "viridis"
+) -> tuple[Normalize | None, str]:
+    """Scale and colour map for the numbers of a plane.
+
+    Numbers of both signs, or `signed` ones whatever these are, have two colours that part at zero,
+    as far to one side as to the other; beyond thirty times the typical size the scale is
+    logarithmic on either side. Positive ones that span three decades have a logarithmic scale. All
+    others: None and `cmap`.
+    """
+    if not values.count():
+        return None, cmap
+    low, high = float(values.min()), float(values.max())
+    if low > 0 and high > 1e3 * low and not signed:
+        return LogNorm(max(low, 1e-6 * high), high), cmap
+    if not (signed or low < 0 < high):
+        return None, cmap
+    sizes = np.abs(values.compressed())
+    top = float(sizes.max()) or 1.0
+    typical = float(np.median(sizes[sizes > 0])) if (sizes > 0).any() else top
+    if top > 30 * typical:
+        return SymLogNorm(typical, vmin=-top, vmax=top, base=10), SIGNED
+    return Normalize(-top, top), SIGNED
 
 
 def fraction_map(
