@@ -8,11 +8,21 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 from PIL import Image
+from test_plots import SIGHT, _lab, inside_the_page
 
 matplotlib.use("Agg")
 
 from wiperjax import Stribeck, plots, runs  # noqa: E402
-from wiperjax.plots import animation, caption, files, friction, history, palette  # noqa: E402
+from wiperjax.plots import (  # noqa: E402
+    animation,
+    bands,
+    caption,
+    files,
+    friction,
+    history,
+    palette,
+    spectra,
+)
 from wiperjax.results import Event, Regime  # noqa: E402
 from wiperjax.storage import StoreError, write_dataset  # noqa: E402
 
@@ -133,19 +143,150 @@ def test_pitch_and_last_periods():
 def test_history_has_bands_of_regime_and_marks_of_events():
     run = bouncing_run()
     ax = plots.time_history(run)
-    bands = [c for c in ax.collections if c.get_alpha() == 0.3]
-    assert sum(len(c.get_paths()) for c in bands) == len(list(runs.regime_spans(run)))
+    shaded = [c for c in ax.collections if c.get_alpha() == bands.ALPHA]
+    assert sum(len(c.get_paths()) for c in shaded) == len(list(runs.regime_spans(run)))
     texts = [text.get_text() for text in ax.figure.legends[0].get_texts()]
     assert "impact (4)" in texts and "flight" in texts and "slip backward" in texts
     marks = [line for line in ax.lines if line.get_marker() == palette.EVENTS["impact"]]
     assert len(marks[0].get_xdata()) == 4
     axes = plots.history_page(run)
     assert [ax.get_ylabel() for ax in axes] == [
-        "velocity (m/s)", "position (mm)", "gap (mm)", "normal force (N/m)", "friction force (N/m)",
+        "velocity (m/s)", "position (mm)", "gap (mm)", "normal\nforce (N/m)",
+        "friction\nforce (N/m)",
     ]  # fmt: skip
     assert len(plots.history_page(run, "normal_force")) == 1
     with pytest.raises(ValueError, match="'speed' is not in this run; it holds position"):
         plots.time_history(run, quantity="speed")
+
+
+def buzzing_run(periods=900, stick=1 / 3, quiet=0.25) -> xr.Dataset:
+    """Run of 1 s that slips for `quiet` s, then sticks for a share `stick` of each period."""
+    run = tone(seconds=1.0)
+    start = quiet + (1 - quiet) / periods * np.arange(periods)
+    times = np.stack([start, start + stick * (1 - quiet) / periods], axis=1).ravel()
+    after = np.tile([Regime.STICK, Regime.SLIP_NEG], periods)
+    before = np.roll(after, 1)
+    return run.assign(
+        event_time=("event", times, {"units": "s"}),
+        event_kind=(
+            "event",
+            np.tile([Event.CAPTURE, Event.RELEASE], periods),
+            {
+                "flag_values": [int(e) for e in Event],
+                "flag_meanings": " ".join(e.name for e in Event),
+            },
+        ),
+        regime_before=("event", before, run["regime"].attrs),
+        regime_after=("event", after, run["regime"].attrs),
+    )
+
+
+def test_stays_too_short_to_show_are_drawn_by_their_share_of_the_time():
+    run = buzzing_run()
+    end = float(run.time[-1])
+    found = bands.pieces(run)
+    exact: dict[str, float] = {}
+    for start, stop, name in runs.regime_spans(run):
+        exact[name] = exact.get(name, 0.0) + stop - start
+    for name, time in exact.items():
+        drawn = sum(shares.get(name, 0) * (stop - start) for start, stop, shares in found)
+        assert drawn == pytest.approx(time, rel=1e-9)
+    assert found[0][:2] == (0.0, 0.25) and found[0][2] == {"slip_neg": 1.0}  # long: as it is
+    assert found[-1][1] == end
+    assert all(a[1] == b[0] for a, b in zip(found, found[1:], strict=False))
+    # whole periods: a steady motion has steady shares, but for its cut end
+    assert all(shares["stick"] == pytest.approx(1 / 3) for *_, shares in found[1:-1])
+    assert all(stop - start >= bands.FINEST * end for start, stop, _ in found)
+    texts = [text.get_text() for text in plots.time_history(run).figure.legends[0].get_texts()]
+    assert any(text.startswith("divided") for text in texts)
+    # seen from near, each stay is a band of its own
+    near = runs.between(run, 0.5, 0.55)
+    assert {len(shares) for *_, shares in bands.pieces(near)} == {1}
+    texts = [text.get_text() for text in plots.time_history(near).figure.legends[0].get_texts()]
+    assert not any(text.startswith("divided") for text in texts)
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_bands_of_regimes_are_told_apart_by_everybody(sight):
+    seen = {}
+    for name, colour in palette.REGIMES.items():
+        paler = bands.ALPHA * np.array(matplotlib.colors.to_rgb(colour)) + 1 - bands.ALPHA
+        seen[name] = _lab(tuple(paler), SIGHT[sight])
+    near = {(a, b): np.linalg.norm(seen[a] - seen[b]) for a in seen for b in seen if a < b}
+    assert min(near.values()) > 12, min(near, key=lambda pair: near[pair])
+
+
+def test_every_picture_of_a_run_says_its_class_and_frequency(squeal):
+    heard = "squeal (stick-slip), 780.8 Hz"
+    for name, picture in files.PICTURES["run"].items():
+        drawn = files.draw(squeal, "run", name, picture, "run.h5", {})
+        figure = getattr(drawn, "_fig", drawn)
+        assert heard in figure.get_suptitle().splitlines(), name
+        if name == "animation":
+            drawn._draw_was_started = True  # else matplotlib warns that it was never shown
+    # of a part that somebody cut, nothing is claimed of the whole
+    assert caption.noise_text(runs.between(squeal, 0.1, 0.11)) == ""
+    assert caption.noise_text(bouncing_run()) == ""
+    assert caption.noise_text(tone(800.0)) == "800 Hz"
+    still = squeal.assign(velocity=squeal["velocity"] * 0 + [1e-9, 0.0])
+    assert caption.noise_text(still) == "quiet"
+
+
+def test_no_two_rows_of_an_overview_show_the_same():
+    turning = tone(seconds=1.0).assign(belt_velocity=0.5 * np.cos(4 * tone(seconds=1.0).time))
+    for run, framed in ((turning, False), (buzzing_run(), True)):
+        figure = plots.run_overview(run)
+        limits = [ax.get_xlim() for ax in figure.axes if ax.get_ylabel() == "velocity (m/s)"]
+        assert len(limits) == len(set(limits)) == 1 + framed
+        assert ("in the frame" in figure.get_suptitle()) == framed
+
+
+def test_nothing_reaches_beyond_a_page_of_a_run(squeal):
+    run = bouncing_run()
+    kinds = run["event_kind"].copy(data=np.resize([e for e in Event if e != Event.NONE], 15))
+    run = run.assign(event_kind=kinds, belt_velocity=("time", 0.1 * np.sin(30 * run.time.values)))
+    run.attrs |= squeal.attrs | {"support_stiffness": 1e4, "neck_stiffness": 0.01, "gravity": 9.81}
+    run.attrs |= {"noise": "reversal (reversal impulse)", "hinge_damping": 0.001}
+    run.attrs.pop("result_message")  # it has no result
+    for drawn in (
+        plots.history_page(run)[0].figure,
+        plots.time_history(run).figure,
+        plots.run_overview(run),
+        plots.run_overview(squeal),
+        plots.phase_portrait(run).figure,
+        friction.friction_page(run)[0].figure,
+        plots.spectrum(run).figure,
+        plots.spectrogram(run)[0].figure,
+    ):
+        assert inside_the_page(drawn) == []
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 1e-9, 1e-4])
+def test_scale_of_a_quiet_spectrum_is_that_of_the_class(amplitude):
+    """Rounding noise is not blown up: the limits contain the border of quiet, and end five decades
+    below it."""
+    run = tone(3000.0, amplitude=amplitude)
+    border = 0.01 * 0.5  # of the speed of the glass
+    low, high = plots.spectrum(run).get_ylim()
+    assert low == pytest.approx(border * 1e-5) and high > border
+    level = plots.spectrogram(run)[0].collections[0]
+    assert level.norm.vmax == pytest.approx(20 * np.log10(border))
+    assert level.norm.vmin == level.norm.vmax - spectra.LEVELS
+    # other quantities: a share of what they are on the whole
+    force = xr.DataArray(9.0 + amplitude * run["velocity"].values[:, 0], dims="time")
+    force = run.assign(normal_force=force.assign_attrs(units="N/m"))
+    low, high = plots.spectrum(force, quantity="normal_force").get_ylim()
+    assert low == pytest.approx(0.09e-5, rel=1e-3)
+
+
+def test_spectrogram_shows_no_silence_where_it_knows_nothing():
+    run = tone(800.0, seconds=0.2)
+    mesh = plots.spectrogram(run)[0].collections[0]
+    level, corners = np.asarray(mesh.get_array()), mesh.get_coordinates()
+    assert (corners[0, 0, 0], corners[0, -1, 0]) == (0.0, float(run.time[-1]))
+    assert corners[0, 0, 1] <= 0 and mesh.axes.get_ylim()[1] <= corners[-1, 0, 1]
+    loudest = level.max(axis=0)  # a steady tone is as loud at the ends as anywhere
+    assert np.ptp(loudest) < 0.5 and loudest.max() == pytest.approx(-3.01, abs=0.1)
 
 
 def test_spectrum_has_the_level_and_frequency_of_a_sine():

@@ -10,8 +10,8 @@ from matplotlib.ticker import FuncFormatter
 
 from ..schema import flag_names
 from .axes import page
+from .bands import regime_bands
 from .caption import set_caption
-from .history import regime_bands
 from .palette import BELT, REGIMES, readable
 
 FRAMES_PER_SECOND = 25

@@ -6,9 +6,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure, SubFigure
 
+from ..assess import assess, words
 from ..parameters import PARAMETERS
 from ..results import Result
+from ..runs import is_run, pitch
 from .axes import SHOWN, number
+from .palette import readable
 
 ALWAYS = ("attack_angle", "normal_load", "belt_speed")
 BELTS = {"steady": "", "SteadyBelt": "", "WipingBelt": "wiping", "TrapezoidBelt": "trapezoid"}
@@ -47,12 +50,43 @@ def unit_of(ds: xr.Dataset, name: str) -> str:
 
 
 def set_caption(figure: Figure | SubFigure, ds: xr.Dataset, *notes: str) -> None:
-    """Heads a page with the title of a dataset, its parameters, and further notes."""
+    """Heads a page with the title of a dataset, its parameters, the noise of a run, and notes."""
     title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", ""))
-    lines = [parameters_text(ds), *notes, _fault(ds)]
+    lines = [parameters_text(ds), noise_text(ds), *notes, _fault(ds)]
     width = 12.5 * figure.get_figwidth() if isinstance(figure, Figure) else 120
     text = "\n".join(_wrapped(line, width) for line in lines if line)
     figure.suptitle(f"{title}\n{text}" if title and text else title or text, fontsize="medium")
+
+
+def noise_text(ds: xr.Dataset) -> str:
+    """`squeal (stick-slip), 780.8 Hz`: class, mechanism and frequency of a run of a scene, as
+    `assess` finds them; of another run its frequency; empty where neither is known.
+
+    A part of a run cannot tell what the whole is: `with_noise` notes it before the run is cut.
+    """
+    if "noise" in ds.attrs:
+        return str(ds.attrs["noise"])
+    if not is_run(ds) or "belt_velocity" not in ds:
+        return ""
+    if "belt_kind" not in ds.attrs or "event_time" not in ds:
+        return f"{tone:.4g} Hz" if np.isfinite(tone := pitch(ds)) else ""
+    time, left = np.asarray(ds["time"], float), 1.5 * float(ds.attrs["sample_interval"])
+    if time[0] > 0 or time[-1] + left < float(ds["final_time"]) or time.size < 128:
+        return ""
+    found = assess(ds)
+    names = words(found)
+    if names["label"] in ("quiet", "collapsed", "failed"):
+        return names["label"]
+    text = f"{names['label']} ({readable(names['mechanism'])})"
+    tone = float(found["dominant_frequency"])
+    if names["band"] != "none" and np.isfinite(tone):
+        text += f", {tone:.4g} Hz"
+    return text + (", not settled" if names.get("settled") == "no" else "")
+
+
+def with_noise(run: xr.Dataset) -> xr.Dataset:
+    """The run, with what `noise_text` says of it among its attributes, where its parts have it."""
+    return run.assign_attrs(noise=noise_text(run))
 
 
 def _wrapped(text: str, width: float) -> str:

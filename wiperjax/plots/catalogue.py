@@ -25,6 +25,7 @@ from . import (
     run_page,
     spectra,
 )
+from .caption import with_noise
 
 Drawn = Figure | FuncAnimation
 
@@ -207,6 +208,7 @@ def draw(
         return _figure(picture.draw(ds, **given))
     if "quantity" in given:
         check_quantity(ds, given["quantity"])
+    ds = with_noise(ds)
     start, stop = given.pop("start", None), given.pop("stop", None)
     asked = start is not None or stop is not None
     part = between(ds, start, stop) if asked else picture.part(ds)

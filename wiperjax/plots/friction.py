@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from .axes import page
+from .axes import legend_below, page
 from .caption import set_caption
 from .palette import REGIMES, UNKNOWN, readable
 from .portrait import regime_masks
@@ -76,7 +76,7 @@ def friction_curve(
     handles = [Line2D([], [], color="black", linewidth=1.0, label=words), *_regime_dots(ds)]
     if whole:
         if legend:
-            ax.figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+            legend_below(ax.figure, handles)
         set_caption(ax.figure, ds)
     elif legend:
         ax.legend(handles=handles, loc="best", fontsize="small", framealpha=0.9)
@@ -114,8 +114,6 @@ def friction_page(ds: xr.Dataset) -> np.ndarray:
         linewidth=1.0,
         label="Stribeck curve (right: times mean normal force)",
     )
-    figure.legend(
-        handles=[law, *_regime_dots(ds)], loc="outside lower center", ncols=6, frameon=False
-    )
+    legend_below(figure, [law, *_regime_dots(ds)])
     set_caption(figure, ds)
     return axes

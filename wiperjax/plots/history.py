@@ -3,14 +3,13 @@
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
-from ..runs import check_quantity, event_times, regime_spans
-from .axes import label, long_name, page, shown
+from ..runs import check_quantity, event_times
+from .axes import label, legend_below, long_name, page, shown
+from .bands import regime_bands, regime_legend
 from .caption import set_caption
-from .palette import BELT, EVENT_NAMES, EVENTS, REGIMES, UNKNOWN, readable
+from .palette import BELT, EVENT_NAMES, EVENTS
 
 MARKED = ("belt_reversal", "impact", "zeno", "lift_off")
 DIRECTIONS = ("along the glass", "normal to the glass")
@@ -66,31 +65,12 @@ def time_history(
     if marks:
         event_marks(ds, ax)
     if whole:
-        handles = regime_legend(ds) + (ax.get_legend_handles_labels()[0] if legend else [])
-        ax.figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
+        curves = ax.get_legend_handles_labels()[0] if legend else []
+        legend_below(ax.figure, [*regime_legend(ds), *event_legend(ds), *curves])
         set_caption(ax.figure, ds)
     elif legend and ax.get_legend_handles_labels()[0]:
         ax.legend(loc="upper right", fontsize="small", framealpha=0.9)
     return ax
-
-
-def regime_bands(ds: xr.Dataset, ax: Axes) -> None:
-    """Shades the background of `ax` by regime, from the exact event times if the run holds them."""
-    spans: dict[str, list] = {}
-    for start, stop, name in regime_spans(ds):
-        spans.setdefault(name, []).append([(start, 0), (start, 1), (stop, 1), (stop, 0)])
-    for name, boxes in spans.items():  # one object a regime: thousands of spans stay cheap
-        ax.add_collection(
-            PolyCollection(
-                boxes,
-                facecolor=REGIMES.get(name, UNKNOWN),
-                alpha=0.30,
-                linewidth=0,
-                transform=ax.get_xaxis_transform(),
-                zorder=0,
-            ),
-            autolim=False,
-        )
 
 
 def shown_events(ds: xr.Dataset) -> dict[str, np.ndarray]:
@@ -116,20 +96,13 @@ def event_marks(ds: xr.Dataset, ax: Axes) -> None:
             )
 
 
-def regime_legend(ds: xr.Dataset) -> list[Patch | Line2D]:
-    """Legend entries of the regimes that occur in a run and of the marked events."""
-    seen = {name for *_, name in regime_spans(ds)}
-    handles: list[Patch | Line2D] = [
-        Patch(color=colour, alpha=0.5, label=readable(name))
-        for name, colour in REGIMES.items()
-        if name in seen
-    ]
-    for name, times in shown_events(ds).items():
-        if name in MARKED:
-            handles.append(
-                Line2D(
-                    [], [], marker=EVENTS[name], color="black", linestyle="", markersize=5,
-                    label=f"{EVENT_NAMES[name]} ({times.size})",
-                )
-            )  # fmt: skip
-    return handles
+def event_legend(ds: xr.Dataset) -> list[Line2D]:
+    """Legend entries of the marked events of a run."""
+    return [
+        Line2D(
+            [], [], marker=EVENTS[name], color="black", linestyle="", markersize=5,
+            label=f"{EVENT_NAMES[name]} ({times.size})",
+        )
+        for name, times in shown_events(ds).items()
+        if name in MARKED
+    ]  # fmt: skip

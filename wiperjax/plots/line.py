@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ..schema import LABELS, flag_names
-from .axes import edges, page, plain_log, set_axis, shown
+from .axes import edges, legend_below, page, plain_log, set_axis, shown
 from .caption import set_caption
 from .palette import BOUNDARY, CLASSES, REGIMES, UNKNOWN, readable
 from .planes import At, check_dim, class_names, cut, map_dims
@@ -61,7 +61,7 @@ def along_axis(
         ]
         if unstable:
             handles.append(Patch(color="#000000", alpha=0.08, label="steady slip unstable"))
-        figure.legend(handles=handles + shares, loc="outside lower center", ncols=4, frameon=False)
+        legend_below(figure, handles + shares)
         set_caption(figure, ds, where)
     return rows
 
@@ -203,7 +203,7 @@ def regime_raster(
     if whole:
         seen = [code for code in order if (codes == code).any()]
         handles = [Patch(color=REGIMES[names[c]], label=readable(names[c])) for c in seen]
-        ax.figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        legend_below(ax.figure, handles)
         set_caption(ax.figure, ds, where, _coarse(line, float(np.diff(time).mean())))
     return ax
 

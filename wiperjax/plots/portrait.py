@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.ticker import MaxNLocator
 
 from ..schema import flag_names
-from .axes import label, page, shown, shown_unit
+from .axes import label, legend_below, page, shown, shown_unit
 from .caption import set_caption
 from .history import DIRECTIONS
 from .palette import BELT, REGIMES, UNKNOWN, readable
@@ -80,7 +80,7 @@ def phase_portrait(
     ax.set_ylabel(label(f"velocity {where}", shown(ds["velocity"])[1]))
     if whole:
         handles = ax.get_legend_handles_labels()[0] if legend else []
-        ax.figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        legend_below(ax.figure, handles)
         set_caption(ax.figure, ds)
     elif legend:
         ax.legend(loc="best", fontsize="small", framealpha=0.9)

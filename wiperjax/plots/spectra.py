@@ -35,7 +35,8 @@ def spectrum(
     The bands of squeal and chattering (those stored with the run) have the colours of these
     classes; the strongest line is named, unless the run is quiet or its belt not steady: there it
     is the stroke. Amplitudes are in the unit of the quantity: rms of a sine, so 1 m/s peak shows as
-    0.707.
+    0.707. The scale never ends below what counts as quiet (`quiet_level`; dotted on a steady belt):
+    rounding noise is not blown up to look like a line.
     """
     values = signal(ds, quantity, component)
     factor, unit = shown_unit(values)
@@ -67,10 +68,21 @@ def spectrum(
     ax.plot(frequency[inside], amplitude[inside], color="black", linewidth=0.8)
     plain_log(ax, "x")
     ax.set_xlim(low, top)
-    peak = float(amplitude[inside].max(initial=0.0))
+    quiet = factor * quiet_level(ds, values)
+    highest = float(amplitude[inside].max(initial=0.0))
+    peak = max(highest, quiet)
     if peak > 0:
-        ax.set_yscale("log")
         ax.set_ylim(peak * 10.0**-DECADES, peak * 20)
+        ax.set_yscale("log")
+        if highest < peak * 10.0**-DECADES:
+            words = f"all lines below {peak * 10.0**-DECADES:.0e} {unit}".strip()
+            ax.text(0.5, 0.03, words, transform=ax.transAxes, ha="center", color="#444444")
+        if quantity == "velocity" and is_steady(ds):
+            ax.axhline(quiet, color="#666666", linewidth=0.9, linestyle=":")
+            ax.text(
+                0.99, quiet, "quiet below", transform=ax.get_yaxis_transform(), ha="right",
+                va="bottom", fontsize="small", color="#666666",
+            )  # fmt: skip
         if low <= line <= top:
             height = float(amplitude[np.argmin(np.abs(frequency - line))])
             ax.annotate(
@@ -85,6 +97,19 @@ def spectrum(
         span = f"{float(ds['time'][0]):.4g} ... {float(ds['time'][-1]):.4g} s"
         set_caption(ax.figure, ds, f"{span}, resolution {1.5 * frequency[1]:.2g} Hz (Hann)")
     return ax
+
+
+def quiet_level(ds: xr.Dataset, values: xr.DataArray) -> float:
+    """What counts as no vibration of `values` of a run, rms, in their stored unit.
+
+    Of a velocity it is the border of the class quiet: the stored share of the speed of the glass.
+    Of other quantities it is that share of their own rms, mean included.
+    """
+    scale = values
+    if str(values.name) == "velocity" and "belt_velocity" in ds:
+        scale = ds["belt_velocity"]
+    rms = float(np.sqrt(np.mean(np.square(np.asarray(scale, dtype=float)))))
+    return stored(ds.attrs).quiet_velocity_ratio * rms
 
 
 def spectrogram(
@@ -107,7 +132,9 @@ def spectrogram(
         periods of a tone above the band of chattering, and at most `TURNING` on a belt that turns.
     - `highest`: frequency (Hz) at the top; eight times the dominant one by default, 2000 at least.
 
-    Levels are in dB relative to one unit of the quantity (1 m/s rms), not a sound pressure.
+    Levels are in dB relative to one unit of the quantity (1 m/s rms), not a sound pressure. Within
+    half a window of the ends they are those of the first and the last whole window. The scale
+    reaches up to what counts as quiet (`quiet_level`) at least.
 
     Returns: axes, shape (2,).
     """
@@ -137,19 +164,21 @@ def spectrogram(
     shown_rows = transform.f <= top
     power = np.sqrt(2.0) * level[shown_rows]  # two-sided magnitude to the rms of a line
     decibels = 20 * np.log10(np.maximum(power, 1e-300))
-    times = float(ds["time"][0]) + transform.delta_t * np.arange(first, last)
+    rows = transform.f[shown_rows]
+    borders = transform.delta_t * (np.arange(first, last + 1) - 0.5)
+    # the ends belong to the windows that hold them: nothing is drawn as silence that is not known
+    borders[[0, -1]] = 0.0, float(ds["time"][-1] - ds["time"][0])
 
     whole = axes is None
     if axes is None:
         axes = np.asarray(page((9.0, 5.6)).subplots(2, 1, sharex=True, height_ratios=[4.0, 1.2]))
     upper, lower = axes
-    peak = float(decibels.max())
+    peak = max(float(decibels.max()), 20 * np.log10(max(quiet_level(ds, values), 1e-300)))
     mesh = upper.pcolormesh(
-        times, transform.f[shown_rows], decibels, cmap="magma", vmin=peak - LEVELS, vmax=peak,
-        shading="nearest", rasterized=True,
+        float(ds["time"][0]) + borders, np.append(rows, rows[-1] + rows[1]) - 0.5 * rows[1],
+        decibels, cmap="magma", vmin=peak - LEVELS, vmax=peak, rasterized=True,
     )  # fmt: skip
-    upper.set_facecolor("black")
-    upper.set_ylim(0, top)
+    upper.set_ylim(0, rows[-1] + 0.5 * rows[1])
     upper.set_ylabel("frequency (Hz)")
     bar = upper.figure.colorbar(mesh, ax=axes.tolist() if whole else upper, pad=0.01, aspect=35)
     bar.set_label(f"level (dB re 1 {unit} rms)" if unit else "level (dB)")
