@@ -17,7 +17,7 @@ from wiperjax.branch import follow
 from wiperjax.branch_dataset import branch_dataset
 from wiperjax.cycles import Found, find_cycle
 from wiperjax.stability import steady_slip
-from wiperjax.updown import up_and_down
+from wiperjax.updown import repeat_time, up_and_down
 
 
 class Ring(AbstractSystem):
@@ -140,6 +140,39 @@ def test_up_and_down_shows_what_coexists():
     np.testing.assert_allclose(high.sel(way="up"), circle, atol=1e-4)  # by the samples
     circle[values > 0] = 0.0
     np.testing.assert_allclose(high.sel(way="down"), circle, atol=1e-4)
+
+
+def test_simulated_means_are_those_of_whole_periods():
+    """A window of 6.3 periods at one value, 5.7 at another: the shares are the exact ones of V5.
+
+    On the way down: on the way up the block is left in slip, where it swings for ever.
+    """
+    m, k, fs, fd = 1.0, 100.0, 0.4, 0.25
+    speeds = np.array([0.05, 0.07, 0.1])
+    ds = up_and_down(
+        Block(fs, fd, m, k, belt=0.05), "belt", speeds,
+        settle=5.0, window=4.0, initial_state=((0.0,), (0.1,)),
+    ).sel(way="down")  # fmt: skip
+    a, w = (fs - fd) / k, math.sqrt(k / m)
+    period = (2 / w) * (math.pi - np.arctan(w * a / speeds)) + 2 * a / speeds
+    assert np.all(np.abs(4.0 / period - np.round(4.0 / period)) > 0.05)
+    np.testing.assert_allclose(ds.stick_fraction, 2 * a / speeds / period, rtol=2e-4)
+    # the mean velocity is zero over a period, and the kinetic energy has a closed form
+    reach = np.sqrt(a**2 + (speeds / w) ** 2)
+    half = np.pi - np.arctan(w * a / speeds)  # of the arc that slip is, in angle
+    slip = reach**2 * w * (half + 0.5 * np.sin(2 * half))
+    square = (speeds**2 * 2 * a / speeds + slip) / period
+    np.testing.assert_allclose(ds.velocity_rms, np.sqrt(square), rtol=2e-4)
+
+
+def test_time_of_a_motion_that_comes_back_and_of_one_that_does_not():
+    t = np.linspace(0, 7.3, 1000)[:, None]
+    wave = np.hstack([np.sin(2 * np.pi * t + 0.4), 0 * t, np.cos(2 * np.pi * t + 0.4), 1e-18 * t])
+    assert float(repeat_time(jnp.asarray(wave), 7.3)) == pytest.approx(7.0, abs=1e-4)
+    doubled = wave * (1 + 0.1 * np.cos(np.pi * t + 0.2))
+    assert float(repeat_time(jnp.asarray(doubled), 7.3)) == pytest.approx(6.0, abs=1e-3)
+    for other in (wave * np.exp(-t), 0 * wave):  # dying, at rest
+        assert float(repeat_time(jnp.asarray(other), 7.3)) == 7.3
 
 
 def test_neimark_sacker_of_a_driven_oscillator():

@@ -9,10 +9,10 @@ from .wiper import Wiper
 
 _COLUMNS = {  # name: (unit for a blade, meaning)
     "period": ("s", "period"),
-    "maximum": ("m", "maximum of the first coordinate"),
-    "minimum": ("m", "minimum of the first coordinate"),
-    "amplitude": ("m", "half the range of the first coordinate"),
-    "velocity_rms": ("m/s", "standard deviation of the output velocity"),
+    "maximum": ("m", "largest {position}"),
+    "minimum": ("m", "smallest {position}"),
+    "amplitude": ("m", "half the range of the {position}"),
+    "velocity_rms": ("m/s", "standard deviation of the {velocity}"),
     "stick_fraction": ("1", "share of the period in stick"),
     "flight_fraction": ("1", "share of the period in flight"),
     "normal_force_max": ("N/m", "largest normal force"),
@@ -32,8 +32,11 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     blade = isinstance(first.system, Wiper)
     name, attrs, to_file = named.stored(first.system, branch.over)
 
-    def about(long_name, units):
-        return {"long_name": long_name} | ({"units": units} if blade or units in "1s" else {})
+    words = named.words(first.system)
+
+    def about(text, units):
+        unit = {"units": units} if blade or units in "1s" else {}
+        return {"long_name": text.format(**words), **unit}
 
     variables = {
         name: ("point", to_file(branch.parameters), attrs),
@@ -45,8 +48,8 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     values = np.stack([_known(c.multipliers) for c in branch.cycles])
     plane = ("point", "multiplier")
     for key, part in (("real", np.real(values)), ("imag", np.imag(values))):
-        words = {"long_name": f"multipliers, {key}. part, largest first", "units": "1"}
-        variables[f"multiplier_{key}"] = (plane, part, words)
+        attributes = {"long_name": f"multipliers, {key}. part, largest first", "units": "1"}
+        variables[f"multiplier_{key}"] = (plane, part, attributes)
     stable = np.array([c.stable for c in branch.cycles], np.int8)
     variables["stable"] = ("point", stable, {"long_name": "all multipliers inside the circle"})
     variables["state"] = (

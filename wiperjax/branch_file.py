@@ -30,7 +30,8 @@ def with_rest(branch: xr.Dataset, parameter, position, stable) -> xr.Dataset:
     it is stable, (m,) each.
     """
     over = str(branch.attrs["over"])
-    attrs = branch["maximum"].attrs | {"long_name": "first coordinate at rest"}
+    what = str(branch["maximum"].attrs["long_name"]).removeprefix("largest ")
+    attrs = branch["maximum"].attrs | {"long_name": f"{what} at rest"}
     return branch.assign(
         {
             f"rest_{over}": ("rest", parameter, branch[over].attrs),

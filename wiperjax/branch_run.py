@@ -14,6 +14,7 @@ from .branch_dataset import branch_dataset
 from .branch_file import with_rest, with_simulations
 from .cycles import Found, find_cycle
 from .parameters import PARAMETERS
+from .run_dataset import units_text
 from .scene import build_wiper, start_state
 from .spec import SceneSpec
 from .stability import steady_slip
@@ -68,8 +69,16 @@ def run(
         why = f" ({cycle.why})" if cycle.why else ""
         raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
     branch = follow(cycle, float(entry.to_si(low)), float(entry.to_si(high)), step=step)
+    stated = {
+        name: float(PARAMETERS[name].to_edge(value))
+        for name, value in spec.parameters().items()
+        if name != over
+    }
     attrs = {
         "title": spec.title or f"cycles over {entry.long_name}",
+        "belt_kind": spec.belt.kind,
+        "parameter_units": units_text({name: PARAMETERS[name].edge_unit for name in stated}),
+        **stated,
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
         **provenance.record(None, time.perf_counter() - begun),

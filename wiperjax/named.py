@@ -101,6 +101,14 @@ def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Call
     return "_".join(route), {"long_name": ".".join(route)}, lambda x: x
 
 
+def words(system: AbstractSystem) -> dict[str, str]:
+    """Return what the first coordinate and the output of ``system`` are called: ``position`` and
+    ``velocity``."""
+    if isinstance(system, Wiper):
+        return {"position": "tip position along the glass", "velocity": "tip velocity"}
+    return {"position": "first coordinate", "velocity": "output velocity"}
+
+
 def _at(route: tuple[str, ...]) -> Callable[[Any], Any]:
     def where(tree: Any) -> Any:
         for key in route:

@@ -2,6 +2,11 @@
 
 What differs between the way up and the way down is coexisting motion: quiet and squeal at the same
 setting, say. Only stable motions show; `branch.follow` gives the unstable ones between.
+
+A mean over a window that is no whole number of periods misses that of the cycle by some per cent,
+another one at each value. So where no clock says how long a period is, the motion is looked at
+twice: over the window asked for, to find the time in which it comes back to itself most often, and
+then over that time.
 """
 
 from collections.abc import Callable
@@ -19,10 +24,12 @@ from .results import RESULTS, RUNNING, Result
 from .shooting import tidy
 from .solve import solve
 from .system import AbstractSystem
+from .wiper import Wiper
 
 WAYS = ("up", "down")
 PEAKS = 16  # maxima kept of each window, evenly spread if there are more
 FLAT = 1e-9  # of the typical size: a smaller range is a motion at rest
+ALIKE = 0.02  # of half the range of a state: how near a motion that repeats comes back
 
 
 def up_and_down(
@@ -42,11 +49,11 @@ def up_and_down(
 
     **Main arguments:** ``system``; ``over``, its name (`named.path`); ``values``, increasing (SI
     units, radians); ``settle`` [s] simulated at each value before it is looked at, for ``window``
-    [s].
+    [s] or, if it is periodic, as many whole periods as fit (in a second look, after as long).
 
     **Other arguments:** ``initial_state`` = (position, q') at either end (default: the system's
     own); ``period(system)`` of what drives it [s]: settle and window are then rounded up to whole
-    periods, so that the clock goes on as it was; ``kick``, by which the first coordinate is moved
+    periods, so that the clock goes on as it was, and there is one look; ``kick``, by which the first coordinate is moved
     before each value, of its typical size: without it an equilibrium that has become unstable is
     left only when rounding has grown (delayed loss of stability); ``samples`` of a window;
     ``rtol``.
@@ -98,13 +105,15 @@ def up_and_down(
         "flag_values": np.array(list(RESULTS.values()), np.int8),
         "flag_meanings": " ".join(RESULTS),
     }
-    metre, speed = ("m", "m/s") if isinstance(given, _blade()) else (None, None)
+    words = named.words(given)
+    metre, speed = ("m", "m/s") if isinstance(given, Wiper) else (None, None)
     maximum = np.where(fair[..., None], peaks, np.nan)
-    about = {"long_name": "maxima of the first coordinate"} | ({"units": metre} if metre else {})
+    about = {"long_name": f"maxima of the {words['position']}"}
+    about |= {"units": metre} if metre else {}
     return xr.Dataset(
         {
             "maximum": ((*plane, "peak"), maximum, about),
-            "velocity_rms": settled(rms, "standard deviation of the output velocity", speed),
+            "velocity_rms": settled(rms, f"standard deviation of the {words['velocity']}", speed),
             "stick_fraction": settled(stick, "share of the window in stick", "1"),
             "flight_fraction": settled(flight, "share of the window in flight", "1"),
             "result": (plane, result.astype(np.int8), flags),
@@ -112,12 +121,6 @@ def up_and_down(
         coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
         attrs={"over": name, "system": type(given).__name__, "settle": settle, "window": window},
     )
-
-
-def _blade():
-    from .wiper import Wiper
-
-    return Wiper
 
 
 def maxima(position, velocity, flat: float) -> np.ndarray:
@@ -128,6 +131,30 @@ def maxima(position, velocity, flat: float) -> np.ndarray:
         return np.array([position.mean()])
     at = np.flatnonzero((velocity[:-1] > 0) & (velocity[1:] <= 0))
     return np.maximum(position[at], position[at + 1])
+
+
+def repeat_time(states, window):
+    """Return the longest time in which a motion comes back to itself, of states (samples, 2n) that
+    are evenly spread over ``window`` [s]: whole periods, from one maximum of the first coordinate
+    to the last that is like it. It is ``window`` if that is not half as long, or there is none.
+    """
+    count, n = states.shape[0], states.shape[1] // 2
+    velocity = states[:, n]
+    turns = (velocity[:-1] > 0) & (velocity[1:] <= 0)
+    part = velocity[:-1] / jnp.where(turns, velocity[:-1] - velocity[1:], 1.0)
+    there = states[:-1] + part[:, None] * jnp.diff(states, axis=0)
+    times = (jnp.arange(count - 1) + part) * window / (count - 1)
+    half = 0.5 * (states.max(0) - states.min(0))
+    kind = jnp.repeat(
+        half.reshape(2, n).max(1), n
+    )  # a coordinate that rests has no size of its own
+    half = jnp.maximum(half, 1e-3 * kind)
+    first = jnp.argmax(turns)
+    off = jnp.max(jnp.abs(there - there[first]) / jnp.where(half > 0, half, 1.0), axis=1)
+    again = turns & (off < ALIKE)
+    last = count - 2 - jnp.argmax(again[::-1])
+    time = times[last] - times[first]
+    return jnp.where(jnp.any(turns) & (time >= 0.5 * window), time, window)
 
 
 @eqx.filter_jit
@@ -144,30 +171,45 @@ def _march(system, over, period, ways, states, numbers, samples: int):
             turn = period(local)
             before = jnp.ceil(before / turn * (1 - 1e-9)) * turn
             after = jnp.ceil(after / turn * (1 - 1e-9)) * turn
+
+        def look(carry, _):
+            state, regime, before, after, result = carry
+            state = tidy(local, jnp.zeros(()), state, regime)
+            s = solve(
+                local,
+                before + after,
+                initial_state=(tuple(state[:n]), tuple(state[n:])),
+                rtol=rtol,
+                sample_times=before + after * grid,
+                statistics_start=before,
+                max_events=0,
+            )
+            totals = s.statistics
+            mean = totals.output_integral / after
+            rms = jnp.sqrt(jnp.maximum(totals.output_square_integral / after - mean**2, 0.0))
+            shares = totals.stick_time / after, totals.flight_time / after
+            q, v = s.samples.position, s.samples.velocity
+            found = q[0], v[0], *shares, rms
+            result = jnp.where(_fair(result), s.result, result)  # what went wrong first
+            end = jnp.concatenate([s.final_position, s.final_velocity])
+            end = jnp.where(_fair(result), end, initial)
+            # x' = 0 in a slip that the kick has just begun is left to the engine to decide
+            regime = jnp.where(_fair(result), s.final_regime, RUNNING)
+            again = repeat_time(jnp.stack([*q, *v], axis=-1), after)
+            return (end, regime, jnp.zeros_like(before), again, result), found
+
         state = state.at[0].add(kick * local.scales(n)[0][0])
-        state = tidy(local, jnp.zeros(()), state, regime)
-        s = solve(
-            local,
-            before + after,
-            initial_state=(tuple(state[:n]), tuple(state[n:])),
-            rtol=rtol,
-            sample_times=before + after * grid,
-            statistics_start=before,
-            max_events=0,
-        )
-        totals = s.statistics
-        mean = totals.output_integral / after
-        rms = jnp.sqrt(jnp.maximum(totals.output_square_integral / after - mean**2, 0.0))
-        fair = (s.result == Result.FINISHED) | (s.result == Result.PAINLEVE_INDETERMINATE)
-        end = jnp.concatenate([s.final_position, s.final_velocity])
-        carry = jnp.where(fair, end, initial), jnp.where(fair, s.final_regime, RUNNING)
-        # x' = 0 in a slip that the kick has just begun is left to the engine to decide
-        q, v = s.samples.position[0], s.samples.velocity[0]
-        shares = totals.stick_time / after, totals.flight_time / after
-        return carry, (q, v, *shares, rms, s.result)
+        begin = state, regime, before, after, jnp.asarray(Result.FINISHED, jnp.int32)
+        looks = 2 if period is None else 1  # of one compiled program
+        (end, regime, *_, result), found = jax.lax.scan(look, begin, None, looks)
+        return (end, regime), (*(x[-1] for x in found), result)
 
     def way(values, initial):
         begin = initial, jnp.asarray(-1, jnp.int32)
         return jax.lax.scan(partial(one, initial), begin, values)[1]
 
     return jax.vmap(way)(ways, states)
+
+
+def _fair(result):
+    return (result == Result.FINISHED) | (result == Result.PAINLEVE_INDETERMINATE)

@@ -6,7 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..branch_file import rest, simulations
-from .axes import label, long_name, page, shown_unit
+from .axes import label, legend_below, long_name, page, shown, shown_unit
+from .caption import set_caption
 
 BRANCH = "#0072B2"
 REST = "#009E73"
@@ -22,6 +23,13 @@ MARKS = {  # special points: marker and words
     "adding_sliding": ("p", "stick splits (adding-sliding)"),
     "shoulder": ("|", "shoulder reached"),
 }
+SMOOTH = ("fold", "period_doubling", "neimark_sacker", "hopf", "shoulder")  # no multiplier jumps
+MULTIPLIERS = (  # marker, size, colour: the larger ones are hollow, so that none hides another
+    ("o", 9.0, "#0072B2"),
+    ("s", 6.5, "#D55E00"),
+    ("D", 4.0, "#009E73"),
+    (".", 3.0, "#000000"),
+)
 DOTS = {"up": ("#E69F00", 4.0), "down": ("#777777", 7.0)}
 
 
@@ -32,6 +40,7 @@ def bifurcation_diagram(
     quantity: str = "maximum",
     rest: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
     ax: Axes | None = None,
+    legend: bool = True,
 ) -> Axes:
     """Draw cycles over a parameter: stable solid, unstable dashed, special points marked.
 
@@ -42,38 +51,41 @@ def bifurcation_diagram(
     - `quantity`: variable drawn, one that both datasets hold: `maximum`, `velocity_rms`,
       `stick_fraction`, ...
     - `rest`: (parameter, value, is stable) of an equilibrium, drawn as a line of its own.
+    - `legend`: whether to name what is drawn below the axes.
     """
     if ax is None:
-        ax = Figure(figsize=(8.0, 4.8), layout="constrained").subplots()
-    shown = branch if branch is not None else brute
-    if shown is None:
+        ax = page((8.0, 4.8)).subplots()
+    held = branch if branch is not None else brute
+    if held is None:
         raise ValueError("branch or brute must be given, but both were None")
-    over = str(shown.attrs["over"])
-    factor, unit = shown_unit(shown[quantity])
+    over = str(held.attrs["over"])
+    factor, unit = shown_unit(held[quantity])
+    across, _ = shown_unit(held[over])
     if brute is not None:
-        _dots(ax, brute, over, factor * brute[quantity])
+        _dots(ax, shown(brute[over])[0], factor * brute[quantity])
     if rest is not None:
         stable = np.asarray(rest[2], bool)
-        _line(ax, rest[0], factor * np.asarray(rest[1]), stable, REST, "steady slip")
+        x, y = across * np.asarray(rest[0]), factor * np.asarray(rest[1])
+        _line(ax, x, y, stable, REST, "steady slip")
     if branch is not None:
-        x, y = branch[over].values, factor * branch[quantity].values
+        x, y = shown(branch[over])[0], factor * branch[quantity].values
         _line(ax, x, y, branch["stable"].values.astype(bool), BRANCH, "cycle")
-        _marks(ax, branch, x, y)
-    ax.set_xlabel(_axis(shown[over]))
-    ax.set_ylabel(label(long_name(shown[quantity]), unit))
+        _marks(ax, branch, across, y)
+    ax.set_xlabel(_axis(held[over]))
+    ax.set_ylabel(label(long_name(held[quantity]), unit))
     ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4), useOffset=False)
-    # below the axes: a branch fills them from corner to corner
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize="small")
+    if legend:  # below the axes: a branch fills them from corner to corner
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize="small")
     return ax
 
 
-def _dots(ax: Axes, brute: xr.Dataset, over: str, quantity: xr.DataArray) -> None:
+def _dots(ax: Axes, parameter: np.ndarray, quantity: xr.DataArray) -> None:
+    """Simulated motions, up and down; each of the maxima of a motion is a dot."""
+    each = ": each maximum" if "peak" in quantity.dims else ""
     for way in ("down", "up"):
         colour, size = DOTS[way]
         values = quantity.sel(way=way)
-        x = np.broadcast_to(
-            brute[over].values.reshape((-1,) + (1,) * (values.ndim - 1)), values.shape
-        )
+        x = np.broadcast_to(parameter.reshape((-1,) + (1,) * (values.ndim - 1)), values.shape)
         ax.plot(
             np.ravel(x),
             np.ravel(values.values),
@@ -82,7 +94,7 @@ def _dots(ax: Axes, brute: xr.Dataset, over: str, quantity: xr.DataArray) -> Non
             markersize=size,
             color=colour,
             markeredgewidth=0,
-            label=f"simulated, {way}wards",
+            label=f"simulated {way}wards{each}",
         )
 
 
@@ -108,7 +120,8 @@ def _line(ax: Axes, x, y, stable, colour: str, words: str) -> None:
             ax.plot(path[:, 0], path[:, 1], style, color=colour, label=f"{words}, {look}")
 
 
-def _marks(ax: Axes, branch: xr.Dataset, x, y) -> None:
+def _marks(ax: Axes, branch: xr.Dataset, across: float, y: np.ndarray) -> None:
+    """Special points; `across` is the factor from the stored parameter to that of the axis."""
     seen = set()
     for kind, parameter, index in zip(
         branch["special_kind"].values,
@@ -121,7 +134,7 @@ def _marks(ax: Axes, branch: xr.Dataset, x, y) -> None:
         if str(kind) != base:
             words = f"{words}, branch turns back"
         ax.plot(
-            [parameter],
+            [across * float(parameter)],
             [y[int(index)]],
             marker,
             color="black",
@@ -139,27 +152,34 @@ def branch_page(branch: xr.Dataset, quantity: str = "maximum") -> Figure:
     Raises ValueError for a quantity that is no number along the branch.
     """
     figure = page((8.0, 5.2))
-    _diagram(branch, quantity, figure.subplots())
+    _headed(figure, branch, _diagram(branch, quantity, figure.subplots()))
     return figure
 
 
 def branch_overview(branch: xr.Dataset) -> Figure:
     """Draw a branch over the size of its multipliers and its frequency."""
-    figure = page((8.0, 9.0))
+    figure = page((8.0, 9.4))
     top, middle, low = figure.subplots(3, 1, height_ratios=(2.2, 1, 1), sharex=True)
     _diagram(branch, "maximum", top)
-    top.set_xlabel("")
     multipliers(branch, middle)
-    middle.set_xlabel("")
     over = branch[str(branch.attrs["over"])]
     stable = branch["stable"].values.astype(bool)
-    _line(low, over.values, 1 / branch["period"].values, stable, BRANCH, "cycle")
+    _line(low, shown(over)[0], 1 / branch["period"].values, stable, BRANCH, "cycle")
+    low.set_ylabel("frequency (Hz)" if shown(branch["period"])[1] else "1 / period")
     low.set_xlabel(_axis(over))
-    low.set_ylabel("frequency (Hz)" if _unit(branch["period"]) else "1 / period")
+    for ax in (top, middle):
+        ax.label_outer()
+    _headed(figure, branch, top)
     return figure
 
 
-def _diagram(branch: xr.Dataset, quantity: str, ax: Axes) -> None:
+def _headed(figure: Figure, branch: xr.Dataset, ax: Axes) -> None:
+    """Heading and legend of a page."""
+    legend_below(figure, ax.get_legend_handles_labels()[0])
+    set_caption(figure, branch)
+
+
+def _diagram(branch: xr.Dataset, quantity: str, ax: Axes) -> Axes:
     fair = [
         str(name)
         for name, variable in branch.data_vars.items()
@@ -171,45 +191,57 @@ def _diagram(branch: xr.Dataset, quantity: str, ax: Axes) -> None:
     if brute is not None and quantity not in brute:
         brute = None
     still = rest(branch) if quantity == "maximum" else None
-    bifurcation_diagram(branch, brute, quantity=quantity, rest=still, ax=ax)
-    ax.set_title(str(branch.attrs.get("title", "")), fontweight="bold")
+    return bifurcation_diagram(branch, brute, quantity=quantity, rest=still, ax=ax, legend=False)
 
 
 def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the size of the multipliers over the parameter; 1 is the border of stability."""
+    """Draw the size of the multipliers over the parameter; 1 is the border of stability.
+
+    They are sorted by size at each point. Lines end where multipliers jump: where events of the
+    motion appear or vanish.
+    """
+    whole = ax is None
     if ax is None:
-        ax = Figure(figsize=(8.0, 3.2), layout="constrained").subplots()
-    over = str(branch.attrs["over"])
+        ax = page((8.0, 3.8)).subplots()
+    over = branch[str(branch.attrs["over"])]
     size = np.hypot(branch["multiplier_real"].values, branch["multiplier_imag"].values)
+    size = -np.sort(-size, axis=1)
+    x = shown(over)[0]
+    smooth = np.isin(branch["special_kind"].values, SMOOTH)
+    jumps = np.unique(branch["special_point"].values[~smooth]) + 1  # before these points
+    x, size = np.insert(x, jumps, np.nan), np.insert(size, jumps, np.nan, axis=0)
     for k in range(size.shape[1]):
-        ax.plot(branch[over], size[:, k], ".-", linewidth=1.0, label=f"multiplier {k + 1}")
+        marker, width, colour = MULTIPLIERS[min(k, len(MULTIPLIERS) - 1)]
+        ax.plot(
+            x, size[:, k], marker=marker, markersize=width, color=colour, linewidth=0.8,
+            markerfacecolor="none" if k < len(MULTIPLIERS) - 1 else colour,
+            label="largest" if k == 0 else f"number {k + 1} by size",
+        )  # fmt: skip
     ax.axhline(1.0, color="black", linewidth=0.8)
     ax.set_yscale("symlog", linthresh=0.1)
-    ax.set_ylim(bottom=-0.02)
-    ax.set_xlabel(_axis(branch[over]))
-    ax.set_ylabel("size of the multiplier")
-    ax.legend(loc="best", fontsize="small")
+    ax.set_ylim(-0.02, max(2.0, 1.5 * float(np.nanmax(size, initial=0.0))))
+    ax.set_xlabel(_axis(over))
+    ax.set_ylabel("size of multipliers")
+    if whole:
+        legend_below(ax.figure, ax.get_legend_handles_labels()[0], title="multipliers")
+        set_caption(ax.figure, branch)
+    else:
+        ax.legend(loc="best", fontsize="small", title="multipliers", title_fontsize="small")
     return ax
 
 
 def remedy_bars(shares: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw what each parameter buys (`remedy.sensitivities`)."""
     if ax is None:
-        ax = Figure(figsize=(6.5, 3.2), layout="constrained").subplots()
+        ax = page((6.5, 3.2)).subplots()
     order = np.argsort(np.abs(shares["buys"].values))
     names = [str(n).replace("_", " ") for n in shares["parameter"].values[order]]
     ax.barh(names, shares["buys"].values[order], color=BRANCH)
     ax.axvline(0.0, color="black", linewidth=0.8)
-    unit = _unit(shares["buys"])
-    ax.set_xlabel(f"{shares['buys'].attrs['long_name']}{f' ({unit})' if unit else ''}")
+    ax.set_xlabel(_axis(shares["buys"]))
     return ax
 
 
-def _unit(variable: xr.DataArray) -> str:
-    unit = str(variable.attrs.get("units", "1"))
-    return {"1": "", "degrees": "deg"}.get(unit, unit)
-
-
 def _axis(variable: xr.DataArray) -> str:
-    """Words of an axis; the values are drawn as they are stored."""
-    return label(long_name(variable), _unit(variable))
+    """Words of an axis, with the unit in which `axes.shown` gives its values."""
+    return label(long_name(variable), shown_unit(variable)[1])
