@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 
 from . import named
-from .orbit import extremes, slip_margin, words
+from .orbit import slip_margin, words
 from .return_map import Found as Found
 from .return_map import Lost, Point, Shooting, correct
 from .settling import STILL, driven_guess, free_guess
@@ -159,7 +159,6 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
     totals, period = motion.totals, point.period
     mean = float(totals.output_integral) / period
     square = float(totals.output_square_integral) / period
-    high, low = extremes(motion, n)
     word, regimes = words(motion)
     return Cycle(
         system=shooting.at(point.parameter),
@@ -173,8 +172,8 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
         residual=point.residual,
         word=word,
         regimes=regimes,
-        maximum=high,
-        minimum=low,
+        maximum=float(motion.highest),
+        minimum=float(motion.lowest),
         velocity_rms=math.sqrt(max(square - mean**2, 0.0)),
         stick_fraction=float(totals.stick_time) / period,
         flight_fraction=float(totals.flight_time) / period,

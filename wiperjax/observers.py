@@ -216,3 +216,33 @@ class RegimeTotals(AbstractObserver):
                 hit, jnp.maximum(record.impulse_max, e.impulse), record.impulse_max
             ),
         )
+
+
+class Reached(NamedTuple):
+    """Record of `Reach`: of `RegimeTotals`, and the ends of the first coordinate's range."""
+
+    totals: Totals
+    highest: Scalar
+    lowest: Scalar
+
+
+class Reach(AbstractObserver):
+    """Regime totals, and beside them the largest and smallest first coordinate from their start on:
+    vertices within the steps, without derivatives. Samples would miss a quick swing."""
+
+    observer: RegimeTotals
+
+    def init(self, dtype, shape=()):
+        none = jnp.full(shape, -jnp.inf, dtype)
+        return Reached(self.observer.init(dtype, shape), none, -none)
+
+    def stretch(self, record, stretch):
+        x = [stop_gradient(node.position[0]) for node in stretch.nodes]
+        on = stretch.start >= self.observer.start
+        highest = jnp.where(on, larger(record.highest, stretch.peak(x)), record.highest)
+        low = -stretch.peak([-y for y in x])
+        lowest = jnp.where(on, -larger(-record.lowest, -low), record.lowest)
+        return Reached(self.observer.stretch(record.totals, stretch), highest, lowest)
+
+    def event(self, record, happening):
+        return record._replace(totals=self.observer.event(record.totals, happening))

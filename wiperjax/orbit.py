@@ -1,4 +1,4 @@
-"""What a motion over one period looks like: its events and regimes, turning points and extremes."""
+"""What a motion over one period looks like: its events and regimes, and its turning points."""
 
 import numpy as np
 
@@ -52,35 +52,13 @@ def middle_of_longest(regimes, smooth) -> int:
     return where
 
 
-def turns(motion: Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (times, values, is a maximum) of the turning points of the first coordinate."""
-    n = motion.samples.shape[1] // 2
-    x, v, h = motion.samples[:, 0], motion.samples[:, n], np.diff(motion.times)
+def turns(motion: Stretch) -> tuple[np.ndarray, np.ndarray]:
+    """Return (times, is a maximum) of the turning points of the first coordinate, between the
+    samples."""
+    v = motion.samples[:, motion.samples.shape[1] // 2]
     at = np.flatnonzero((np.sign(v[:-1]) != np.sign(v[1:])) & (v[:-1] != 0))
     part = v[at] / (v[at] - v[at + 1])
-    a, b, k = x[at], x[at + 1], h[at]
-    # Hermite's cubic: fourth order from states at both ends
-    value = (
-        a * (1 + 2 * part) * (1 - part) ** 2
-        + b * part**2 * (3 - 2 * part)
-        + k * part * (1 - part) * (v[at] * (1 - part) - v[at + 1] * part)
-    )
-    return motion.times[at] + part * k, value, v[at] > 0
-
-
-def extremes(motion: Stretch, n: int) -> tuple[float, float]:
-    """Largest and smallest first coordinate: at turning points, or where an impact turns it."""
-    x, v = motion.samples[:, 0], motion.samples[:, n]
-    values = [x, turns(motion)[1]]
-    events = motion.events
-    count = min(int(events.count), len(events.time))
-    hits = events.time[:count][events.impulse[:count] != 0]
-    at = np.clip(np.searchsorted(motion.times, hits) - 1, 1, len(x) - 2)
-    bend = (v[at] - v[at - 1]) / (motion.times[at] - motion.times[at - 1])
-    ahead = hits - motion.times[at]
-    values.append(x[at] + ahead * (v[at] + 0.5 * ahead * bend))
-    every = np.concatenate(values)
-    return float(every.max()), float(every.min())
+    return motion.times[at] + part * np.diff(motion.times)[at], v[at] > 0
 
 
 def slip_margin(motion: Stretch) -> float:

@@ -25,7 +25,7 @@ def free_guess(shooting: Shooting, state, settle: float):
         motion = _run(shooting, motion.state, int(motion.regimes[-1]), window, 1e-8)
         if np.ptp(motion.samples[:, 0]) < STILL * typical[0]:
             return Found.AT_REST
-        times, _, peak = turns(motion)
+        times, peak = turns(motion)
         times = times[peak]
         if len(times) < 6 and window < 4 * settle:
             window *= 2

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 
-from .observers import RegimeTotals, Totals
+from .observers import Reach, RegimeTotals, Totals
 from .results import Regime
 from .solve import begin, make_problem, record_sample, run, solution
 from .state import EventLog
@@ -38,6 +38,8 @@ class Stretch(NamedTuple):
     by_parameter: np.ndarray
     totals: Totals
     totals_by: Totals
+    highest: float  # first coordinate
+    lowest: float
     times: np.ndarray  # (samples,)
     samples: np.ndarray  # (samples, 2n)
     regimes: np.ndarray  # (samples,)
@@ -121,12 +123,12 @@ def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
             atol=None,
             sample_times=start + duration * grid,
             max_events=EVENTS,
-            observer=RegimeTotals(start),
+            observer=Reach(RegimeTotals(start)),
             record=_looked_at,
         )
         s = solution(problem, run(problem, begin(problem, q, v, start)))
         end = jnp.concatenate([s.final_position, s.final_velocity])
-        whole, counts = eqx.partition(s.statistics, eqx.is_inexact_array)
+        whole, counts = eqx.partition(s.statistics.totals, eqx.is_inexact_array)
         return (end, whole), (s, counts)
 
     eye = jnp.eye(2 * n + 2)
@@ -154,6 +156,8 @@ def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
         by_parameter=by[:, -1],
         totals=eqx.combine(whole, counts),
         totals_by=whole_by,
+        highest=jax.lax.stop_gradient(s.statistics.highest),
+        lowest=jax.lax.stop_gradient(s.statistics.lowest),
         times=times,
         samples=jnp.stack([*q, *v], axis=-1),
         regimes=s.samples.regime,

@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from . import named
+from .observers import Reach, RegimeTotals
 from .results import RESULTS, RUNNING, Result
 from .shooting import tidy
 from .solve import solve
@@ -27,7 +28,7 @@ from .system import AbstractSystem
 from .wiper import Wiper
 
 WAYS = ("up", "down")
-PEAKS = 16  # maxima kept of each window, evenly spread if there are more
+PEAKS = 16  # maxima kept of each window, spread over their heights if there are more
 FLAT = 1e-9  # of the typical size: a smaller range is a motion at rest
 ALIKE = 0.02  # of half the range of a state: how near a motion that repeats comes back
 
@@ -53,15 +54,17 @@ def up_and_down(
 
     **Other arguments:** ``initial_state`` = (position, q') at either end (default: the system's
     own); ``period(system)`` of what drives it [s]: settle and window are then rounded up to whole
-    periods, so that the clock goes on as it was, and there is one look; ``kick``, by which the first coordinate is moved
-    before each value, of its typical size: without it an equilibrium that has become unstable is
-    left only when rounding has grown (delayed loss of stability); ``samples`` of a window;
+    periods, so that the clock goes on as it was, and there is one look; ``kick``, by which the
+    first coordinate is moved before each value, of its typical size: without it an equilibrium that
+    has become unstable is left only when rounding has grown (delayed loss of stability);
+    ``samples`` of a window: swings shorter than a few of them have no ``maximum`` of their own;
     ``rtol``.
 
     **Returns** a dataset with the dimensions ``way`` (up, down), the parameter (in the unit of
-    files) and ``peak``: ``maximum`` of the first coordinate (NaN-padded; of a motion at rest, where
-    it rests), ``velocity_rms``, ``stick_fraction``, ``flight_fraction``, ``result``. After a motion
-    that failed or collapsed the next value starts from ``initial_state``.
+    files) and ``peak``: ``maximum`` of the first coordinate (the largest first; NaN-padded; of a
+    motion at rest, where it rests), ``velocity_rms``, ``stick_fraction``, ``flight_fraction``,
+    ``result``. After a motion that failed or collapsed the next value starts from
+    ``initial_state``.
 
     Both ways run side by side in one compiled program.
 
@@ -84,11 +87,11 @@ def up_and_down(
     position, velocity, *columns = (np.array(x) for x in found)
     for array in (position, velocity, *columns):
         array[1] = array[1, ::-1]
-    stick, flight, rms, result = columns
+    stick, flight, rms, highest, result = columns
     typical = float(np.asarray(system.scales(state.shape[1] // 2)[0][0]))
     peaks = np.full((*position.shape[:2], PEAKS), np.nan)
     for at in np.ndindex(position.shape[:2]):
-        highs = maxima(position[at], velocity[at], FLAT * typical)
+        highs = maxima(position[at], velocity[at], highest[at], FLAT * typical)
         if len(highs) > PEAKS:
             highs = highs[np.linspace(0, len(highs) - 1, PEAKS).round().astype(int)]
         peaks[at][: len(highs)] = highs
@@ -123,14 +126,17 @@ def up_and_down(
     )
 
 
-def maxima(position, velocity, flat: float) -> np.ndarray:
-    """Return the maxima of a sampled coordinate, or its mean where its range is below ``flat``."""
+def maxima(position, velocity, highest: float, flat: float) -> np.ndarray:
+    """Return the maxima of a sampled coordinate, the largest first: that is ``highest``, which no
+    sample may have met. Where its range is below ``flat``, return its mean.
+    """
     if not np.all(np.isfinite(position)):
         return np.zeros(0)
     if np.ptp(position) < flat:
         return np.array([position.mean()])
     at = np.flatnonzero((velocity[:-1] > 0) & (velocity[1:] <= 0))
-    return np.maximum(position[at], position[at + 1])
+    sampled = np.sort(np.maximum(position[at], position[at + 1]))[::-1]
+    return np.concatenate([[highest], sampled[1:]])
 
 
 def repeat_time(states, window):
@@ -182,14 +188,15 @@ def _march(system, over, period, ways, states, numbers, samples: int):
                 rtol=rtol,
                 sample_times=before + after * grid,
                 statistics_start=before,
+                observer=Reach(RegimeTotals(before)),
                 max_events=0,
             )
-            totals = s.statistics
+            totals = s.statistics.totals
             mean = totals.output_integral / after
             rms = jnp.sqrt(jnp.maximum(totals.output_square_integral / after - mean**2, 0.0))
             shares = totals.stick_time / after, totals.flight_time / after
             q, v = s.samples.position, s.samples.velocity
-            found = q[0], v[0], *shares, rms
+            found = q[0], v[0], *shares, rms, s.statistics.highest
             result = jnp.where(_fair(result), s.result, result)  # what went wrong first
             end = jnp.concatenate([s.final_position, s.final_velocity])
             end = jnp.where(_fair(result), end, initial)
