@@ -30,7 +30,7 @@ MULTIPLIERS = (  # marker, size, colour: the larger ones are hollow, so that non
     ("D", 4.0, "#009E73"),
     (".", 3.0, "#000000"),
 )
-DOTS = {"up": ("#E69F00", 4.0), "down": ("#777777", 7.0)}
+DOTS = {"up": ("#E69F00", 4.0), "down": ("#AAAAAA", 7.0)}
 
 
 def bifurcation_diagram(
@@ -208,7 +208,8 @@ def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
     size = -np.sort(-size, axis=1)
     x = shown(over)[0]
     smooth = np.isin(branch["special_kind"].values, SMOOTH)
-    jumps = np.unique(branch["special_point"].values[~smooth]) + 1  # before these points
+    corners = branch["special_point"].values[~smooth]  # each lies at this point or just before it
+    jumps = np.unique(np.concatenate([corners, corners + 1]))
     x, size = np.insert(x, jumps, np.nan), np.insert(size, jumps, np.nan, axis=0)
     for k in range(size.shape[1]):
         marker, width, colour = MULTIPLIERS[min(k, len(MULTIPLIERS) - 1)]
