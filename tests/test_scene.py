@@ -162,6 +162,16 @@ def test_class_of_a_run(squeal):
     assert words(assess(squeal, Thresholds(squeal_band=(800.0, 900.0))))["label"] == "other"
 
 
+def test_a_run_that_is_carried_sticks_for_all_of_the_time(squeal):
+    """However many stays its shoulder cuts it into: their lengths add up to the whole itself."""
+    names = ("regime_before", "regime_after")
+    run = squeal.assign({name: squeal[name] * 0 + int(Regime.STICK) for name in names})
+    for transient in np.linspace(0.01, 0.15, 15):
+        found = assess(run, transient=transient)
+        assert float(found.stick_fraction) == 1.0
+        assert words(found)["mechanism"] == "carried"
+
+
 def test_class_of_a_run_that_cannot_be_told(squeal):
     cut = squeal.assign(result=squeal.result * 0 + RESULTS["non_finite"])
     assert words(assess(cut))["label"] == "failed"

@@ -127,8 +127,9 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
         found = {"impact_impulse_reversal": np.where(near, impulse, 0.0).max(initial=0.0)}
     whole = length.sum()
     for regime in ("stick", "flight"):
-        share = sum(length[k] for k, name in enumerate(regimes) if name == regime) / whole
-        found[f"{regime}_fraction{suffix}"] = float(share)
+        # added up as the whole is: a run in one regime has a share of 1 itself
+        mine = np.where([name == regime for name in regimes], length, 0.0)
+        found[f"{regime}_fraction{suffix}"] = float(mine.sum() / whole)
     return found
 
 

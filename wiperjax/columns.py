@@ -45,12 +45,16 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
 def statistics(outcome: Outcome, window) -> dict[str, Any]:
     """Return the outcomes that have derivatives by parameters, (cells,) each."""
     record = regime_totals(outcome.observed)
+    # Of the time as it was added up, which is the window but for rounding: what sticks throughout
+    # has the share 1 itself, in any precision. By that `labels` tells a tip that is carried.
+    counted = record.stick_time + record.slip_time + record.flight_time
+    counted = jnp.where(counted > 0, counted, 1.0)
     mean = record.output_integral / window
     variance = jnp.maximum(record.output_square_integral / window - mean * mean, 0.0)
     return {
-        "stick_fraction": record.stick_time / window,
-        "slip_fraction": record.slip_time / window,
-        "flight_fraction": record.flight_time / window,
+        "stick_fraction": record.stick_time / counted,
+        "slip_fraction": record.slip_time / counted,
+        "flight_fraction": record.flight_time / counted,
         "velocity_mean": mean,
         # at rest the root has no derivative
         "velocity_rms": jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1)), 0),
