@@ -213,6 +213,23 @@ def test_what_is_against_us_is_written_under_the_chart(tmp_path):
         assert file.stat().st_size > 5000
 
 
+def test_a_chart_names_what_it_shows_and_nothing_else():
+    def entries(figure):
+        legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes if ax.get_legend())]
+        drawn = {
+            line.get_color() for ax in figure.axes for line in ax.lines if len(line.get_xdata())
+        }
+        every = [line for legend in legends for line in legend.legend_handles]
+        assert all(line.get_color() in drawn for line in every)
+        return {text.get_text() for legend in legends for text in legend.get_texts()}
+
+    right, wrong = toy(4.0), toy(4.0)
+    wrong.wrong_events.loc[{"solver": "numba scalar loop"}] = 1.0
+    for draw in (pictures.short, pictures.work_precision):
+        assert entries(draw(right)) == {"engine Tsit5", "numba scalar loop"}
+        assert entries(draw(wrong)) == entries(draw(right)) | {pictures.CROSSES}
+
+
 def test_a_sentence_says_who_leads_at_which_error_and_by_which_factor():
     ahead, behind = compare.statements(toy(0.5)), compare.statements(toy(4.0))
     assert len(ahead) == len(compare.TARGETS)

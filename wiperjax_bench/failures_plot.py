@@ -75,6 +75,7 @@ def draw(dataset: xr.Dataset):
     keys = [
         Rectangle((0, 0), 1, 1, facecolor=COLOURS[o], edgecolor="0.3", label=WORDS[o])
         for o in Outcome
+        if np.any(dataset.outcome.values == o)
     ]
     figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     figure.suptitle(

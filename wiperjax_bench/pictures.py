@@ -41,6 +41,7 @@ LABELS = {
     "state_error": "state error (share of the length)",
     "event_time_error": "error of the event times [s]",
 }
+CROSSES = "most sequences of events wrong"
 OTHERS = ("#56B4E9", "#999999", "#8C6D1F", "#5D3A9B", "#7F7F00", "#994455")
 
 
@@ -56,8 +57,8 @@ def style(name: str, methods: list[str]) -> dict:
 
 
 def panel(ax, part: xr.Dataset, methods: list[str], clock: str, error: str) -> dict:
-    """Draw one scene; return the line of each method that is in it."""
-    handles = {}
+    """Draw one scene; return a line of each legend entry that it uses."""
+    handles, wrong_events = {}, {}
     for name in (m for m in methods if m in part.solver.values):
         one = part.sel(solver=name)
         x, y = one[clock].values, one[error].values
@@ -73,12 +74,19 @@ def panel(ax, part: xr.Dataset, methods: list[str], clock: str, error: str) -> d
                 ecolor=line.get_color(), elinewidth=0.7, alpha=0.6,
             )  # fmt: skip
         wrong = good & (one.wrong_events.values > 0.5)
-        ax.plot(x[wrong], y[wrong], "x", color="red", ms=9, mew=1.4)
+        (crosses,) = ax.plot(x[wrong], y[wrong], "x", color="red", ms=9, mew=1.4)
         handles[name] = line
+        if wrong.any():
+            wrong_events = {CROSSES: crosses}
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.grid(alpha=0.25)
-    return handles
+    return handles | wrong_events
+
+
+def _in_order(handles: dict) -> dict:
+    """Return legend entries with that of the crosses last."""
+    return {name: handles[name] for name in sorted(handles, key=lambda name: name == CROSSES)}
 
 
 def work_precision(dataset: xr.Dataset, clock: str = "wall", error: str = "state_error"):
@@ -100,7 +108,7 @@ def work_precision(dataset: xr.Dataset, clock: str = "wall", error: str = "state
     for ax in axes.flat[len(scenes) :]:
         ax.axis("off")
     legend = axes.flat[len(scenes)]
-    handles["most sequences of events wrong"] = _cross(legend)
+    handles = _in_order(handles)
     legend.legend(handles.values(), handles.keys(), loc="center", fontsize=8, frameon=False)
     figure.suptitle("Speed against accuracy, one core (left and low is better)")
     return figure
@@ -129,7 +137,7 @@ def short(dataset: xr.Dataset, clock: str = "wall"):
         ax.set_ylabel("state error / length")
     for ax in axes[-1]:
         ax.set_xlabel(f"{_clock(clock)} time per trajectory, one core [s]")
-    handles["most sequences of events wrong"] = _cross(axes[0, 0])
+    handles = _in_order(handles)
     figure.legend(
         handles.values(), handles.keys(), loc="outside lower center", ncols=3, fontsize=9,
         frameon=False,
@@ -139,11 +147,6 @@ def short(dataset: xr.Dataset, clock: str = "wall"):
 
 def _clock(clock: str) -> str:
     return "wall" if clock == "wall" else "processor"
-
-
-def _cross(ax):
-    (cross,) = ax.plot([], [], "x", color="red", ms=9, mew=1.4)
-    return cross
 
 
 def save(dataset: xr.Dataset, stem: Path, clock: str = "wall") -> list[Path]:
