@@ -218,6 +218,16 @@ def test_signed_numbers_have_colours_that_part_at_zero(small_map):
     assert drawn(np.zeros(9))[0](0.0) == 0.5
 
 
+def test_a_scale_says_that_something_lies_below_it(small_map):
+    speed = small_map["velocity_rms"]
+    for lowest, extends in ((1e-9, "min"), (0.01, "neither")):
+        level = speed.copy(data=np.geomspace(lowest, 1.0, speed.size).reshape(speed.shape))
+        mesh = plots.value_map(small_map.assign(velocity_rms=level), "velocity_rms").collections[0]
+        assert mesh.colorbar.extend == extends
+        # what quiet cells leave by rounding does not take the scale from the others
+        assert mesh.norm.vmin >= 0.99e-4 * mesh.norm.vmax
+
+
 def test_codes_are_drawn_as_what_they_mean(small_map):
     names = list(schema.BANDS)
     codes = xr.zeros_like(small_map["label"])

@@ -91,7 +91,7 @@ def up_and_down(
     typical = float(np.asarray(system.scales(state.shape[1] // 2)[0][0]))
     peaks = np.full((*position.shape[:2], PEAKS), np.nan)
     for at in np.ndindex(position.shape[:2]):
-        highs = maxima(position[at], velocity[at], highest[at], FLAT * typical)
+        highs = maxima(position[at], velocity[at], float(highest[at]), FLAT * typical)
         if len(highs) > PEAKS:
             highs = highs[np.linspace(0, len(highs) - 1, PEAKS).round().astype(int)]
         peaks[at][: len(highs)] = highs

@@ -10,7 +10,7 @@ from .axes import label, legend_below, long_name, page, shown, shown_unit
 from .caption import set_caption
 
 BRANCH = "#0072B2"
-REST = "#009E73"
+REST = "#882255"
 MARKS = {  # special points: marker and words
     "fold": (">", "fold"),
     "period_doubling": ("D", "period doubling"),

@@ -140,7 +140,8 @@ def value_map(
     set_axis(ax, "y", ds[y])
     stability_boundary(plane, ax, x, y)
     words = title or long_name(ds[name])
-    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+    below = bool((values < mesh.get_clim()[0]).any())
+    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02, extend="min" if below else "neither")
     bar.set_label(textwrap.fill(label(words, unit), 45) if whole else unit)
     if isinstance(norm, LogNorm):
         log_marks(bar.ax.yaxis)
@@ -160,14 +161,14 @@ def suited(
 
     Numbers of both signs, or `signed` ones whatever these are, have two colours that part at zero,
     as far to one side as to the other; beyond thirty times the typical size the scale is
-    logarithmic on either side. Positive ones that span three decades have a logarithmic scale. All
-    others: None and `cmap`.
+    logarithmic on either side. Positive ones that span three decades have a logarithmic scale, of
+    four decades at most: what quiet cells leave is rounding noise. All others: None and `cmap`.
     """
     if not values.count():
         return None, cmap
     low, high = float(values.min()), float(values.max())
     if low > 0 and high > 1e3 * low and not signed:
-        return LogNorm(max(low, 1e-6 * high), high), cmap
+        return LogNorm(max(low, 1e-4 * high), high), cmap
     if not (signed or low < 0 < high):
         return None, cmap
     sizes = np.abs(values.compressed())
