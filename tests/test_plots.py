@@ -285,6 +285,10 @@ def test_class_map_draws_small_multiples_over_the_third_axis(small_map):
     assert plots.class_map(small_map, panels=2).shape == (2,)
     assert plots.class_map(small_map, x="normal_load", y="attack_angle").shape == (6,)
     assert plots.class_map(small_map.isel(normal_load=[0])).shape == (1,)
+    with pytest.raises(
+        ValueError, match="'belt_speed' is an axis of the picture and cannot number"
+    ):
+        plots.class_map(small_map, panel="belt_speed")
     with pytest.raises(ValueError, match="two axes"):
         plots.class_map(small_map.isel(normal_load=[0], attack_angle=[0]))
 

@@ -91,8 +91,10 @@ def shown_cells(
 
     Returns: those cells; the text of where they are cut; `panel`, or None for a single plane.
 
-    Raises: as `planes.cut`.
+    Raises: as `planes.cut`, and `ValueError` for a `panel` that is drawn.
     """
+    if panel in (x, y):
+        raise ValueError(f"{panel!r} is an axis of the picture and cannot number its panels")
     if panel is None:
         rest = [dim for dim in map_dims(ds) if dim not in (x, y, *(at or {}))]
         panel = next((dim for dim in rest if ds.sizes[dim] > 1), None)
