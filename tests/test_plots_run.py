@@ -87,12 +87,14 @@ def bouncing_run() -> xr.Dataset:
 def tone(frequency=800.0, amplitude=1.0, seconds=0.5, rate=20_000, offset=0.0) -> xr.Dataset:
     """Run of a blade whose tip velocity is a sine, in slip throughout."""
     time = np.arange(round(seconds * rate)) / rate
-    speed = amplitude * np.sin(2 * np.pi * frequency * time) + offset
+    turn = 2 * np.pi * frequency
+    speed = amplitude * np.sin(turn * time) + offset
+    place = offset * time - amplitude / turn * np.cos(turn * time)
     flags = {"flag_values": np.arange(4), "flag_meanings": "stick slip_pos slip_neg flight"}
     return xr.Dataset(
         {
             "velocity": (("time", "axis"), np.column_stack([speed, 0 * speed]), {"units": "m/s"}),
-            "position": (("time", "axis"), np.zeros((time.size, 2)), {"units": "m"}),
+            "position": (("time", "axis"), np.column_stack([place, 0 * place]), {"units": "m"}),
             "regime": ("time", np.full(time.size, 2, dtype=np.int8), flags),
             "belt_velocity": ("time", np.full(time.size, 0.5), {"units": "m/s"}),
         },

@@ -156,7 +156,8 @@ def pitch(ds: xr.Dataset) -> float:
             return float("nan")
     step = sample_interval(part)
     mean, inner = means(part)
-    line = strongest_lines(mean, step, averaged=True, inner=[inner.mean()])
+    # longer periods than are told are looked for too: else a side lobe stands in for them
+    line = strongest_lines(mean, step, averaged=True, inner=[inner.mean()], minimum_cycles=1.0)
     frequency = float(line.frequency) if line.told else float("nan")
     return frequency if frequency * step * speed.size >= FEWEST_PERIODS else float("nan")
 
