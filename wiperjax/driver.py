@@ -4,6 +4,7 @@ Memory is bounded by one block, whatever the number of cells.
 """
 
 import json
+import os
 import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -14,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from . import dataset, provenance, work
+from . import checks, dataset, provenance, work
 from .blocks import BlockStore
 from .mapfile import finalize
 from .progress import Report
+from .ranges import MOST_CELLS, Range
 from .spec import load_sweep, parse_sweep
 from .storage import StoreError, check_output, open_map, parts_of
 
@@ -71,10 +73,15 @@ def run(
     Raises: `StoreError` (one line) for everything about files; `SpecError` (one line) for a wrong
     sweep; `SweepInterrupted` on Ctrl-C.
     """
-    if isinstance(spec, str | Path):
-        spec = load_sweep(spec)
-    elif isinstance(spec, Mapping):
-        spec = parse_sweep(spec)
+    for name, value in (("resume", resume), ("force", force), ("progress", progress)):
+        checks.flag(name, value)
+    if block is not None:
+        block = checks.whole("block", block, Range(1, MOST_CELLS, whole=True))
+    if evaluate is not None and not callable(evaluate):
+        raise ValueError(f"evaluate must be a function, but was {checks.shown(evaluate)}")
+    if output is not None:
+        checks.path("output", output)
+    spec = _sweep(spec)
     if block is None:
         block = work.block_size(spec, 1 if workers is None else workers.count)
     known = work.made_by(spec) | dict(identity or {})
@@ -107,6 +114,18 @@ def run(
         host = workers.host if workers is not None else None
         finalize(store, output, _made(known) | provenance.record(command, 0.0, host))
     return open_map(output)
+
+
+def _sweep(spec: Any) -> Any:
+    """The sweep that `spec` is, names or describes."""
+    if isinstance(spec, str | os.PathLike):
+        return load_sweep(Path(spec))
+    if isinstance(spec, Mapping):
+        return parse_sweep(spec)
+    if not hasattr(spec, "axes_values"):
+        must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
+        raise ValueError(f"{must}, but was {checks.shown(spec)}")
+    return spec
 
 
 def _one_by_one(spec: Any, spans: Spans, evaluate: work.Evaluate) -> Iterator[work.Block]:

@@ -264,7 +264,7 @@ def _is_inside(name: str, value: np.ndarray, step: np.ndarray) -> np.ndarray:
     checked."""
     entry = PARAMETERS[name]
     low, high = entry.to_edge(value - step), entry.to_edge(value + step)
-    return (low >= entry.low) & (high <= entry.high)
+    return (low >= entry.range.low) & (high <= entry.range.high)
 
 
 def _drawn(index: np.ndarray, share: float) -> np.ndarray:

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import xarray as xr
 
+from . import checks
+
 log = logging.getLogger("wiperjax")
 
 
@@ -124,6 +126,9 @@ def open_map(path: str | Path, variables: Sequence[str] | None = None) -> xr.Dat
 
     Raises: `StoreError` if there is no such file or it is no readable HDF5 file.
     """
+    checks.path("path", path)
+    if variables is not None:
+        checks.names("variables", variables)
     path = Path(path)
     if path.is_dir():
         from .mapfile import open_partial  # which is built on this module

@@ -9,11 +9,13 @@ from typing import Any
 import xarray as xr
 from matplotlib.animation import FuncAnimation
 
+from .. import checks
 from ..runs import is_run
 from ..schema import SCHEMA
 from ..storage import StoreError, check_output, open_map, replacing
 from . import animation
 from .catalogue import PICTURES, Drawn, draw, find
+from .door import check_options
 
 STILLS = (".png", ".pdf", ".svg")
 
@@ -42,6 +44,7 @@ def plot_file(
     Raises: `StoreError` if the file holds nothing to draw or `output` cannot be written,
         `ValueError` for a picture or an option that does not suit the file.
     """
+    _check(path, output, force, dpi, options | {"picture": picture})
     output = Path(output)
     ending = output.suffix.lower()
     if picture is None and ending in animation.WRITERS:
@@ -66,6 +69,7 @@ def plot_all(
 
     Raises: as `plot_file`; nothing is written if one of the files exists and `force` is not set.
     """
+    _check(path, output, force, dpi, options)
     output = Path(output)
     _check_ending(output, False)
     made = []
@@ -92,6 +96,12 @@ def plot_all(
             _write(drawn, target, dpi)
             made.append(target)
     return made
+
+
+def _check(path: Any, output: Any, force: Any, dpi: Any, options: dict[str, Any]) -> None:
+    checks.path("path", path)
+    checks.path("output", output)
+    check_options(options | {"force": force, "dpi": dpi})
 
 
 @contextlib.contextmanager
