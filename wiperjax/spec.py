@@ -231,9 +231,20 @@ class SweepSpec(_System):
             must = f"must be at most the number of samples ({self.samples})"
             raise Fault("run.raster", f"{must}, was {instants}")
         self._check_system(self.axes)
+        self._check_strokes()
         if self.sensitivities is not None:
             self._check_sensitivities(self.sensitivities)
         return self
+
+    def _check_strokes(self) -> None:
+        """Raises Fault where the windows around V = 0 leave nothing of the strokes between."""
+        if "belt_frequency" not in BELTS[self.belt.kind].values():
+            return
+        axis, window = self.axes.get("belt_frequency"), self.classes.reversal_window
+        highest = axis.values().max() if axis else self.fixed()["belt_frequency"]
+        if window >= 0.25 / highest:
+            must = f"must be below a quarter of the belt's period ({0.25 / highest:g} s)"
+            raise Fault("classes.reversal_window", f"{must}, was {window:g}")
 
     @property
     def shape(self) -> tuple[int, ...]:
