@@ -166,6 +166,11 @@ class BlockStore:
         done[[number for number in self._names if number < self.count]] = True
         return done
 
+    def cells_done(self) -> int:
+        """Number of cells in finished blocks."""
+        spans = (self.span(int(number)) for number in np.flatnonzero(self.done()))
+        return sum(stop - start for start, stop in spans)
+
     def write(self, number: int, columns: Mapping[str, np.ndarray], wall_time: float = 0.0) -> None:
         """Makes a block durable: once this returns, no kill and no power cut loses it.
 

@@ -17,6 +17,7 @@ import xarray as xr
 
 from . import checks, dataset, provenance, work
 from .blocks import BlockStore
+from .estimate import check_memory, check_room
 from .mapfile import finalize
 from .progress import Report
 from .ranges import MOST_CELLS, Range
@@ -94,6 +95,7 @@ def run(
             known |= described
         blocks = partial(_one_by_one, evaluate=evaluate)
     if output is None:
+        check_memory(spec)
         return _in_memory(spec, blocks, block, known, progress, command)
     output = Path(output)
     if resume and output.exists() and _is_finished(output, spec, known):
@@ -103,6 +105,7 @@ def run(
                 store.remove()
         return open_map(output)
     check_output(output, force or (resume and BlockStore.may_replace(output)))
+    check_room(spec, output, _cells_done(output) if resume else 0)
     with BlockStore.open(
         output, spec, block=block, identity=known, resume=resume, force=force
     ) as store:
@@ -193,9 +196,16 @@ def _is_finished(output: Path, spec: Any, known: Mapping[str, str]) -> bool:
         return False
 
 
+def _cells_done(output: Path) -> int:
+    """Cells in the finished blocks beside `output`; 0 if there is no store that can be read."""
+    try:
+        return BlockStore.peek(parts_of(output)).cells_done()
+    except StoreError:  # opening it will say what is wrong, if anything is
+        return 0
+
+
 def _how_to_resume(store: BlockStore, output: Path, command: str | None) -> str:
-    spans = [store.span(int(number)) for number in np.flatnonzero(store.done())]
-    done = sum(stop - start for start, stop in spans)
+    done = store.cells_done()
     if command:
         words = [word for word in shlex.split(command) if word not in ("--force", "--resume")]
         hint = shlex.join([*words, "--resume"])

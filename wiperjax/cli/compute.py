@@ -1,6 +1,7 @@
 """Commands that compute: a map, a run, a branch, a ladder of models, a map's sample again."""
 
 import contextlib
+import os
 import shlex
 import sys
 import time
@@ -83,7 +84,7 @@ def sweep(
     drawing = output.with_suffix(".png") if picture else None
     if drawing is not None:
         check_output(drawing, STILL_SUFFIXES, force or resume, file)
-    print_plan(spec)
+    print_plan(spec, 1 if scheduler else local_cluster or workers or len(os.sched_getaffinity(0)))
 
     embedded = scheduler is None and local_cluster is None
     if embedded:

@@ -1,0 +1,78 @@
+"""What a sweep says it will take: bytes that are those of its blocks, and refusals before any work.
+
+The bytes of cells that the engine really computed are compared in `test_lanes` and
+`test_sensitivity`, which compute them anyway.
+"""
+
+import collections
+import os
+
+import pytest
+from test_storage import evaluate, make_spec
+
+from wiperjax import driver, estimate
+from wiperjax.storage import StoreError, parts_of
+
+BIG = {"angles": 1000, "loads": 1000, "speeds": 1000}
+
+
+def free(monkeypatch, count):
+    usage = collections.namedtuple("usage", "total used free")
+    monkeypatch.setattr(estimate.shutil, "disk_usage", lambda path: usage(2 * count, count, count))
+
+
+def test_a_sweep_that_no_disk_holds_is_refused_before_its_first_cell(tmp_path, monkeypatch):
+    spec, path = make_spec(**BIG), tmp_path / "map.h5"
+    free(monkeypatch, 5 * 10**10)
+    with pytest.raises(StoreError) as refused:
+        driver.run(spec, path, evaluate=pytest.fail, progress=False)
+    assert str(refused.value) == (
+        f"{path}: must have 173 GB of disk at least until it is finished, "
+        "but only 50 GB are free there"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_done_needs_no_room_again(tmp_path, monkeypatch):
+    spec, path = make_spec(), tmp_path / "map.h5"
+
+    def stopping(spec, index):
+        if index[0] >= 350:
+            raise KeyboardInterrupt
+        return evaluate(spec, index)
+
+    with pytest.raises(driver.SweepInterrupted):
+        driver.run(spec, path, evaluate=stopping, block=50, progress=False)
+    free(monkeypatch, 35 * estimate.bytes_of_a_cell(spec)[0])  # of 385 cells
+    driver.run(spec, path, evaluate=evaluate, resume=True, progress=False).close()
+    path.unlink()
+    with pytest.raises(StoreError, match="must have 66.6 kB of disk at least"):
+        driver.run(spec, path, evaluate=pytest.fail, progress=False)
+    assert not parts_of(path).exists()
+
+
+def test_a_map_that_no_memory_holds_is_refused(monkeypatch):
+    monkeypatch.setattr(os, "sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 2**20}.get)
+    with pytest.raises(StoreError, match="^output must name a file, but was None: the 173 GB of"):
+        driver.run(make_spec(**BIG), evaluate=pytest.fail, progress=False)
+
+
+def test_time_grows_with_the_motion_and_falls_with_cores():
+    short, long = make_spec(**BIG), make_spec(**BIG, window=1.8)
+    one, two = (estimate.seconds(short, cores) for cores in (1, 2))
+    assert one / two == pytest.approx(2, rel=1e-3)
+    assert estimate.seconds(long, 1) / one == pytest.approx(5, rel=1e-3)
+    by_three = short.with_sensitivities()
+    assert estimate.seconds(by_three, 1) / one == pytest.approx(4, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("run", "said"),
+    [
+        ({}, "1000000000 of 0.4 s, 173 GB, about 15 days on 2 cores (a guess from"),
+        ({"raster": 100}, "173 GB to 273 GB"),
+        ({"event_log": 10}, "178 GB to 368 GB"),
+    ],
+)
+def test_words(run, said):
+    assert said in estimate.words(make_spec(**BIG, **run), 2)
