@@ -104,9 +104,9 @@ def test_what_does_not_hold_is_masked(columns):
 
 @pytest.mark.slow
 def test_units_are_those_of_files(columns):
+    """Degrees: against the closed form of the belt's speed, and the map's own attributes."""
     foretold = {column.name for column in estimate.columns(blades())}
     assert {n for n in foretold if n.startswith("d_")} == {n for n in columns if n.startswith("d_")}
-    """Degrees: against the closed form of the belt's speed, and the map's own attributes."""
     fine = columns["sensitivity_code"] == schema.VALIDITY["fine"]
     np.testing.assert_allclose(columns["d_belt_speed_rms_d_belt_speed"][fine], 0.5**0.5)
     units = schema.SCHEMA["d_velocity_rms_d_attack_angle"].attributes()["units"]
