@@ -27,8 +27,8 @@ def test_a_sweep_that_no_disk_holds_is_refused_before_its_first_cell(tmp_path, m
     with pytest.raises(StoreError) as refused:
         driver.run(spec, path, evaluate=pytest.fail, progress=False)
     assert str(refused.value) == (
-        f"{path}: must have 173 GB of disk at least until it is finished, "
-        "but only 50 GB are free there"
+        f"{path}: cannot be written: No space left on device: 173 GB are needed at least until it "
+        "is finished, but 50 GB are free"
     )
     assert list(tmp_path.iterdir()) == []
 
@@ -46,7 +46,7 @@ def test_what_is_done_needs_no_room_again(tmp_path, monkeypatch):
     free(monkeypatch, 35 * estimate.bytes_of_a_cell(spec)[0])  # of 385 cells
     driver.run(spec, path, evaluate=evaluate, resume=True, progress=False).close()
     path.unlink()
-    with pytest.raises(StoreError, match="must have 66.6 kB of disk at least"):
+    with pytest.raises(StoreError, match="No space left on device: 66.6 kB are needed"):
         driver.run(spec, path, evaluate=pytest.fail, progress=False)
     assert not parts_of(path).exists()
 

@@ -27,6 +27,7 @@ import numpy as np
 from . import dataset, manifest, schema
 from .lock import acquire, release
 from .manifest import MANIFEST
+from .paths import oddity
 from .storage import StoreError, log, naming, parts_of, reason, write_bytes
 
 LOCK = "lock"
@@ -220,6 +221,8 @@ class BlockStore:
             return None
         path = self.parts / name
         try:
+            if odd := oddity(path):
+                return self._drop(number, path, f"is {odd}")
             content = path.read_bytes()
         except OSError as error:
             return self._drop(number, path, f"cannot be read ({reason(error)})")

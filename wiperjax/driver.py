@@ -22,7 +22,7 @@ from .mapfile import finalize
 from .progress import Report
 from .ranges import MOST_CELLS, Range
 from .spec import load_sweep, parse_sweep
-from .storage import StoreError, check_output, open_map, parts_of
+from .storage import StoreError, check_move, check_output, open_map, parts_of
 
 if TYPE_CHECKING:
     from .cluster import Workers
@@ -82,6 +82,7 @@ def run(
         raise ValueError(f"evaluate must be a function, but was {checks.shown(evaluate)}")
     if output is not None:
         checks.path("output", output)
+    source = Path(spec) if isinstance(spec, str | os.PathLike) else None
     spec = _sweep(spec)
     if block is None:
         block = work.block_size(spec, 1 if workers is None else workers.count)
@@ -104,7 +105,10 @@ def run(
             with BlockStore.open(output, spec, block=block, identity=known, resume=True) as store:
                 store.remove()
         return open_map(output)
-    check_output(output, force or (resume and BlockStore.may_replace(output)))
+    replace = force or (resume and BlockStore.may_replace(output))
+    check_output(output, replace, source)
+    if parts_of(output).is_dir():
+        check_move(parts_of(output), output)
     check_room(spec, output, _cells_done(output) if resume else 0)
     with BlockStore.open(
         output, spec, block=block, identity=known, resume=resume, force=force
@@ -114,6 +118,11 @@ def run(
                 _compute(spec, store, blocks, report)
             except KeyboardInterrupt:
                 raise SweepInterrupted(_how_to_resume(store, output, command)) from None
+        if output.exists() and not replace:
+            raise StoreError(
+                f"{output}: was made by another program meanwhile; move it away and go on with "
+                "--resume"
+            )
         host = workers.host if workers is not None else None
         finalize(store, output, _made(known) | provenance.record(command, 0.0, host))
     return open_map(output)

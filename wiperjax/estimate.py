@@ -4,6 +4,7 @@ Bytes follow from the columns that a cell has. Time depends on what the lip does
 what the sweep is to find out: the guess is that of the reference map, and says so.
 """
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator
@@ -86,8 +87,8 @@ def check_room(spec: Any, output: Path, done: int = 0) -> None:
     free = shutil.disk_usage(output.parent).free
     if least > free:
         raise StoreError(
-            f"{output}: must have {_bytes(least)} of disk at least until it is finished, "
-            f"but only {_bytes(free)} are free there"
+            f"{output}: cannot be written: {os.strerror(errno.ENOSPC)}: {_bytes(least)} are needed "
+            f"at least until it is finished, but {_bytes(free)} are free"
         )
 
 
