@@ -5,12 +5,15 @@ The bytes of cells that the engine really computed are compared in `test_lanes` 
 """
 
 import collections
+import math
 import os
 
+import numpy as np
 import pytest
 from test_storage import evaluate, make_spec
 
 from wiperjax import driver, estimate
+from wiperjax.blocks import BlockStore
 from wiperjax.storage import StoreError, parts_of
 
 BIG = {"angles": 1000, "loads": 1000, "speeds": 1000}
@@ -32,8 +35,8 @@ def test_a_sweep_that_no_disk_holds_is_refused_before_its_first_cell(tmp_path, m
     with pytest.raises(StoreError) as refused:
         driver.run(spec, path, evaluate=pytest.fail, progress=False)
     assert str(refused.value) == (
-        f"{path}: cannot be written: No space left on device: {a_cell(spec)} GB are needed at least "
-        "until it is finished, but 50 GB are free"
+        f"{path}: cannot be written: No space left on device: {a_cell(spec)} GB are needed at "
+        "least until it is finished, but 50 GB are free"
     )
     assert list(tmp_path.iterdir()) == []
 
@@ -82,3 +85,27 @@ def test_words(run, packed):
     size = f"{plain} GB to {plain + packed} GB" if packed else f"{plain} GB"
     words = f"1000000000 of 0.4 s, {size}, about 15 days on 2 cores (a guess from"
     assert estimate.words(spec, 2).startswith(words)
+
+
+def test_the_block_on_the_disk_is_as_large_as_foretold(tmp_path):
+    """What is foretold is what a file of numbers that do not pack holds, but for its headers."""
+    spec, cells = make_spec(raster=100, event_log=10), 385
+    noise = np.random.default_rng(5)
+
+    def full(spec, index):
+        lengths = {"": (), "raster_time": (100,), "event": (10,)}
+        return {
+            column.name: np.frombuffer(noise.bytes(math.prod(shape) * item.itemsize), item).reshape(
+                shape
+            )
+            for column in estimate.columns(spec)
+            for item in [np.dtype(column.dtype)]
+            for shape in [(len(index), *lengths[column.along])]
+        }
+
+    identity = {"made by": "a test"}
+    with BlockStore.open(tmp_path / "m.h5", spec, block=cells, identity=identity) as store:
+        store.write(0, full(spec, np.arange(cells)))
+        (block,) = store.parts.glob("block-*")
+    size = cells * sum(estimate.bytes_of_a_cell(spec))
+    assert size < block.stat().st_size < size + 40_000
