@@ -437,6 +437,20 @@ def test_samples_are_analysed_in_parts(belt, monkeypatch):
         np.testing.assert_array_equal(parts[name], values)
 
 
+def test_a_closer_look_keeps_to_the_memory_too(monkeypatch):
+    looks = []
+
+    def watched(spec, index, finer=1, room=None):
+        looks.append(finer)
+        return evaluate(spec, index, finer)
+
+    monkeypatch.setattr(work, "untold", lambda columns, limits: np.ones(2, bool))
+    for samples, most in ((2**10, [1, 2, 2, 16, 16]), (2**18, [1, 2, 2]), (2**20, [1])):
+        looks.clear()
+        evaluate_block(make_spec(samples=samples), np.arange(2), watched)
+        assert looks == most
+
+
 def test_blocks_hold_some_time_of_motion_and_are_alike():
     """What a kill can cost is bounded, lanes idle at the end of a block are few, and no short
     block is compiled once more."""

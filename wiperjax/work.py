@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import dataset, labels, provenance, schema
+from .ranges import MOST_SAMPLES
 from .results import RESULTS
 from .signals import signal_columns, untold
 
@@ -78,13 +79,13 @@ def evaluate_block(
 
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes; whatever else it returns is not stored. Cells
-    whose frequency its samples do not tell are looked at again with `FINER` ones, by
-    `evaluate(spec, cells, finer, room)`.
+    whose frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
+    most, by `evaluate(spec, cells, finer, room)`.
     """
     columns = dict(evaluate(spec, index))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)
-    for finer in FINER:
+    for finer in (n for n in FINER if n * spec.samples <= MOST_SAMPLES):
         again = np.flatnonzero(untold(found | columns, spec.classes))
         most = max(1, len(index) // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
