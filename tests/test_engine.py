@@ -517,7 +517,7 @@ def test_event_log_overflow_is_flagged_and_counted():
 def test_wrong_arguments_are_refused():
     with pytest.raises(ValueError, match="explicit"):
         trajectory(Ball(), 1.0, ((1.0,), (0.0,)), solver=diffrax.Euler())
-    with pytest.raises(ValueError, match="equal length"):
+    with pytest.raises(ValueError, match="their lengths were 1 and 2"):
         trajectory(Ball(), 1.0, ((1.0,), (0.0, 0.0)))
     with pytest.raises(ValueError, match="no default start"):
         wiperjax.solve(Ball(), 1.0)

@@ -10,7 +10,7 @@ import pytest
 import test_storage
 import xarray as xr
 
-from wiperjax import cells, driver, schema, sensitivity, work
+from wiperjax import cells, driver, estimate, schema, sensitivity, work
 from wiperjax.cluster import Workers
 from wiperjax.observers import Stretch
 from wiperjax.spec import SpecError, parse_sweep
@@ -105,6 +105,8 @@ def test_what_does_not_hold_is_masked(columns):
 @pytest.mark.slow
 def test_units_are_those_of_files(columns):
     """Degrees: against the closed form of the belt's speed, and the map's own attributes."""
+    foretold = {column.name for column in estimate.columns(blades())}
+    assert {n for n in foretold if n.startswith("d_")} == {n for n in columns if n.startswith("d_")}
     fine = columns["sensitivity_code"] == schema.VALIDITY["fine"]
     np.testing.assert_allclose(columns["d_belt_speed_rms_d_belt_speed"][fine], 0.5**0.5)
     units = schema.SCHEMA["d_velocity_rms_d_attack_angle"].attributes()["units"]
@@ -238,3 +240,15 @@ def test_a_sweep_without_them_keeps_its_digest():
     assert spec.with_sensitivities().digest() != spec.digest()
     again = parse_sweep(spec.with_sensitivities().document(), "again")
     assert again.sensitivities == spec.with_sensitivities().sensitivities
+
+
+@pytest.mark.parametrize("name", ["tip_mass", "lip_length", "normal_load"])
+def test_sizes_of_outcomes_are_those_of_the_cells(name):
+    """The wiper of a block has more cells than the block: a tip mass on an axis ended in a
+    TypeError, after the work."""
+    wiper = Wiper(**{name: np.linspace(1e-3, 2e-3, 64)})
+    columns = {key: np.array([0.3, 0.5, 0.7]) for key in schema.DIFFERENTIABLE}
+    for key in schema.DIFFERENTIABLE:
+        assert sensitivity._outcome_scale(key, columns, wiper).shape == (3,)
+    scale = sensitivity._outcome_scale("impact_impulse_max", columns, wiper)
+    np.testing.assert_allclose(scale, np.broadcast_to(wiper.tip_mass, 64)[:3] * [0.3, 0.5, 0.7])

@@ -27,6 +27,7 @@ import numpy as np
 from . import dataset, manifest, schema
 from .lock import acquire, release
 from .manifest import MANIFEST
+from .paths import oddity
 from .storage import StoreError, log, naming, parts_of, reason, write_bytes
 
 LOCK = "lock"
@@ -166,6 +167,11 @@ class BlockStore:
         done[[number for number in self._names if number < self.count]] = True
         return done
 
+    def cells_done(self) -> int:
+        """Number of cells in finished blocks."""
+        spans = (self.span(int(number)) for number in np.flatnonzero(self.done()))
+        return sum(stop - start for start, stop in spans)
+
     def write(self, number: int, columns: Mapping[str, np.ndarray], wall_time: float = 0.0) -> None:
         """Makes a block durable: once this returns, no kill and no power cut loses it.
 
@@ -215,6 +221,8 @@ class BlockStore:
             return None
         path = self.parts / name
         try:
+            if odd := oddity(path):
+                return self._drop(number, path, f"is {odd}")
             content = path.read_bytes()
         except OSError as error:
             return self._drop(number, path, f"cannot be read ({reason(error)})")

@@ -12,11 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from . import checks
 from .bifurcations import Special
 from .branch_step import distance, first_step
 from .branch_walk import Walk
 from .cycles import Cycle
+from .ranges import FINITE, Range
 from .return_map import Found
+
+MOST_POINTS = 10**6
 
 
 @dataclass(frozen=True)
@@ -51,13 +55,17 @@ def follow(
 
     Raises ValueError for a cycle that was not found, or not varied over anything.
     """
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    low, high = (checks.number(n, x, FINITE) for n, x in (("low", low), ("high", high)))
+    step = checks.number("step", step, Range(1e-6, 1))
+    most = checks.whole("most", most, Range(1, MOST_POINTS, whole=True))
     if cycle.shooting is None or cycle.state is None or cycle.found != Found.FOUND:
         raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
     over = cycle.shooting.over
     if over is None:
         raise ValueError("cycle must have been found with over=..., the number to vary")
     if not low < high:
-        raise ValueError(f"low must be below high, but they were {low:g} and {high:g}")
+        raise ValueError(f"low must be below high ({high:g}), but was {low:g}")
     shooting = replace(cycle.shooting, parameter_scale=high - low, period_scale=cycle.period)
     first = first_step(shooting, cycle)
     if first is None:

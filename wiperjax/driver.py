@@ -4,6 +4,7 @@ Memory is bounded by one block, whatever the number of cells.
 """
 
 import json
+import os
 import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -14,12 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from . import dataset, provenance, work
+from . import checks, dataset, provenance, work
 from .blocks import BlockStore
+from .estimate import check_memory, check_room
 from .mapfile import finalize
 from .progress import Report
+from .ranges import MOST_CELLS, Range
 from .spec import load_sweep, parse_sweep
-from .storage import StoreError, check_output, open_map, parts_of
+from .storage import StoreError, check_move, check_output, open_map, parts_of
 
 if TYPE_CHECKING:
     from .cluster import Workers
@@ -71,10 +74,16 @@ def run(
     Raises: `StoreError` (one line) for everything about files; `SpecError` (one line) for a wrong
     sweep; `SweepInterrupted` on Ctrl-C.
     """
-    if isinstance(spec, str | Path):
-        spec = load_sweep(spec)
-    elif isinstance(spec, Mapping):
-        spec = parse_sweep(spec)
+    for name, value in (("resume", resume), ("force", force), ("progress", progress)):
+        checks.flag(name, value)
+    if block is not None:
+        block = checks.whole("block", block, Range(1, MOST_CELLS, whole=True))
+    if evaluate is not None and not callable(evaluate):
+        raise ValueError(f"evaluate must be a function, but was {checks.shown(evaluate)}")
+    if output is not None:
+        checks.path("output", output)
+    source = Path(spec) if isinstance(spec, str | os.PathLike) else None
+    spec = _sweep(spec)
     if block is None:
         block = work.block_size(spec, 1 if workers is None else workers.count)
     known = work.made_by(spec) | dict(identity or {})
@@ -87,6 +96,7 @@ def run(
             known |= described
         blocks = partial(_one_by_one, evaluate=evaluate)
     if output is None:
+        check_memory(spec)
         return _in_memory(spec, blocks, block, known, progress, command)
     output = Path(output)
     if resume and output.exists() and _is_finished(output, spec, known):
@@ -95,7 +105,11 @@ def run(
             with BlockStore.open(output, spec, block=block, identity=known, resume=True) as store:
                 store.remove()
         return open_map(output)
-    check_output(output, force or (resume and BlockStore.may_replace(output)))
+    replace = force or (resume and BlockStore.may_replace(output))
+    check_output(output, replace, source)
+    if parts_of(output).is_dir():
+        check_move(parts_of(output), output)
+    check_room(spec, output, _cells_done(output) if resume else 0)
     with BlockStore.open(
         output, spec, block=block, identity=known, resume=resume, force=force
     ) as store:
@@ -104,9 +118,26 @@ def run(
                 _compute(spec, store, blocks, report)
             except KeyboardInterrupt:
                 raise SweepInterrupted(_how_to_resume(store, output, command)) from None
+        if output.exists() and not replace:
+            raise StoreError(
+                f"{output}: was made by another program meanwhile; move it away and go on with "
+                "--resume"
+            )
         host = workers.host if workers is not None else None
         finalize(store, output, _made(known) | provenance.record(command, 0.0, host))
     return open_map(output)
+
+
+def _sweep(spec: Any) -> Any:
+    """The sweep that `spec` is, names or describes."""
+    if isinstance(spec, str | os.PathLike):
+        return load_sweep(Path(spec))
+    if isinstance(spec, Mapping):
+        return parse_sweep(spec)
+    if not hasattr(spec, "axes_values"):
+        must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
+        raise ValueError(f"{must}, but was {checks.shown(spec)}")
+    return spec
 
 
 def _one_by_one(spec: Any, spans: Spans, evaluate: work.Evaluate) -> Iterator[work.Block]:
@@ -174,9 +205,16 @@ def _is_finished(output: Path, spec: Any, known: Mapping[str, str]) -> bool:
         return False
 
 
+def _cells_done(output: Path) -> int:
+    """Cells in the finished blocks beside `output`; 0 if there is no store that can be read."""
+    try:
+        return BlockStore.peek(parts_of(output)).cells_done()
+    except StoreError:  # opening it will say what is wrong, if anything is
+        return 0
+
+
 def _how_to_resume(store: BlockStore, output: Path, command: str | None) -> str:
-    spans = [store.span(int(number)) for number in np.flatnonzero(store.done())]
-    done = sum(stop - start for start, stop in spans)
+    done = store.cells_done()
     if command:
         words = [word for word in shlex.split(command) if word not in ("--force", "--resume")]
         hint = shlex.join([*words, "--resume"])

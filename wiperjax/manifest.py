@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import dataset
-from .storage import StoreError, reason, write_bytes
+from .storage import StoreError, check_input, reason, write_bytes
 
 FORMAT = 1
 MANIFEST = "manifest.json"
@@ -52,6 +52,7 @@ def read(parts: Path) -> dict[str, Any] | None:
     path = parts / MANIFEST
     if not path.exists():
         return None
+    check_input(path)
     try:
         manifest = json.loads(path.read_text())
         if manifest["format"] != FORMAT:

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from . import cells
-from .columns import columns_of, statistics
+from .columns import cellwise, columns_of, statistics
 from .dealing import capacity, deal, dearest_first
 from .parameters import BELTS, PARAMETERS
 from .results import Result
@@ -248,15 +248,11 @@ def _scale(name: str, value: np.ndarray) -> np.ndarray:
 def _outcome_scale(name: str, columns, wiper: Wiper) -> np.ndarray:
     """Size of an outcome by what it is: the load for forces, the lip for lengths, and so on."""
     speed = np.asarray(columns["belt_speed_rms"])
-    size = {
-        "1": 1.0,
-        "m/s": speed,
-        "N/m": wiper.normal_load,
-        "m": wiper.lip_length,
-        "N s/m": wiper.tip_mass * speed,
-    }.get(SCHEMA[name].units, np.abs(columns[name]))
-    size = np.asarray(size)
-    return np.broadcast_to(size[: len(speed)] if size.ndim else size, speed.shape)
+    load, length, mass = (  # the wiper has some cells more, which fill up
+        cellwise(x, len(speed)) for x in (wiper.normal_load, wiper.lip_length, wiper.tip_mass)
+    )
+    size = {"1": np.ones_like(speed), "m/s": speed, "N/m": load, "m": length, "N s/m": mass * speed}
+    return np.asarray(size.get(SCHEMA[name].units, np.abs(columns[name])))
 
 
 def _is_inside(name: str, value: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -264,7 +260,7 @@ def _is_inside(name: str, value: np.ndarray, step: np.ndarray) -> np.ndarray:
     checked."""
     entry = PARAMETERS[name]
     low, high = entry.to_edge(value - step), entry.to_edge(value + step)
-    return (low >= entry.low) & (high <= entry.high)
+    return (low >= entry.range.low) & (high <= entry.range.high)
 
 
 def _drawn(index: np.ndarray, share: float) -> np.ndarray:

@@ -201,6 +201,8 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         axis=0,
     )
     finite = jnp.isfinite(start) & jnp.isfinite(problem.end)
+    for tolerance in (problem.rtol, *jax.tree.leaves(problem.atol)):  # traced: seen by nobody else
+        finite = finite & (tolerance > 0) & (tolerance < jnp.inf)
     for leaf in jax.tree.leaves((position, velocity, rate)):
         finite = finite & jnp.isfinite(leaf)
     span = problem.end - start

@@ -5,14 +5,19 @@ not at all.
 """
 
 import contextlib
+import errno
 import io
 import logging
 import os
 import re
+import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import xarray as xr
+
+from . import checks
+from .paths import oddity, same_file
 
 log = logging.getLogger("wiperjax")
 
@@ -29,7 +34,7 @@ def replacing(path: str | Path, temporary: str | Path | None = None) -> Iterator
     `StoreError`.
     """
     path = Path(path)
-    temporary = Path(temporary) if temporary else path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = Path(temporary) if temporary else temporary_beside(path)
     try:
         with naming(path):
             yield temporary
@@ -40,6 +45,11 @@ def replacing(path: str | Path, temporary: str | Path | None = None) -> Iterator
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+
+
+def temporary_beside(path: Path) -> Path:
+    """Name of the file that becomes `path`, for this process."""
+    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
 
 
 @contextlib.contextmanager
@@ -83,17 +93,95 @@ def write_bytes(path: Path, content: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def check_output(path: str | Path, force: bool = False) -> None:
-    """Raises `StoreError` if `path` exists (without `force`) or cannot be made in its folder."""
+def check_input(path: str | Path) -> None:
+    """Raises `StoreError` if something other than a regular file stands at `path`: reading a pipe
+    waits for ever.
+    """
+    with naming(Path(path), "read"):
+        if odd := oddity(path):
+            raise StoreError(f"{path}: cannot be read: it is {odd}, and no regular file")
+
+
+def check_output(path: str | Path, force: bool = False, source: str | Path | None = None) -> None:
+    """Raises `StoreError` if `path` exists (without `force`) or cannot be made: whatever would fail
+    at the end of the work fails here.
+
+    Arguments:
+
+    - `force`: whether a file there may be replaced.
+    - `source`: the file that is read, which must be another one.
+    """
     path = Path(path)
-    if not path.parent.is_dir():
-        raise StoreError(f"{path}: cannot be written: {path.parent} is not an existing folder")
-    if path.is_dir():
-        raise StoreError(f"{path}: cannot be written: it is a folder")
-    if path.exists() and not force:
+    _check_name(path)
+    with naming(path):
+        if not path.parent.is_dir():
+            raise StoreError(f"{path}: cannot be written: {path.parent} is not an existing folder")
+        if source is not None and same_file(path, source):
+            raise StoreError(f"{path}: must be another file than the input")
+        if path.is_symlink():  # a rename would replace the link and not the file
+            target = os.readlink(path)
+            raise StoreError(
+                f"{path}: cannot be written: it is a link to {target}; name that file itself"
+            )
+        if odd := oddity(path):
+            raise StoreError(f"{path}: cannot be written: it is {odd}")
+        if path.exists():
+            _check_replaceable(path, force)
+        if not os.access(path.parent, os.W_OK | os.X_OK):
+            raise StoreError(f"{path}: cannot be written: no permission to write in {path.parent}")
+        _try(temporary_beside(path))
+
+
+def _try(path: Path) -> None:
+    """Raises `OSError` if no file can be made at `path`: permissions do not say it all."""
+    if len(os.fsencode(path.name)) > os.pathconf(path.parent, "PC_NAME_MAX"):
+        raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG))
+    try:  # without a name: a kill leaves nothing behind
+        os.close(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY, 0o600))
+    except OSError as error:
+        if error.errno not in (errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL):
+            raise
+        os.close(os.open(path, os.O_CREAT | os.O_WRONLY, 0o600))  # as on a network disk
+        os.unlink(path)
+
+
+def _check_name(path: Path) -> None:
+    """Raises `StoreError` for a name that attributes of files and other programs cannot hold."""
+    name = str(path)
+    if "\x00" in name:
+        raise StoreError(f"{name!r}: must have a name in UTF-8 without null characters")
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        raise StoreError(
+            f"output must have a name in UTF-8, but was {os.fsencode(name)!r}"
+        ) from None
+
+
+def _check_replaceable(path: Path, force: bool) -> None:
+    """Raises `StoreError` unless the file at `path` may be replaced, and can be."""
+    if not force:
         raise StoreError(f"{path}: exists already; use --force to replace it, or another name")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise StoreError(f"{path}: cannot be written: no permission to write in {path.parent}")
+    if not os.access(path, os.W_OK):
+        raise StoreError(f"{path}: cannot be written: it is read-only")
+    folder, me = os.stat(path.parent), os.geteuid()
+    if folder.st_mode & stat.S_ISVTX and me not in (0, folder.st_uid, os.stat(path).st_uid):
+        raise StoreError(f"{path}: cannot be written: its folder lets only its owner replace it")
+
+
+def check_move(folder: Path, path: Path) -> None:
+    """Raises `StoreError` if a file cannot be moved from `folder` to `path`: from another disk."""
+    try:  # nothing is moved, for there is nothing: but disks are compared first
+        os.rename(folder / ".nothing.tmp", path.with_name(f".{path.name}.nothing.tmp"))
+    except FileNotFoundError:
+        reached = os.stat(folder).st_dev == os.stat(path.parent).st_dev
+    except OSError as error:
+        reached = error.errno != errno.EXDEV
+    if not reached:
+        why = os.strerror(errno.EXDEV)
+        raise StoreError(
+            f"{folder}: must be on the disk of {path}, for files are moved there ({why})"
+        )
 
 
 def write_dataset(ds: xr.Dataset, path: str | Path, force: bool = False) -> None:
@@ -124,6 +212,9 @@ def open_map(path: str | Path, variables: Sequence[str] | None = None) -> xr.Dat
 
     Raises: `StoreError` if there is no such file or it is no readable HDF5 file.
     """
+    checks.path("path", path)
+    if variables is not None:
+        checks.names("variables", variables)
     path = Path(path)
     if path.is_dir():
         from .mapfile import open_partial  # which is built on this module
@@ -137,6 +228,7 @@ def open_map(path: str | Path, variables: Sequence[str] | None = None) -> xr.Dat
             else ""
         )
         raise StoreError(f"{path}: does not exist{hint}")
+    check_input(path)
     try:
         return xr.open_dataset(path, engine="h5netcdf")
     except (OSError, ValueError, KeyError) as error:
