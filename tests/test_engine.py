@@ -379,7 +379,7 @@ def test_rounding_at_the_start_of_slip_is_no_root():
 
     def along(*values):
         nodes = tuple(jnp.float32(x) for x in values)
-        return examine(nodes, jnp.int32(1), jnp.float32(0.1), jnp.float32(2.3e-4), False, 3)
+        return examine(nodes, jnp.int32(1), jnp.float32(0.1), jnp.float32(2.3e-4), False, 3, 1e-4)
 
     guard = along(-0.0, 1.4896451e-3, 1.28741749e-2, 4.19373922e-2, 9.30096507e-2)
     assert 0 < guard.start < guard.noise and min(guard.control) < -guard.error

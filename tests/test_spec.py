@@ -117,7 +117,7 @@ def test_every_reference_value_lies_in_its_own_range():
 
 def test_defaults_of_run_start_and_classes():
     spec = sweep(ONE_AXIS)
-    assert (spec.run.rtol, spec.run.precision, spec.run.solver) == (1e-6, "float64", "tsit5")
+    assert (spec.rtol, spec.run.precision, spec.run.solver) == (1e-6, "float64", "tsit5")
     assert (spec.run.max_steps, spec.run.zeno_time, spec.run.samples) == (200_000, 1e-8, None)
     assert spec.run.atol is None and spec.run.event_log is None
     assert spec.start.kind == "default"
@@ -253,7 +253,7 @@ def test_shipped_scenes_load_and_say_what_they_show(path):
 def test_reference_sweep_is_the_one_asked_for():
     spec = load_sweep(SWEEPS / "reference.toml")
     assert spec.shape == (41, 11, 21)
-    assert spec.run.transient >= 0.2 and spec.run.rtol == 1e-6
+    assert spec.run.transient >= 0.2 and spec.rtol == 1e-6
     assert spec.text == (SWEEPS / "reference.toml").read_text()
 
 

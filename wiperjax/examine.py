@@ -57,7 +57,7 @@ def guard_noise(nodes, size, share) -> Scalar:
     return own + share * largest(tuple(x - nodes[0] for x in nodes[1:]))
 
 
-def examine(values, order, size, share, sliver, highest: int) -> Guard:
+def examine(values, order, size, share, sliver, highest: int, coarse) -> Guard:
     """Return what a guard with ``values`` at the nodes does.
 
     ``order``, at most ``highest``, is its zero at the start; ``size`` is the largest that was
@@ -93,7 +93,6 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
     # below this the estimate is rounding: the polynomial itself decides
     extent = larger(height, jnp.abs(start))
     blur = jnp.where(error > larger(1e-9 * extent, noise), error, 0.0)
-    coarse = blur > COARSE * extent
     # an error estimate near the value itself makes roots out of nothing, and so does rounding, of a
     # guard that rises from its zero
     rising = (order > 0) & (minimum(rest) > 0)
@@ -112,7 +111,7 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
         lone=minimum(control[:-1]) > 0,
         falls=falls,
         murky=murky,
-        coarse=coarse,
+        coarse=blur > coarse * extent,
         size=larger(size, jnp.abs(nodes[-1])),
         noise=rounding,
         nodes=nodes,

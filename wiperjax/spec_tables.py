@@ -153,7 +153,8 @@ class SweepRun(Table):
     Attributes:
         transient: time [s] integrated and discarded.
         window: time [s] after it, in which the statistics are gathered.
-        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver.
+        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver and `rtol` to what
+            is asked of the map (`SweepSpec.rtol`).
         precision: of the state.
         solver: Runge-Kutta method.
         max_steps: step budget of one cell; a cell that spends it gets that result code.
@@ -167,7 +168,7 @@ class SweepRun(Table):
 
     transient: float
     window: float
-    rtol: float = 1e-6
+    rtol: float | None = None
     atol: float | None = None
     precision: Literal["float64", "float32"] = "float64"
     solver: SolverName = "tsit5"
@@ -179,7 +180,7 @@ class SweepRun(Table):
 
     @model_validator(mode="after")
     def _precision_holds_the_tolerance(self) -> "SweepRun":
-        if self.precision == "float32" and self.rtol < 1e-6:
+        if self.precision == "float32" and self.rtol is not None and self.rtol < 1e-6:
             must = "must be at least 1e-06 with precision = 'float32'"
             raise Fault("rtol", f"{must}, was {self.rtol:g}")
         return self
