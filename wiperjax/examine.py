@@ -23,7 +23,7 @@ from .polynomials import (
 from .sparse import absent
 from .system import Scalar
 
-COARSE = 1e-4  # error of a guard's polynomial, over the guard, from which on steps do not grow
+COARSE = 1e-4  # largest error of a guard's polynomial, over the guard, at which steps may grow
 NOISE = {"float64": 256, "float32": 8}  # rounding errors of a guard, in digits of its size
 
 
@@ -62,6 +62,7 @@ def examine(values, order, size, share, sliver, highest: int, coarse) -> Guard:
 
     ``order``, at most ``highest``, is its zero at the start; ``size`` is the largest that was
     committed so far: what its rounding errors scale with. ``share``: `control.Share`, of the path.
+    ``coarse``: error of its polynomial, over the guard, from which on steps are not to grow.
     ``sliver``: hardly any time is left before a known time, and no event fires in it.
     """
     nodes = tuple(stop_gradient(x) for x in values)
