@@ -398,9 +398,8 @@ def test_what_a_stick_gathers_is_as_good_as_the_tolerance():
         )
     )().statistics
     node, weight = np.polynomial.legendre.leggauss(60)
-    sine = (
-        start + speed * duration * np.append(0.5 * (1 + node), np.linspace(0, 1, 10**5))
-    ) / length
+    part = np.append(0.5 * (1 + node), np.linspace(0, 1, 10**5))
+    sine = (start + speed * duration * part) / length
     lift = length * (np.sqrt(1 - sine**2) - np.cos(angle))
     force = 100.0 + 2000.0 * lift - 10.0 * speed * sine / np.sqrt(1 - sine**2)
     assert found.stick_time == pytest.approx(duration)

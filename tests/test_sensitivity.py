@@ -263,7 +263,7 @@ def tolerances(**run):
 
 
 def test_a_sweep_with_them_has_a_tolerance_of_its_own_and_records_it():
-    """At the default one of a map, of 18 derivatives in 600 cells it was not true that they hold."""
+    """At that of a map 18 of 600 cells were called fine and were not."""
     plain = tolerances()
     asked = plain.with_sensitivities()
     assert (plain.rtol, asked.rtol) == (1e-6, 1e-9)
@@ -276,9 +276,7 @@ def test_a_sweep_with_them_has_a_tolerance_of_its_own_and_records_it():
     assert dataset.describe(asked)["attrs"]["run_rtol"] == 1e-9
     assert parse_sweep(asked.document(), "again").digest() == asked.digest()
     assert tolerances(rtol=1e-10).with_sensitivities().rtol == 1e-10
-    with pytest.raises(
-        SpecError, match="^run.rtol: must be left out or at most 1e-09 with sens.*1e-06"
-    ):
+    with pytest.raises(SpecError, match="^run.rtol: must be left out or .* 1e-09 .*1e-06$"):
         tolerances(rtol=1e-6).with_sensitivities()
 
 

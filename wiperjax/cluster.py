@@ -54,7 +54,7 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
     of this machine, a core each, which end with the `with` statement. Waits for the first worker:
     of a scheduler for ever, for it may have a queue; of this machine for `ALONE` seconds.
 
-    Raises: `ClusterError` if dask is not installed, no scheduler answers, or no local worker starts.
+    Raises: `ClusterError` if dask is not installed, no scheduler answers, or no worker starts here.
     """
     try:
         from distributed import Client, LocalCluster

@@ -153,8 +153,8 @@ class SweepRun(Table):
     Attributes:
         transient: time [s] integrated and discarded.
         window: time [s] after it, in which the statistics are gathered.
-        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver and `rtol` to what
-            is asked of the map (`SweepSpec.rtol`).
+        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver, `rtol` to
+            `SweepSpec.rtol`.
         precision: of the state.
         solver: Runge-Kutta method.
         max_steps: step budget of one cell; a cell that spends it gets that result code.
