@@ -9,12 +9,13 @@ Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, chapters 6 to
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from . import checks
 from .bifurcations import Special
-from .branch_step import distance, first_step
+from .branch_step import first_step, place
 from .branch_walk import Walk
 from .cycles import Cycle
 from .ranges import FINITE, Range
@@ -70,23 +71,25 @@ def follow(
     first = first_step(shooting, cycle)
     if first is None:
         raise ValueError("cycle could not be closed again from its own state")
-    sides, ends = [], []
+    walks = []
     for sense in (-1.0, 1.0):
-        walk = Walk(shooting, low, high, step, most, sense)
-        sides.append((list(walk.run(first)), walk.special))
-        ends.append(walk.end)
-    (back, before), (ahead, after) = sides
-    steps = [*reversed(back), first, *ahead]
-    size = len(back)
-    special = [s._replace(index=size - 1 - s.index) for s in reversed(before)]
-    special += [s._replace(index=size + 1 + s.index) for s in after]
-    far = [distance(shooting, a, b) for a, b in zip(steps[:-1], steps[1:], strict=True)]
+        walk = Walk(shooting, low, high, step, most)
+        walk.run(first, sense)
+        walks.append(walk)
+        if walk.closed:  # the other way round is the same
+            break
+    back, ahead = walks[0], walks[-1]
+    size = len(back.steps) - 1
+    steps = [*reversed(back.steps), *(ahead.steps[1:] if ahead is not back else [])]
+    special = [s._replace(index=size - s.index) for s in reversed(back.special)]
+    special += [s._replace(index=size + s.index) for s in ahead.special if ahead is not back]
+    far = [np.linalg.norm(place(shooting, a) - place(shooting, b)) for a, b in pairwise(steps)]
     arclength = np.concatenate([[0.0], np.cumsum(far)])
     return Branch(
         cycles=[s.cycle for s in steps],
         parameters=np.array([s.point.parameter for s in steps]),
         arclength=arclength - arclength[size],
         special=special,
-        ends=(ends[0], ends[1]),
+        ends=(back.end, ahead.end),
         over=over,
     )
