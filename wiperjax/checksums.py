@@ -17,7 +17,7 @@ import hashlib
 import json
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -49,8 +49,9 @@ class Record(NamedTuple):
 def add(file: BinaryIO) -> None:
     """Puts the record behind the HDF5 file `file`, open for reading and writing."""
     with h5py.File(file, "r") as opened:
-        found = [Piece(name, *run) for name in map(str, opened) for run in runs(opened[name])]
-    pieces = [piece._replace(checksum=_checksum(_bytes(file, piece))) for piece in found]
+        pieces = [Piece(name, *run) for name in map(str, opened) for run in _runs(opened[name])]
+    for number, piece in enumerate(pieces):
+        pieces[number] = piece._replace(checksum=_checksum(_bytes(file, piece)))
     size = file.seek(0, 2)
     rest = b"".join(_bytes(file, gap) for gap in _gaps(pieces, size))
     line = json.dumps({"size": size, "pieces": pieces, "rest": _checksum(rest)}).encode()
@@ -90,16 +91,19 @@ def restore(path: str | Path) -> None:
             rest = rest[gap.length :]
 
 
-def runs(variable: Any, of: Callable[[Any], Any] = lambda chunk: ()) -> Iterator[tuple[Any, ...]]:
+def chunks_of(variable: Any) -> list[Any]:
+    """Chunks of a variable, each with its `chunk_offset` (indices), `byte_offset` and `size`."""
+    found: list[Any] = []
+    variable.id.chunk_iter(found.append)
+    return found
+
+
+def _runs(variable: Any) -> list[tuple[int, int]]:
     """First byte and length of each run of bytes in which HDF5 keeps the numbers of a variable."""
-    if not isinstance(variable, h5py.Dataset):
-        return
     if variable.chunks:
-        chunks: list[Any] = []
-        variable.id.chunk_iter(chunks.append)
-        yield from ((chunk.byte_offset, chunk.size) for chunk in chunks)
-    elif (start := variable.id.get_offset()) is not None:
-        yield start, variable.id.get_storage_size()
+        return [(chunk.byte_offset, chunk.size) for chunk in chunks_of(variable)]
+    start = variable.id.get_offset()  # none if it has no numbers, or lies in the header
+    return [] if start is None else [(start, variable.id.get_storage_size())]
 
 
 def _read(file: BinaryIO) -> Record | None:
