@@ -19,10 +19,11 @@ from . import checks, dataset, provenance, work
 from .blocks import BlockStore
 from .estimate import check_memory, check_room
 from .mapfile import finalize
+from .mending import finished, salvage
 from .progress import Report
 from .ranges import MOST_CELLS, Range
 from .spec import load_sweep, parse_sweep
-from .storage import StoreError, check_move, check_output, open_map, parts_of
+from .storage import StoreError, check_move, check_output, listed, log, open_map, parts_of
 
 if TYPE_CHECKING:
     from .cluster import Workers
@@ -56,8 +57,8 @@ def run(
         path of one.
     - `output`: HDF5 file to make; finished blocks are kept in `<output>.parts` until it is
         complete. None keeps everything in memory.
-    - `resume`: go on with a sweep that was cut short; the result is bit-identical to one that was
-        not.
+    - `resume`: go on with a sweep that was cut short, or mend its finished map that was damaged
+        since; the result is bit-identical to one that was not.
     - `force`: replace `output`, and without `resume` an unfinished store, if they exist.
 
     Other arguments:
@@ -99,13 +100,18 @@ def run(
         check_memory(spec)
         return _in_memory(spec, blocks, block, known, progress, command)
     output = Path(output)
-    if resume and output.exists() and _is_finished(output, spec, known):
+    stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
+    found = finished(output, stated) if resume and output.exists() else None
+    if found and not found.damaged:
         # killed after the map was complete, before its parts were gone
         if parts_of(output).is_dir():
             with BlockStore.open(output, spec, block=block, identity=known, resume=True) as store:
                 store.remove()
         return open_map(output)
-    replace = force or (resume and BlockStore.may_replace(output))
+    if found:
+        log.warning("%s: is damaged: %s; it is mended", output, listed(found.damaged))
+        block = found.block or block
+    replace = force or found is not None or (resume and BlockStore.may_replace(output))
     check_output(output, replace, source)
     if parts_of(output).is_dir():
         check_move(parts_of(output), output)
@@ -113,6 +119,8 @@ def run(
     with BlockStore.open(
         output, spec, block=block, identity=known, resume=resume, force=force
     ) as store:
+        if found:
+            salvage(output, found.damaged, store)
         with Report(store.cells, title=spec.title, show=progress) as report:
             try:
                 _compute(spec, store, blocks, report)
@@ -193,16 +201,6 @@ def _made(known: Mapping[str, str]) -> dict[str, str]:
         "identity": json.dumps(dict(known), sort_keys=True),
         "versions": json.dumps(provenance.versions(), sort_keys=True),
     }
-
-
-def _is_finished(output: Path, spec: Any, known: Mapping[str, str]) -> bool:
-    """Whether `output` is the complete map that this sweep would make."""
-    try:
-        with open_map(output) as ds:
-            same = ds.attrs.get("specification_digest") == spec.digest()
-            return same and ds.attrs.get("identity") == _made(known)["identity"]
-    except StoreError:
-        return False
 
 
 def _cells_done(output: Path) -> int:

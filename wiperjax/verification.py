@@ -55,7 +55,8 @@ def verify(
     spec: Any = None,
     evaluate: Evaluate | None = None,
 ) -> VerifyReport:
-    """Recomputes a random sample of the cells of a map and compares all their columns.
+    """Recomputes a random sample of the cells of a map and compares all their columns. Before that,
+    compares the file with its checksums.
 
     Arguments:
 
@@ -65,7 +66,8 @@ def verify(
     - `spec`: the sweep; read from the map if None.
     - `evaluate`: as in `run`.
 
-    Raises: `StoreError` if `path` is no map, or `spec` is not what it was made from.
+    Raises: `StoreError` if `path` is no map, is damaged or has no checksums, or `spec` is not
+        what it was made from.
     """
     checks.path("path", path)
     cells = checks.whole("cells", cells, Range(1, MOST_CELLS, whole=True))
@@ -73,7 +75,7 @@ def verify(
     tolerance = checks.number("tolerance", tolerance, NON_NEGATIVE)
     if Path(path).is_dir():
         raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
-    with open_map(path) as ds:
+    with open_map(path, check=True) as ds:
         if "specification_digest" not in ds.attrs:
             raise StoreError(f"{path}: is not a map (it holds no specification)")
         if spec is None:
