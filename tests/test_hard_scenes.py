@@ -322,7 +322,7 @@ def test_an_inelastic_jam_leaves_the_contact_closed():
 def test_elastic_bounces_die_in_the_damper():
     """e = 1: no sequence ends, but the dashpot makes each bounce smaller, for ever. Two shortest
     flights, one motion: what differs is a normal speed of b_n zeno_time / 2."""
-    blade = {
+    blade: dict = {
         **BASE, "attack_angle": -0.542, "mu_static": 0.535, "mu_minimum": 0.171,
         "neck_stiffness": 0.7845, "normal_load": 5.54, "restitution": 1.0,
         "shoulder_angle": 0.29, "shoulder_stiffness": 5.396, "stribeck_speed": 0.4217,
