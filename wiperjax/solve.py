@@ -25,7 +25,8 @@ from .ranges import POSITIVE
 from .results import RUNNING
 from .reverse import run_reversible
 from .sampling import empty_samples
-from .state import EventLog, Problem, State, initial_state
+from .start import initial_state
+from .state import EventLog, Problem, State
 from .step import advance
 from .system import AbstractSystem, Scalar, rates
 
