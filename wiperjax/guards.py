@@ -14,7 +14,7 @@ same arithmetic:
 import jax.numpy as jnp
 import numpy as np
 
-from .regimes import friction_coefficient, slip_sign, stick_forces
+from .regimes import forces, friction_coefficient, slip_sign, stick_forces
 from .results import Regime
 from .sparse import plus, times
 from .system import AbstractSystem, Contact, Scalar
@@ -79,3 +79,16 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> 
         slots.append(jnp.where(sign == 0, one, d))
     slots += [side * s for side, s in zip(sides, system.switches(t, q, v), strict=True)]
     return tuple(jnp.broadcast_to(jnp.asarray(s, one.dtype), one.shape) for s in slots)
+
+
+def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
+    """Multiplicity of the zero of s v_t where slip starts from rest.
+
+    1 where the tip leaves with an acceleration (after a reversal, or where mu drops at once from
+    static to dynamic), 2 where the cone was reached smoothly (MODEL.md section 5).
+    """
+    f = forces(system, c, regime)
+    a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
+    size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
+    # an acceleration the wrong way is what the tolerance left of the release's own zero
+    return jnp.where(slip_sign(regime) * a_t > 1e-7 * size, 1, 2)

@@ -14,13 +14,13 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from .arrays import where
 from .averaging import Signal, flush
 from .results import Result
 from .solve import final_velocity
 from .start import initial_state
 from .state import TERM, EventLog, Problem, State
 from .step import flow, jump
-from .transition import where
 
 ROUND = 2  # flows of a round, or more where a jump is shared by more
 

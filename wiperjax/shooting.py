@@ -14,11 +14,11 @@ import numpy as np
 import scipy.linalg
 
 from .observers import Reach, RegimeTotals, Totals
+from .projection import settle
 from .results import Regime
 from .solve import begin, make_problem, record_sample, run, solution
 from .state import EventLog
 from .system import AbstractSystem, contact
-from .transition import settle
 
 SAMPLES = 257  # of a stretch; states at even distances
 EVENTS = 256  # of a stretch, that are told apart

@@ -3,14 +3,15 @@
 import jax
 import jax.numpy as jnp
 
-from .guards import first_switch, guard_values, starting_sides
+from .arrays import where
+from .guards import first_switch, guard_values, start_of_slip_order, starting_sides
 from .polynomials import largest
+from .projection import settle
 from .recall import nothing
 from .regimes import acceleration, decide, forces
 from .results import RUNNING, Regime, Result
-from .state import EventLog, Problem, State, start_of_slip_order
+from .state import EventLog, Problem, State
 from .system import contact, rates
-from .transition import settle, where
 
 ROUNDINGS = 64  # last digits of the typical speed below which a contact is at rest
 

@@ -7,14 +7,12 @@ from typing import Any, NamedTuple
 import diffrax
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 
 from .observers import AbstractObserver
 from .recall import Memory
-from .regimes import Forces, acceleration, forces, slip_sign
+from .regimes import Forces, acceleration, forces
 from .results import RUNNING
-from .sparse import plus, times
-from .system import AbstractSystem, Contact, Scalar, contact, rates
+from .system import AbstractSystem, Scalar, contact, rates
 
 BREAK = 1000  # in place of a slot: a smooth piece of the prescribed motion ends
 
@@ -119,16 +117,3 @@ def vector_field(t, y, args):
 
 
 TERM = diffrax.ODETerm(vector_field)
-
-
-def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
-    """Multiplicity of the zero of s v_t where slip starts from rest.
-
-    1 where the tip leaves with an acceleration (after a reversal, or where mu drops at once from
-    static to dynamic), 2 where the cone was reached smoothly (MODEL.md section 5).
-    """
-    f = forces(system, c, regime)
-    a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
-    size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
-    # an acceleration the wrong way is what the tolerance left of the release's own zero
-    return jnp.where(slip_sign(regime) * a_t > 1e-7 * size, 1, 2)

@@ -9,18 +9,20 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from .arrays import where
 from .averaging import take_means
 from .barrier import keep
 from .guards import first_switch
 from .implicit import time_to_event
 from .locate import Plan, locate
 from .observers import Happening, Stretch
+from .projection import settle
 from .recall import remember
 from .results import RUNNING, Regime, Result
 from .sampling import take_samples
 from .state import BREAK, Problem, State
 from .system import rates
-from .transition import settle, transition, where
+from .transition import transition
 from .trial import Trial, attempt
 
 ZERO_TIME_EVENTS = 24  # events at one instant after which no lasting regime is expected
