@@ -29,7 +29,7 @@ late = run.sel(time=slice(0.02, 0.03))
 plots.time_history(late)
 noise = wiperjax.open_map("map.h5")
 share = float(noise.flight_fraction.mean())
-cycle = find_cycle(blade)
+cycle = find_cycle(blade, settle=0.02)
 print(share, cycle.period, wiperjax.solve(blade, 0.01).final_time)
 """
 WRONG = """
@@ -133,7 +133,9 @@ def test_the_sdist_has_the_tests_and_what_they_read(built):
 
 @pytest.mark.slow
 def test_the_wheel_runs_without_the_checkout(installed, tmp_path):
-    where = outside(installed, "python", "-c", "import wiperjax; print(wiperjax.__file__)", cwd=tmp_path)
+    where = outside(
+        installed, "python", "-c", "import wiperjax; print(wiperjax.__file__)", cwd=tmp_path
+    )
     assert Path(where.stdout.strip()).is_relative_to(installed), where.stderr
     listed = outside(installed, "wiperjax", "example", cwd=tmp_path)
     assert "remedies/squeal" in listed.stdout and "Squeal at 5 degrees" in listed.stdout

@@ -40,7 +40,9 @@ def dashpot(ax, x, low, high):
 def holder(ax):
     """The arm, held still, its preload, and what carries the hinge along the normal."""
     base, arm = HINGE[1] + 0.42, HINGE[1] + 1.75
-    ax.add_patch(Rectangle((-1.0, arm), 2.0, 0.22, facecolor="#dddddd", edgecolor=INK, hatch="////"))
+    ax.add_patch(
+        Rectangle((-1.0, arm), 2.0, 0.22, facecolor="#dddddd", edgecolor=INK, hatch="////")
+    )
     ax.plot([-0.7, 0.7], [base, base], color=INK, lw=2)
     ax.plot([0, 0], [HINGE[1], base], color=INK, lw=2)
     spring(ax, -0.6, base, arm)
