@@ -31,8 +31,9 @@ def dashpot(ax, x, low, high):
     """A piston in an open cylinder between two heights."""
     middle = 0.5 * (low + high)
     ax.plot([x, x], [low, middle - 0.2], color=INK, lw=1.2)
-    ax.plot([x - 0.16, x - 0.16, x + 0.16, x + 0.16],
-            [middle + 0.22, middle - 0.2, middle - 0.2, middle + 0.22], color=INK, lw=1.2)  # fmt: skip
+    low_end, high_end = middle - 0.2, middle + 0.22
+    cup = ([x - 0.16, x - 0.16, x + 0.16, x + 0.16], [high_end, low_end, low_end, high_end])
+    ax.plot(*cup, color=INK, lw=1.2)
     ax.plot([x - 0.11, x + 0.11], [middle, middle], color=INK, lw=2)
     ax.plot([x, x], [middle, high], color=INK, lw=1.2)
 
@@ -75,8 +76,8 @@ def angles(ax):
     rest = HINGE + 3.0 * np.array([np.sin(ALPHA), -np.cos(ALPHA)])
     ax.plot(*np.transpose([HINGE, rest]), color=GREY, lw=1, ls=(0, (2, 2)))
     for radius, angle, text in ((2.55, ALPHA, "$\\alpha$"), (1.55, PHI, "$\\varphi$")):
-        ax.add_patch(Arc(HINGE, 2 * radius, 2 * radius, angle=-90, theta1=0,
-                         theta2=np.degrees(angle), color=INK, lw=1))  # fmt: skip
+        size = 2 * radius
+        ax.add_patch(Arc(HINGE, size, size, angle=-90, theta2=np.degrees(angle), color=INK, lw=1))
         place = HINGE + (radius + 0.2) * np.array([np.sin(0.5 * angle), -np.cos(0.5 * angle)])
         ax.text(*place, text, ha="center", va="center")
 
