@@ -147,6 +147,7 @@ def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
     printed = capsys.readouterr()
     assert printed.err == ""
     assert "attack_angle      -30 ... 5 degrees (2 values)" in printed.out
+    assert re.search(r"^cells {13}2 of 0\.2 s, 0\.\d+ kB, about 15 s on ", printed.out, re.M)
     assert "squeal              1    50.0%" in printed.out
     assert re.search(
         r"^map      m\.h5: [\d.]+ MB, 0:00:\d\d, \d\.\d\d GB of memory", printed.out, re.M
@@ -169,7 +170,7 @@ def test_model_of_the_command_line_wins(folder, stubs, capsys):
 def test_ladder_is_refused_before_any_work(folder, stubs, capsys):
     Path("bad.toml").write_text("[run]\nduration = 0\n")
     said = failed(capsys, main("ladder scene.toml bad.toml".split()))
-    assert said == "wiperjax: bad.toml: run.duration: must be larger than 0, was 0"
+    assert said == "wiperjax: bad.toml: run.duration: must lie inside [1e-09, 100000] s, was 0"
     assert "must end in .md" in failed(capsys, main("ladder scene.toml -o table.txt".split()))
     Path("table.md").write_text("kept")
     assert "table.md" in failed(capsys, main("ladder scene.toml -o table.md".split()))

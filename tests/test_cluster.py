@@ -34,9 +34,9 @@ def workers():
         yield found
 
 
-def slow(spec, index):
+def slow(spec, index, *look):
     time.sleep(0.1)
-    return stub.evaluate(spec, index) | {"normal_force_max": np.sin(index)}
+    return stub.evaluate(spec, index, *look) | {"normal_force_max": np.sin(index)}
 
 
 def sweep(spec, path, workers, **options):
@@ -83,11 +83,11 @@ def test_a_killed_worker_costs_a_retry(tmp_path, workers):
 def test_a_block_that_kills_its_workers_is_named_and_the_rest_is_kept(tmp_path, workers):
     spec, path = stub.make_spec(), tmp_path / "map.h5"
 
-    def deadly(spec, index):
+    def deadly(spec, index, *look):
         if index[0] == 5 * stub.BLOCK:
             time.sleep(0.5)  # dask gives a worker up that dies while it starts
             os.kill(os.getpid(), signal.SIGKILL)
-        return stub.evaluate(spec, index)
+        return stub.evaluate(spec, index, *look)
 
     with pytest.raises(cluster.ClusterError, match="^block 5 was lost with its worker 4 times"):
         driver.run(spec, path, workers=workers, evaluate=deadly, block=stub.BLOCK, progress=False)
@@ -262,3 +262,22 @@ def test_a_sweep_without_workers_stops_with_a_word():
 
     with pytest.raises(cluster.ClusterError, match="^no worker was left for 0 s; finished blocks"):
         cluster.Workers._result(Deserted(), never, "a block", alone=0.0)  # type: ignore[arg-type]
+
+
+def test_a_sweep_whose_local_workers_are_lost_before_its_first_task_stops_with_a_word(
+    tmp_path, monkeypatch
+):
+    """A scheduler may have a queue of jobs; on this machine no other worker will come."""
+    monkeypatch.setattr(cluster, "ALONE", 1)
+    with cluster.connect(local=1) as workers:
+        workers._client.retire_workers()
+        with pytest.raises(cluster.ClusterError, match="^no worker was left for 1 s"):
+            sweep(stub.make_spec(), tmp_path / "map.h5", workers)
+    assert not parts_of(tmp_path / "map.h5").exists()
+
+
+def test_a_local_cluster_without_workers_is_one_line(monkeypatch):
+    monkeypatch.setattr(cluster, "ALONE", 1)
+    with pytest.raises(cluster.ClusterError, match="^no worker of this machine started within 1 s"):
+        with cluster.connect(local=0):
+            pass

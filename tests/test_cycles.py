@@ -295,7 +295,7 @@ def test_motions_without_a_cycle_say_so():
         find_cycle(Ring(), settle=1.0, initial_state=((1.0,), (0.0,)), over="mass")
     with pytest.raises(ValueError, match="cycle must be a found one, but was at_rest"):
         follow(quiet, 0.0, 1.0)
-    with pytest.raises(ValueError, match="settle must be a finite time > 0, but was -1"):
+    with pytest.raises(ValueError, match="settle must be a finite number > 0, but was -1"):
         find_cycle(Ring(), settle=-1)
 
 

@@ -281,6 +281,72 @@ def test_jam_in_a_stribeck_blade_agrees_with_the_reference():
     assert found == 5
 
 
+TURNING = dict(  # found by drawing blades; both ended at once with a failure code
+    HEAVY, hinge_mass=1.18e-2, attack_angle=0.49, support_stiffness=9883.0, normal_load=31.2,
+    mu_static=1.003, mu_minimum=0.344, stribeck_speed=0.2755,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.9])
+@pytest.mark.parametrize("phase", [0.0, math.pi, 2 * math.pi, -math.pi])
+def test_a_belt_that_turns_round_at_the_start(phase, restitution):
+    """sin(pi) is 1e-16, not zero: the tip was thrown off the glass by a slip speed of rounding."""
+    blade = {**BASE, **TURNING, "restitution": restitution}
+    start = (LENGTH * math.sin(0.49), 0.0, 0.0, 0.0)
+    solution = engine(blade, wiperjax.WipingBelt(0.0042, 8.5, phase), start, 1e-3)
+    assert Result(int(solution.result)) == Result.FINISHED
+    assert int(solution.final_regime) == Regime.STICK and int(solution.events.count) == 0
+
+
+def test_an_inelastic_jam_leaves_the_contact_closed():
+    """What the impulses leave of y' by rounding was a jump of the slip speed in the first step."""
+    blade = {
+        **BASE, **HEAVY, "hinge_mass": 1.378702e-2, "attack_angle": 0.999228, "gravity": 9.81,
+        "mu_static": 2.600464, "mu_minimum": 0.476303, "neck_stiffness": 1.11646e-2,
+        "normal_load": 1.80569, "restitution": 0.0, "shoulder_angle": 0.178001,
+        "shoulder_stiffness": 5.174605, "stribeck_speed": 1.884399e-3,
+        "support_damping": 6.15607e-2, "support_stiffness": 888.663633,
+        "tip_mass": 1.0887855e-3, "viscous_slope": 0.138735,
+    }  # fmt: skip
+    belt = Wiping(5.567272e-3, 5.5275567e-2, 1.5 * math.pi)
+    start = (LENGTH * math.sin(0.999228), 0.0, 0.0, 0.0)
+    run = simulate(blade, belt, 5e-3, start)
+    solution = engine(blade, twin(belt), start, 5e-3)
+    mine, truth = logged(solution), listed(run)
+    assert "jam" in [kind for _, kind, _, _ in truth]
+    assert Result(int(solution.result)) == Result.FINISHED
+    assert common(mine, truth) == len(truth) == len(mine)
+    assert largest_shift(mine, truth) < 1e-9
+
+
+def test_elastic_bounces_die_in_the_damper():
+    """e = 1: no sequence ends, but the dashpot makes each bounce smaller, for ever. Two shortest
+    flights, one motion: what differs is a normal speed of b_n zeno_time / 2."""
+    blade: dict = {
+        **BASE, "attack_angle": -0.542, "mu_static": 0.535, "mu_minimum": 0.171,
+        "neck_stiffness": 0.7845, "normal_load": 5.54, "restitution": 1.0,
+        "shoulder_angle": 0.29, "shoulder_stiffness": 5.396, "stribeck_speed": 0.4217,
+        "support_damping": 12.82, "support_stiffness": 1606.65, "tip_mass": 5.744e-4,
+    }  # fmt: skip
+    belt = wiperjax.TrapezoidBelt(1.5, 50.0, 2e-3, 2.9)
+    start = ((-3.095e-3, 4.24e-4), (-0.3785, 0.0))
+
+    @jax.jit
+    def follow(zeno_time):
+        wiper = Wiper(belt=belt, **blade)
+        return wiperjax.solve(
+            wiper, 2.1e-3, initial_state=start, zeno_time=zeno_time, max_events=0, max_steps=100_000
+        )
+
+    closed, bouncing = follow(1e-7), follow(3e-9)
+    assert all(int(s.result) == Result.FINISHED for s in (closed, bouncing))
+    assert int(closed.steps) < 10_000 < int(bouncing.steps)
+    assert int(closed.final_regime) == Regime.SLIP_POS
+    places = (s.final_position for s in (closed, bouncing))
+    np.testing.assert_allclose(*places, rtol=0, atol=1e-7 * LENGTH)
+    np.testing.assert_allclose(closed.final_velocity[0], bouncing.final_velocity[0], atol=1e-5)
+
+
 def test_indeterminate_start_is_flagged():
     """D < 0 while the rod turns fast enough to leave the ground: both motions are possible."""
     rod = Rod()

@@ -28,11 +28,11 @@ NUMBERS = (
 
 
 def classify(thresholds=None, **values):
-    """Name of the class of one cell; see `codes`."""
-    return codes(thresholds, **values)["label"]
+    """Name of the class of one cell; see `named_codes`."""
+    return named_codes(thresholds, **values)["label"]
 
 
-def codes(thresholds=None, **values):
+def named_codes(thresholds=None, **values):
     """Names of class, mechanism and band of one cell; what is not given is a loud finished slip
     oscillation at 300 Hz.
     """
@@ -151,7 +151,7 @@ TURN = {  # silent strokes without a pulse; 18 ms of 700 Hz after each of two tu
     ],
 )
 def test_a_tone_at_the_turn(label, mechanism, band, values):
-    found = codes(**TURN | values)
+    found = named_codes(**TURN | values)
     assert (found["label"], found["mechanism"], found["band"]) == (label, mechanism, band)
     if label == "squeal":
         assert classify(labels.Thresholds(tone_time=0.03), **TURN | values) != "squeal"
@@ -161,7 +161,7 @@ def test_a_frequency_that_samples_do_not_tell_is_no_failure():
     """Its shares and its standard deviation are exact: it moves, and nobody knows how fast."""
     seen = {"dominant_frequency": NAN, "stick_fraction": 0.99, "velocity_rms": 0.02}
     settled, untold = schema.SETTLED["yes"], schema.TOLD["no"]
-    found = codes(**seen, settled=settled, frequency_told=untold)
+    found = named_codes(**seen, settled=settled, frequency_told=untold)
     assert found == {"label": "other", "mechanism": "stick_slip", "band": "none"} | {
         "settled": "unknown"
     }
@@ -202,7 +202,7 @@ def test_stored_thresholds():
     ],
 )
 def test_mechanism_and_band(mechanism, band, values):
-    found = codes(**values)
+    found = named_codes(**values)
     assert (found["mechanism"], found["band"]) == (mechanism, band)
 
 

@@ -90,9 +90,9 @@ def test_block_has_the_linearisation_of_the_lip(degrees, speed):
 def test_block_loses_stability_where_the_lip_does(degrees, hopf):
     """VERIFICATION.md V11: Hopf speeds of the reference blade, four digits."""
     belt = wiperjax.SteadyBelt(hopf)
-    block = ladder.block_of(wiperjax.Wiper(belt=belt, attack_angle=np.radians(degrees)))
-    low, high = ladder.unstable_speeds(block)
-    fall, load, damping = 0.7, float(block.load), float(block.damping)
+    rung = ladder.block_of(wiperjax.Wiper(belt=belt, attack_angle=np.radians(degrees)))
+    low, high = ladder.unstable_speeds(rung)
+    fall, load, damping = 0.7, float(rung.load), float(rung.damping)
     closed = 0.1 * np.log(fall * load / (0.1 * (damping + 0.02 * load)))
     assert low == 0 and high == pytest.approx(closed, rel=1e-12)
     assert high == pytest.approx(hopf, abs=2e-4)

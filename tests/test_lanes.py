@@ -7,7 +7,18 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax import Event, Regime, Result, SteadyBelt, Wiper, cells, dealing, schema
+from wiperjax import (
+    Event,
+    Regime,
+    Result,
+    SteadyBelt,
+    Wiper,
+    cells,
+    dealing,
+    estimate,
+    schema,
+    work,
+)
 from wiperjax.averaging import Signal
 from wiperjax.lanes import Pool, run_pool
 from wiperjax.solve import make_problem
@@ -291,6 +302,15 @@ def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
     # regimes are a chain: each event starts from where the one before it led
     chained = columns["regime_before"][:, 1:] == columns["regime_after"][:, :-1]
     assert np.all(chained[used[:, 1:]])
+
+    def of(spec, index, *finer):
+        return {name: x[index] if np.ndim(x) else x for name, x in columns.items()}
+
+    stored, _ = work.evaluate_block(spec, np.arange(7), of)
+    plain, packed = estimate.bytes_of_a_cell(spec)
+    assert stored.keys() == {column.name for column in estimate.columns(spec)}
+    assert sum(x.nbytes for x in stored.values() if x.ndim == 1) == 7 * plain
+    assert sum(x.nbytes for x in stored.values() if x.ndim == 2) == 7 * packed
     without = cells.evaluate(sweep_spec(), np.arange(7))
     for name, values in without.items():
         np.testing.assert_array_equal(values, columns[name], err_msg=name)

@@ -230,11 +230,11 @@ def test_a_scale_says_that_something_lies_below_it(small_map):
 
 def test_codes_are_drawn_as_what_they_mean(small_map):
     names = list(schema.BANDS)
-    codes = xr.zeros_like(small_map["label"])
-    codes[:] = np.arange(codes.size).reshape(codes.shape) % 5
-    codes.attrs = schema.SCHEMA["band"].attributes()
+    drawn = xr.zeros_like(small_map["label"])
+    drawn[:] = np.arange(drawn.size).reshape(drawn.shape) % 5
+    drawn.attrs = schema.SCHEMA["band"].attributes()
     picture = plots.PICTURES["map"]["value"]
-    axes = picture.draw(small_map.assign(band=codes), quantity="band")
+    axes = picture.draw(small_map.assign(band=drawn), quantity="band")
     figure = axes[0].figure
     assert {text.split(" (")[0] for text in _texts(figure)} >= set(names)
     assert "band of the dominant frequency" in figure.get_suptitle()

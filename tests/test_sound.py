@@ -88,9 +88,12 @@ def test_silence_stays_silent():
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        ({"quantity": "position"}, "quantity must be velocity or normal_force, was 'position'"),
-        ({"reference": 0.0}, "reference must be a finite number > 0, was 0"),
-        ({"seconds": -1.0}, "seconds must be > 0 and <= 3600, was -1"),
+        (
+            {"quantity": "position"},
+            "quantity must be one of velocity, normal_force, but was 'position'",
+        ),
+        ({"reference": 0.0}, "reference must be a finite number > 0, but was 0"),
+        ({"seconds": -1.0}, r"seconds must lie inside \(0, 3600\] s, but was -1"),
         ({"seconds": 1.0, "start": 0.19, "stop": 0.196}, "holds no whole period"),
         ({"start": 0.3}, "at least 8 samples must lie between"),
     ],

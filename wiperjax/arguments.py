@@ -1,37 +1,63 @@
-"""What a person gives to `simulate`: checked, and brought into one shape."""
+"""What a person gives to `solve` and `simulate`: checked, and brought into one shape.
+
+Values that JAX will know only when it runs pass unseen (`checks`).
+"""
 
 import math
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
-from .guards import starting_sides
-from .results import Result
+from . import checks
+from .observers import AbstractObserver
+from .ranges import COUNT, FINITE, NON_NEGATIVE, POSITIVE, RUN_SAMPLES, SETTINGS, Range
+from .stages import check_solver
 from .system import AbstractSystem
-from .wiper import Wiper
 
-MOST_SAMPLES = 5 * 10**7
+MOST_EVENTS = 10**7  # room for them
 
 
-def number(name: str, value, high: float | None = None) -> float:
-    """Return a positive finite number, at most ``high``. Raises ValueError that names it."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not (0 < number < math.inf and (high is None or number <= high)):
-        limit = "" if high is None else f" and <= {high:g}"
-        raise ValueError(f"{name} must be a finite number > 0{limit}, but was {value!r}")
-    return number
+def check_system(system: Any) -> None:
+    """Raises ValueError unless ``system`` is one."""
+    checks.instance("system", system, AbstractSystem, "a system such as Wiper()")
+
+
+def check_integration(solver, rtol, zeno_time, max_steps) -> None:
+    """Raises ValueError for how a motion cannot be integrated; None leaves a choice open."""
+    if solver is not None:
+        check_solver(solver)
+    checks.numbers("rtol", rtol, SETTINGS["rtol"])
+    checks.numbers("zeno_time", zeno_time, NON_NEGATIVE)
+    if max_steps is not None:
+        checks.numbers("max_steps", max_steps, COUNT)
+
+
+def check_observation(
+    sample_times, max_events, max_step, observer, statistics_start, start, reverse
+) -> None:
+    """Raises ValueError for what `solve` cannot keep of a motion."""
+    checks.flag("reverse", reverse)
+    if reverse and sample_times is not None:
+        raise ValueError("sample_times must be left out with reverse=True, but was given")
+    if sample_times is not None and not checks.is_traced(sample_times):
+        checks.increasing("sample_times", sample_times)
+    checks.whole("max_events", max_events, Range(0, MOST_EVENTS, whole=True))
+    if max_step is not None:
+        checks.numbers("max_step", max_step, Range(0, low_open=True, infinite=True))
+    if observer is not None:
+        checks.instance("observer", observer, AbstractObserver, "one such as RegimeTotals(0.0)")
+    if statistics_start is not None:
+        checks.numbers("statistics_start", statistics_start, FINITE)
+    checks.numbers("start", start, FINITE)
 
 
 def regular_times(duration: float, interval: float) -> np.ndarray:
     """Multiples of ``interval`` from 0 up to ``duration``, that itself if it is one to rounding."""
     ratio = duration / interval
-    if ratio > MOST_SAMPLES:
+    if ratio > RUN_SAMPLES:
         raise ValueError(
-            f"sample_interval must be at least {duration / MOST_SAMPLES:g} s with this duration "
-            f"({MOST_SAMPLES:g} samples), but was {interval:g}"
+            f"sample_interval must be at least {duration / RUN_SAMPLES:g} s with this duration "
+            f"({RUN_SAMPLES:g} samples), but was {interval:g}"
         )
     times = interval * np.arange(math.floor(ratio * (1 + 1e-12)) + 1)
     if abs(times[-1] - duration) <= 1e-12 * duration:
@@ -39,55 +65,61 @@ def regular_times(duration: float, interval: float) -> np.ndarray:
     return times
 
 
-def coordinates(initial_state) -> tuple[tuple, tuple]:
-    """Return (position, velocity) as tuples of floats. Raises ValueError for other shapes."""
+def check_state(initial_state) -> int:
+    """Return n, the number of coordinates. Raises ValueError unless it is (position, velocity)."""
     must = "initial_state must be (position, velocity), each n >= 1 finite numbers"
     try:
-        position, velocity = (
-            tuple(float(x) for x in np.asarray(part, dtype=float)) for part in initial_state
-        )
+        position, velocity = (tuple(part) for part in initial_state)
     except (TypeError, ValueError):
-        raise ValueError(f"{must}, but was {initial_state!r}") from None
+        raise ValueError(f"{must}, but was {checks.shown(initial_state)}") from None
     if not position or len(position) != len(velocity):
         raise ValueError(f"{must}, but their lengths were {len(position)} and {len(velocity)}")
-    if not np.all(np.isfinite(position + velocity)):
-        raise ValueError(f"{must}, but was {(position, velocity)}")
+    for value in position + velocity:
+        if checks.is_traced(value):
+            continue
+        if not checks.is_number(value) or FINITE.outside(value) is not None:
+            raise ValueError(f"{must}, but was {checks.shown(initial_state)}")
+    return len(position)
+
+
+def coordinates(initial_state) -> tuple[tuple, tuple]:
+    """Return (position, velocity) as tuples of floats. Raises ValueError for other shapes."""
+    check_state(initial_state)
+    position, velocity = (tuple(float(x) for x in part) for part in initial_state)
     return position, velocity
 
 
-def tolerances(atol, n: int):
-    """Return ``atol`` as `make_problem` wants it. Raises ValueError for other shapes or values."""
+def check_tolerances(atol, n: int) -> None:
+    """Raises ValueError unless ``atol`` is None, a number, or (positions, velocities)."""
+    must = f"atol must be one number > 0, or (positions, velocities) with 1 or {n} numbers each"
+    if isinstance(atol, tuple | list):
+        parts = [part if isinstance(part, tuple | list) else (part,) for part in atol]
+        fits = len(parts) == 2 and all(len(part) in (1, n) for part in parts)
+        leaves = [leaf for part in parts for leaf in part]
+    else:
+        fits, leaves = True, [] if atol is None else [atol]
+    known = [leaf for leaf in leaves if not checks.is_traced(leaf)]
+    fits = fits and all(checks.is_number(leaf) for leaf in known)
+    if not fits or any(POSITIVE.outside(leaf) is not None for leaf in known):
+        raise ValueError(f"{must}, but was {checks.shown(atol)}")
+
+
+def tolerances(atol, n: int) -> tuple[tuple, tuple] | None:
+    """Return ``atol`` as n floats for positions and velocities each; None if it is None.
+
+    Arrays hold a value a coordinate. Raises ValueError for other shapes or values.
+    """
+
+    def listed(value):
+        if isinstance(value, tuple | list):
+            return [listed(x) for x in value]
+        return value.tolist() if hasattr(value, "tolist") else value
+
+    atol = listed(atol)
+    check_tolerances(atol, n)
     if atol is None:
         return None
-    must = f"atol must be one number > 0, or (positions, velocities) with 1 or {n} numbers each"
-    try:
-        parts = [atol, atol] if np.ndim(atol) == 0 else list(atol)
-        pair = tuple(
-            tuple(float(x) for x in np.broadcast_to(np.asarray(part, float), (n,)))
-            for part in parts
-        )
-    except (TypeError, ValueError):
-        raise ValueError(f"{must}, but was {atol!r}") from None
-    if len(pair) != 2 or not all(0 < x < math.inf for part in pair for x in part):
-        raise ValueError(f"{must}, but was {atol!r}")
-    return pair
-
-
-def check_start(system: AbstractSystem, start, result: int) -> None:
-    """Raises ValueError, saying why, for a state in which no motion can begin."""
-    t = jnp.asarray(0.0)
-    q, v = (tuple(jnp.asarray(x) for x in part) for part in start)
-    sides = starting_sides(system, t, q, v)
-    system = system.on_sides(sides)
-    found = zip(sides, system.switches(t, q, v), system.ends(t, q, v), strict=True)
-    if any(side * s < 0 or (s == 0 and end) for side, s, end in found):
-        where = " (|phi| < collapse_angle)" if isinstance(system, Wiper) else ""
-        raise ValueError(f"initial_state must lie where the model holds{where}, but was {start}")
-    if result == Result.INCONSISTENT_START:
-        gap = float(system.gap(t, q)) if system.unilateral else 0.0
-        if gap < 0:
-            raise ValueError(f"initial_state must have a gap >= 0, but the gap was {gap:g}")
-        raise ValueError(
-            "initial_state must allow a finite contact force, but at this state of rest none "
-            "exists (Painleve: friction and hinge_mass jam the tip); start it sliding or lifted"
-        )
+    parts = atol if isinstance(atol, list) else [atol, atol]
+    full = (np.broadcast_to(np.asarray(part, float), (n,)) for part in parts)
+    positions, velocities = (tuple(float(x) for x in part) for part in full)
+    return positions, velocities

@@ -12,9 +12,9 @@ import xarray as xr
 
 from .labels import classify, stored
 from .results import RESULTS
-from .runs import means
 from .schema import BANDS, LABELS, MECHANISMS, SETTLED, TOLD, flag_names
 from .signals import signal_columns
+from .spectrum import interval_means
 
 TURN = 2 * np.pi
 
@@ -71,7 +71,8 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         columns["normal_force_mean_stroke"] = force[~near].mean() if (~near).any() else np.nan
         columns |= _events(run, transient, end, limits.reversal_window)
     quiet = limits.quiet_velocity_ratio * columns["belt_speed_rms"]
-    mean, inner = means(kept)
+    place = np.asarray(kept["position"].sel(axis="x"), dtype=float)
+    mean, inner = interval_means(place, velocity, interval)
     if since is None:
         inner = inner.mean(keepdims=True)
     else:

@@ -7,17 +7,26 @@ the other side of a corner.
 """
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+
+from . import checks
+from .parameters import BELTS, longest_ramp
 
 TURN = 6.283185307179586
 
 
 class AbstractBelt(eqx.Module):
     """Belt velocity V(t) [m/s] along +x."""
+
+    kind: ClassVar[str] = ""  # its name in files (`parameters.BELTS`), if it has one
+
+    def __check_init__(self):
+        names = BELTS.get(self.kind, {})
+        checks.parameters({key: getattr(self, key) for key in names}, names)
 
     @abstractmethod
     def velocity(self, time, piece):
@@ -66,6 +75,7 @@ class AbstractBelt(eqx.Module):
 class SteadyBelt(AbstractBelt):
     """Constant velocity ``speed`` [m/s]."""
 
+    kind = "steady"
     speed: float = 0.3
 
     def velocity(self, time, piece):
@@ -92,6 +102,7 @@ class SteadyBelt(AbstractBelt):
 class WipingBelt(AbstractBelt):
     """``amplitude sin(2 pi frequency t + phase)``; amplitude [m/s], frequency [Hz], phase [rad]."""
 
+    kind = "wiping"
     amplitude: float
     frequency: float
     phase: float = 0.0
@@ -134,10 +145,15 @@ class TrapezoidBelt(AbstractBelt):
     (s = j/2) and end of the ramp; pieces are numbered 3 j + (0: plateau, 1 and 2: ramp).
     """
 
+    kind = "trapezoid"
     speed: float
     frequency: float
     ramp: float
     phase: float = 0.0
+
+    def __check_init__(self):
+        super().__check_init__()  # equinox calls it too, but after this one
+        checks.at_most("ramp", self.ramp, longest_ramp(self.frequency), "half a period")
 
     @property
     def wiping_frequency(self):

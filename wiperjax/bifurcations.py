@@ -13,6 +13,8 @@ import numpy as np
 from .branch_step import Step
 from .cycles import Cycle
 
+ALIKE = 1e-3  # of the range of a state: how near the two halves of a cycle are at its doubling
+
 
 class Special(NamedTuple):
     """A special point of a branch."""
@@ -24,20 +26,32 @@ class Special(NamedTuple):
 
 
 def same_word(a: Cycle, b: Cycle) -> bool:
-    """Whether two cycles pass the same events in the same order, wherever they start."""
-    one = list(zip(a.word.split(), strict=True))
-    two = list(zip(b.word.split(), strict=True))
-    turned = any(one == two[k:] + two[:k] for k in range(max(1, len(two))))
-    return turned and sorted(a.regimes.split()) == sorted(b.regimes.split())
+    """Whether two cycles pass the same events and regimes in one order, wherever they start."""
+    pairs = (a.word.split(), b.word.split()), (ring(a.regimes), ring(b.regimes))
+    return all(one in rotations(two) for one, two in pairs)
 
 
-def _determinant(sign: float) -> Callable[[Step], float]:
-    def test(step: Step) -> float:
-        values = step.cycle.multipliers
-        assert values is not None
-        return float(np.real(np.prod(values + sign)))
+def ring(regimes: str) -> list[str]:
+    """Regimes of a period without the last one, if that is the first one gone on."""
+    names = regimes.split()
+    return names[:-1] if len(names) > 1 and names[0] == names[-1] else names
 
-    return test
+
+def rotations(names: list[str]) -> list[list[str]]:
+    """``names`` as they read from wherever one begins."""
+    return [names[k:] + names[:k] for k in range(max(1, len(names)))]
+
+
+def _crossed(step: Step) -> float:
+    """Zero where another branch crosses; at a fold alone both numbers vanish at the same rate."""
+    return step.determinant / (step.sense or np.nan)
+
+
+def _minus_one(step: Step) -> float:
+    """Zero where a multiplier is -1."""
+    values = step.cycle.multipliers
+    assert values is not None
+    return float(np.real(np.prod(1 + values)))
 
 
 def _products(step: Step) -> float:
@@ -46,6 +60,14 @@ def _products(step: Step) -> float:
     assert values is not None
     pairs = [a * b - 1 for i, a in enumerate(values) for b in values[i + 1 :]]
     return float(np.real(np.prod(pairs))) if pairs else np.nan
+
+
+def doubled(cycle: Cycle) -> bool:
+    """Whether a cycle is one of half its period, passed twice."""
+    assert cycle.motion is not None
+    states = cycle.motion.samples
+    half = states[(len(states) - 1) // 2]
+    return bool(np.all(np.abs(half - states[0]) <= ALIKE * np.ptp(states, axis=0)))
 
 
 def turning(cycle: Cycle) -> bool:
@@ -57,19 +79,39 @@ def turning(cycle: Cycle) -> bool:
 
 TESTS: tuple[tuple[str, str, Callable[[Step], float]], ...] = (
     ("fold", "the branch turns back", lambda step: step.sense),
-    ("period_doubling", "a multiplier passes -1", _determinant(1.0)),
+    ("branch_point", "another branch crosses", _crossed),
+    ("period_doubling", "a multiplier passes -1", _minus_one),
     ("neimark_sacker", "a complex pair passes the unit circle", _products),
 )
 
 
 def change(cycle: Cycle, word: str) -> str:
-    """Return what separates two words of events, as text: ``-kink -kink +capture``."""
-    before, after = cycle.word.split(), word.split()
+    """Return what separates two words of events, as text: ``-kink -kink +capture``.
+
+    Empty if only the regimes between the events are others.
+    """
+    before = cycle.word.split()
+    after, codes = _compared(before, word.split())
     parts = []
-    for deed, a, b, c, d in SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
-        if deed != "equal":
-            parts += [f"-{name}" for name in before[a:b]] + [f"+{name}" for name in after[c:d]]
+    for a, b, c, d in codes:
+        parts += [f"-{name}" for name in before[a:b]] + [f"+{name}" for name in after[c:d]]
     return " ".join(parts)
+
+
+def _compared(before: list[str], after: list[str]):
+    """Return ``after``, turned to agree with ``before``, and where they differ: (a, b, c, d) for
+    ``before[a:b]``, which is ``turned[c:d]`` there.
+    """
+
+    def matcher(turned):
+        return SequenceMatcher(None, before, turned, autojunk=False)
+
+    def alike(turned):
+        return sum(block.size for block in matcher(turned).get_matching_blocks())
+
+    turned = max(rotations(after), key=alike)
+    codes = matcher(turned).get_opcodes()
+    return turned, [tuple(places) for deed, *places in codes if deed != "equal"]
 
 
 def corner_kind(one: Cycle, two: Cycle) -> str:
@@ -82,15 +124,15 @@ def corner_kind(one: Cycle, two: Cycle) -> str:
     short, long = sorted((one, two), key=lambda c: len(c.word.split()))
     extra = change(short, long.word).split()
     names = {part[1:] for part in extra}
-    if names <= {"kink", "belt_kink", "belt_reversal"}:
+    if names and names <= {"kink", "belt_kink", "belt_reversal"}:
         return "shoulder"
     if names & {"lift_off", "impact", "zeno", "touch"}:
         return "grazing"
-    a, b = short.regimes.split(), long.regimes.split()
-    for deed, _, _, k, m in SequenceMatcher(None, a, b, autojunk=False).get_opcodes():
-        if deed == "equal" or m == k:
+    regimes, codes = _compared(ring(short.regimes), ring(long.regimes))
+    for _, _, c, d in codes:
+        if c == d:
             continue
-        inner, left, right = b[k:m], b[k - 1], b[m % len(b)]
+        inner, left, right = regimes[c:d], regimes[c - 1], regimes[d % len(regimes)]
         if "stick" in inner:
             return "grazing_sliding" if left == right else "crossing_sliding"
         return (

@@ -8,8 +8,9 @@ complete:
     lock                         held while a process writes here; freed when that process dies
 
 Since its checksum is its name, a block and its checksum cannot be out of step. (`sha256sum` checks
-a store by hand.) An HDF5 file that grows block by block is avoided: a writer that is killed leaves
-it unreadable.
+a store by hand.) Inside it says its cells and the checksum of its manifest, so that the two cannot
+be of different sweeps. An HDF5 file that grows block by block is avoided: a writer that is killed
+leaves it unreadable.
 """
 
 import contextlib
@@ -27,6 +28,7 @@ import numpy as np
 from . import dataset, manifest, schema
 from .lock import acquire, release
 from .manifest import MANIFEST
+from .paths import oddity
 from .storage import StoreError, log, naming, parts_of, reason, write_bytes
 
 LOCK = "lock"
@@ -82,7 +84,7 @@ class BlockStore:
         try:
             found = None if force and not resume else manifest.read(parts)
             if found is not None and resume:
-                manifest.check_identity(parts, found, identity, spec.canonical())
+                found = manifest.resumed(parts, found, spec, identity)
             elif found is not None:
                 raise StoreError(
                     f"{parts}: holds an unfinished sweep; use --resume to go on, "
@@ -166,6 +168,11 @@ class BlockStore:
         done[[number for number in self._names if number < self.count]] = True
         return done
 
+    def cells_done(self) -> int:
+        """Number of cells in finished blocks."""
+        spans = (self.span(int(number)) for number in np.flatnonzero(self.done()))
+        return sum(stop - start for start, stop in spans)
+
     def write(self, number: int, columns: Mapping[str, np.ndarray], wall_time: float = 0.0) -> None:
         """Makes a block durable: once this returns, no kill and no power cut loses it.
 
@@ -176,7 +183,8 @@ class BlockStore:
         chosen = dataset.select(columns, stop - start)
         buffer = io.BytesIO()
         with h5py.File(buffer, "w") as file:
-            file.attrs.update({"start": start, "stop": stop, "wall_time": float(wall_time)})
+            file.attrs.update(manifest.place(self.manifest, (start, stop)))
+            file.attrs["wall_time"] = float(wall_time)
             for name, values in chosen.items():
                 packed = {"compression": "gzip"} if values.ndim > 1 else {}
                 file.create_dataset(name, data=values, **packed)
@@ -215,12 +223,27 @@ class BlockStore:
             return None
         path = self.parts / name
         try:
+            if odd := oddity(path):
+                return self._drop(number, path, f"is {odd}")
             content = path.read_bytes()
         except OSError as error:
             return self._drop(number, path, f"cannot be read ({reason(error)})")
         if hashlib.sha256(content).hexdigest() not in name:
             return self._drop(number, path, "is damaged (its content does not match its checksum)")
+        self._check_place(number, path, content)
         return content
+
+    def _check_place(self, number: int, path: Path, content: bytes) -> None:
+        """Raises `StoreError` if a block is whole but does not belong where it is."""
+        with h5py.File(io.BytesIO(content), "r") as file:
+            told = dict(file.attrs)
+        expected = manifest.place(self.manifest, self.span(number))
+        if wrong := [name for name in expected if told.get(name) != expected[name]]:
+            differs = ", ".join(f"{n} is {told.get(n)}, must be {expected[n]}" for n in wrong)
+            raise StoreError(
+                f"{path}: is not block {number} of {MANIFEST} beside it ({differs}); one of the "
+                "two was put here or changed: move the block away, or use --force to start anew"
+            )
 
     def _drop(self, number: int, path: Path, what: str) -> None:
         log.warning("%s: %s; its cells will be computed again", path, what)

@@ -9,14 +9,19 @@ Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, chapters 6 to
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from . import checks
 from .bifurcations import Special
-from .branch_step import distance, first_step
+from .branch_step import first_step, place
 from .branch_walk import Walk
 from .cycles import Cycle
+from .ranges import FINITE, Range
 from .return_map import Found
+
+MOST_POINTS = 10**6
 
 
 @dataclass(frozen=True)
@@ -51,34 +56,40 @@ def follow(
 
     Raises ValueError for a cycle that was not found, or not varied over anything.
     """
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    low, high = (checks.number(n, x, FINITE) for n, x in (("low", low), ("high", high)))
+    step = checks.number("step", step, Range(1e-6, 1))
+    most = checks.whole("most", most, Range(1, MOST_POINTS, whole=True))
     if cycle.shooting is None or cycle.state is None or cycle.found != Found.FOUND:
         raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
     over = cycle.shooting.over
     if over is None:
         raise ValueError("cycle must have been found with over=..., the number to vary")
     if not low < high:
-        raise ValueError(f"low must be below high, but they were {low:g} and {high:g}")
+        raise ValueError(f"low must be below high ({high:g}), but was {low:g}")
     shooting = replace(cycle.shooting, parameter_scale=high - low, period_scale=cycle.period)
     first = first_step(shooting, cycle)
     if first is None:
         raise ValueError("cycle could not be closed again from its own state")
-    sides, ends = [], []
+    walks = []
     for sense in (-1.0, 1.0):
-        walk = Walk(shooting, low, high, step, most, sense)
-        sides.append((list(walk.run(first)), walk.special))
-        ends.append(walk.end)
-    (back, before), (ahead, after) = sides
-    steps = [*reversed(back), first, *ahead]
-    size = len(back)
-    special = [s._replace(index=size - 1 - s.index) for s in reversed(before)]
-    special += [s._replace(index=size + 1 + s.index) for s in after]
-    far = [distance(shooting, a, b) for a, b in zip(steps[:-1], steps[1:], strict=True)]
+        walk = Walk(shooting, low, high, step, most)
+        walk.run(first, sense)
+        walks.append(walk)
+        if walk.closed:  # the other way round is the same
+            break
+    back, ahead = walks[0], walks[-1]
+    size = len(back.steps) - 1
+    steps = [*reversed(back.steps), *(ahead.steps[1:] if ahead is not back else [])]
+    special = [s._replace(index=size - s.index) for s in reversed(back.special)]
+    special += [s._replace(index=size + s.index) for s in ahead.special if ahead is not back]
+    far = [np.linalg.norm(place(shooting, a) - place(shooting, b)) for a, b in pairwise(steps)]
     arclength = np.concatenate([[0.0], np.cumsum(far)])
     return Branch(
         cycles=[s.cycle for s in steps],
         parameters=np.array([s.point.parameter for s in steps]),
         arclength=arclength - arclength[size],
         special=special,
-        ends=(ends[0], ends[1]),
+        ends=(back.end, ahead.end),
         over=over,
     )

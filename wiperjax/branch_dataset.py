@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from . import dataset, named, provenance
+from . import checks, dataset, named, provenance
 from .branch import Branch
 from .wiper import Wiper
 
@@ -28,6 +28,7 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     The parameter has the name and the unit of files (angles in degrees). ``special_point`` is the
     index of the point at which, or just before which, a special point lies.
     """
+    checks.instance("branch", branch, Branch, "a branch of follow(...)")
     first = branch.cycles[0]
     blade = isinstance(first.system, Wiper)
     name, attrs, to_file = named.stored(first.system, branch.over)

@@ -51,9 +51,10 @@ class _Answer(NamedTuple):
 @contextlib.contextmanager
 def connect(scheduler: str | None = None, local: int | None = None) -> Iterator["Workers"]:
     """Workers of the scheduler at an address such as `tcp://host:8786`, or else `local` processes
-    of this machine, a core each, which end with the `with` statement. Waits for the first worker.
+    of this machine, a core each, which end with the `with` statement. Waits for the first worker:
+    of a scheduler for ever, for it may have a queue; of this machine for `ALONE` seconds.
 
-    Raises: `ClusterError` if dask is not installed or no scheduler answers.
+    Raises: `ClusterError` if dask is not installed, no scheduler answers, or no worker starts here.
     """
     try:
         from distributed import Client, LocalCluster
@@ -78,15 +79,21 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
             raise ClusterError(f"{scheduler}: no scheduler answers: {said}") from error
         if not client.nthreads():
             log.warning("%s: waiting for a worker", scheduler)
-        client.wait_for_workers(1)
-        yield Workers(client)
+        patience = math.inf if scheduler is not None else ALONE
+        try:
+            client.wait_for_workers(1, patience)
+        except TimeoutError as error:
+            raise ClusterError(f"no worker of this machine started within {ALONE:g} s") from error
+        yield Workers(client, patience)
 
 
 class Workers:
     """What `driver.run` asks of a cluster: who computes, and blocks as they are finished."""
 
-    def __init__(self, client: Any):
+    def __init__(self, client: Any, patience: float = math.inf):
+        """`client` of dask; `patience` [s] with which the first task waits for a worker."""
         self._client = client
+        self._patience = patience
         self._made_by: dict[str, str] = {}
         self._hosts: set[str] = set()
 
@@ -106,7 +113,7 @@ class Workers:
         Raises: `ClusterError` if it is not what this process has.
         """
         future = self._client.submit(_made_by, spec, evaluate, pure=False)
-        theirs = self._result(future.result, "the first task", math.inf)  # of a queue
+        theirs = self._result(future.result, "the first task", self._patience)
         mine = work.made_by(spec)
         _compare({name: theirs.get(name, "none") for name in mine}, mine)
         self._made_by = theirs
@@ -161,7 +168,7 @@ class Workers:
         while True:
             try:
                 try:
-                    return attempt(15)
+                    return attempt(min(15, alone))
                 except TimeoutError:  # of the attempt: what it waits for goes on
                     deserted = not self._client.nthreads()
             except KilledWorker as error:

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from . import named
+from . import checks, named
+from .arguments import check_system, coordinates
 from .orbit import slip_margin, words
+from .ranges import POSITIVE, SETTINGS
 from .return_map import Found as Found
 from .return_map import Lost, Point, Shooting, correct
 from .settling import STILL, driven_guess, free_guess
@@ -94,13 +96,17 @@ def find_cycle(
 
     Raises ValueError for arguments that cannot be meant.
     """
-    if not isinstance(system, AbstractSystem):
-        raise ValueError(f"system must be a system such as Wiper(), but was {system!r}")
-    if not (isinstance(settle, int | float) and 0 < settle < math.inf):
-        raise ValueError(f"settle must be a finite time > 0, but was {settle!r}")
+    check_system(system)
+    settle = checks.number("settle", settle, POSITIVE)
+    rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
+    checks.names("varied", varied)
+    if not callable(section):
+        raise ValueError(f"section must be a function, but was {checks.shown(section)}")
+    if not callable(period) and period is not None:
+        checks.number("period", period, POSITIVE)
     varied = tuple(varied) if over is None else (over, *varied)
     system = named.traceable(system, *varied)
-    start = system.default_state() if initial_state is None else initial_state
+    start = system.default_state() if initial_state is None else coordinates(initial_state)
     state = np.concatenate([np.asarray(part, float).ravel() for part in start])
     clock = period if callable(period) or period is None else _constant(float(period))
     typical = np.concatenate([np.asarray(s, float) for s in system.scales(len(state) // 2)])

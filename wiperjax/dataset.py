@@ -179,8 +179,8 @@ def plain_attributes(attrs: Mapping[str, Any]) -> dict[str, Any]:
             continue
         if isinstance(value, bool | np.bool_):
             plain[name] = np.int8(value)
-        elif isinstance(value, str):
-            plain[name] = value
+        elif isinstance(value, str):  # names of files may be anything
+            plain[name] = value.encode(errors="backslashreplace").decode()
         elif isinstance(value, int | float | np.number | np.ndarray):
             plain[name] = value
         elif (

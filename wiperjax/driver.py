@@ -4,6 +4,7 @@ Memory is bounded by one block, whatever the number of cells.
 """
 
 import json
+import os
 import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -14,12 +15,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from . import dataset, provenance, work
+from . import checks, dataset, provenance, work
 from .blocks import BlockStore
+from .estimate import check_memory, check_room
 from .mapfile import finalize
+from .mending import finished, salvage
 from .progress import Report
+from .ranges import MOST_CELLS, Range
 from .spec import load_sweep, parse_sweep
-from .storage import StoreError, check_output, open_map, parts_of
+from .storage import StoreError, check_move, check_output, listed, log, open_map, parts_of
 
 if TYPE_CHECKING:
     from .cluster import Workers
@@ -53,8 +57,8 @@ def run(
         path of one.
     - `output`: HDF5 file to make; finished blocks are kept in `<output>.parts` until it is
         complete. None keeps everything in memory.
-    - `resume`: go on with a sweep that was cut short; the result is bit-identical to one that was
-        not.
+    - `resume`: go on with a sweep that was cut short, or mend its finished map that was damaged
+        since; the result is bit-identical to one that was not.
     - `force`: replace `output`, and without `resume` an unfinished store, if they exist.
 
     Other arguments:
@@ -71,10 +75,16 @@ def run(
     Raises: `StoreError` (one line) for everything about files; `SpecError` (one line) for a wrong
     sweep; `SweepInterrupted` on Ctrl-C.
     """
-    if isinstance(spec, str | Path):
-        spec = load_sweep(spec)
-    elif isinstance(spec, Mapping):
-        spec = parse_sweep(spec)
+    for name, value in (("resume", resume), ("force", force), ("progress", progress)):
+        checks.flag(name, value)
+    if block is not None:
+        block = checks.whole("block", block, Range(1, MOST_CELLS, whole=True))
+    if evaluate is not None and not callable(evaluate):
+        raise ValueError(f"evaluate must be a function, but was {checks.shown(evaluate)}")
+    if output is not None:
+        checks.path("output", output)
+    source = Path(spec) if isinstance(spec, str | os.PathLike) else None
+    spec = _sweep(spec)
     if block is None:
         block = work.block_size(spec, 1 if workers is None else workers.count)
     known = work.made_by(spec) | dict(identity or {})
@@ -87,26 +97,55 @@ def run(
             known |= described
         blocks = partial(_one_by_one, evaluate=evaluate)
     if output is None:
+        check_memory(spec)
         return _in_memory(spec, blocks, block, known, progress, command)
     output = Path(output)
-    if resume and output.exists() and _is_finished(output, spec, known):
+    stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
+    found = finished(output, stated) if resume and output.exists() else None
+    if found and not found.damaged:
         # killed after the map was complete, before its parts were gone
         if parts_of(output).is_dir():
             with BlockStore.open(output, spec, block=block, identity=known, resume=True) as store:
                 store.remove()
         return open_map(output)
-    check_output(output, force or (resume and BlockStore.may_replace(output)))
+    if found:
+        log.warning("%s: is damaged: %s; it is mended", output, listed(found.damaged))
+        block = found.block or block
+    replace = force or found is not None or (resume and BlockStore.may_replace(output))
+    check_output(output, replace, source)
+    if parts_of(output).is_dir():
+        check_move(parts_of(output), output)
+    check_room(spec, output, _cells_done(output) if resume else 0)
     with BlockStore.open(
         output, spec, block=block, identity=known, resume=resume, force=force
     ) as store:
+        if found:
+            salvage(output, found.damaged, store)
         with Report(store.cells, title=spec.title, show=progress) as report:
             try:
                 _compute(spec, store, blocks, report)
             except KeyboardInterrupt:
                 raise SweepInterrupted(_how_to_resume(store, output, command)) from None
+        if output.exists() and not replace:
+            raise StoreError(
+                f"{output}: was made by another program meanwhile; move it away and go on with "
+                "--resume"
+            )
         host = workers.host if workers is not None else None
         finalize(store, output, _made(known) | provenance.record(command, 0.0, host))
     return open_map(output)
+
+
+def _sweep(spec: Any) -> Any:
+    """The sweep that `spec` is, names or describes."""
+    if isinstance(spec, str | os.PathLike):
+        return load_sweep(Path(spec))
+    if isinstance(spec, Mapping):
+        return parse_sweep(spec)
+    if not hasattr(spec, "axes_values"):
+        must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
+        raise ValueError(f"{must}, but was {checks.shown(spec)}")
+    return spec
 
 
 def _one_by_one(spec: Any, spans: Spans, evaluate: work.Evaluate) -> Iterator[work.Block]:
@@ -164,19 +203,16 @@ def _made(known: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def _is_finished(output: Path, spec: Any, known: Mapping[str, str]) -> bool:
-    """Whether `output` is the complete map that this sweep would make."""
+def _cells_done(output: Path) -> int:
+    """Cells in the finished blocks beside `output`; 0 if there is no store that can be read."""
     try:
-        with open_map(output) as ds:
-            same = ds.attrs.get("specification_digest") == spec.digest()
-            return same and ds.attrs.get("identity") == _made(known)["identity"]
-    except StoreError:
-        return False
+        return BlockStore.peek(parts_of(output)).cells_done()
+    except StoreError:  # opening it will say what is wrong, if anything is
+        return 0
 
 
 def _how_to_resume(store: BlockStore, output: Path, command: str | None) -> str:
-    spans = [store.span(int(number)) for number in np.flatnonzero(store.done())]
-    done = sum(stop - start for start, stop in spans)
+    done = store.cells_done()
     if command:
         words = [word for word in shlex.split(command) if word not in ("--force", "--resume")]
         hint = shlex.join([*words, "--resume"])

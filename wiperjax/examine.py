@@ -23,7 +23,7 @@ from .polynomials import (
 from .sparse import absent
 from .system import Scalar
 
-COARSE = 1e-4  # error of a guard's polynomial, over the guard, from which on steps do not grow
+COARSE = 1e-4  # largest error of a guard's polynomial, over the guard, at which steps may grow
 NOISE = {"float64": 256, "float32": 8}  # rounding errors of a guard, in digits of its size
 
 
@@ -57,11 +57,12 @@ def guard_noise(nodes, size, share) -> Scalar:
     return own + share * largest(tuple(x - nodes[0] for x in nodes[1:]))
 
 
-def examine(values, order, size, share, sliver, highest: int) -> Guard:
+def examine(values, order, size, share, sliver, highest: int, coarse) -> Guard:
     """Return what a guard with ``values`` at the nodes does.
 
     ``order``, at most ``highest``, is its zero at the start; ``size`` is the largest that was
     committed so far: what its rounding errors scale with. ``share``: `control.Share`, of the path.
+    ``coarse``: error of its polynomial, over the guard, from which on steps are not to grow.
     ``sliver``: hardly any time is left before a known time, and no event fires in it.
     """
     nodes = tuple(stop_gradient(x) for x in values)
@@ -93,7 +94,6 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
     # below this the estimate is rounding: the polynomial itself decides
     extent = larger(height, jnp.abs(start))
     blur = jnp.where(error > larger(1e-9 * extent, noise), error, 0.0)
-    coarse = blur > COARSE * extent
     # an error estimate near the value itself makes roots out of nothing, and so does rounding, of a
     # guard that rises from its zero
     rising = (order > 0) & (minimum(rest) > 0)
@@ -112,7 +112,7 @@ def examine(values, order, size, share, sliver, highest: int) -> Guard:
         lone=minimum(control[:-1]) > 0,
         falls=falls,
         murky=murky,
-        coarse=coarse,
+        coarse=blur > coarse * extent,
         size=larger(size, jnp.abs(nodes[-1])),
         noise=rounding,
         nodes=nodes,

@@ -1,11 +1,13 @@
 """Set-valued friction laws: a limit at rest and a coefficient in slip (MODEL.md section 4)."""
 
 from abc import abstractmethod
+from dataclasses import fields
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 
+from . import checks
 from .fastmath import exp, larger
 
 
@@ -29,6 +31,10 @@ class Coulomb(AbstractFriction):
     static: float
     dynamic: float
 
+    def __check_init__(self):
+        checks.parameters(_given(self), {"static": "mu_static", "dynamic": "mu_minimum"})
+        checks.at_most("dynamic", self.dynamic, self.static, "static")
+
     def coefficient(self, speed):
         return self.dynamic + 0 * speed
 
@@ -42,6 +48,10 @@ class Stribeck(AbstractFriction):
     shape: float = 1.0
     viscous_slope: float = 0.0
 
+    def __check_init__(self):
+        names = {"static": "mu_static", "minimum": "mu_minimum", "shape": "stribeck_shape"}
+        checks.parameters(_given(self), names)
+
     def coefficient(self, speed):
         ratio = speed * (1 / self.stribeck_speed)
         if not (isinstance(self.shape, float | int) and self.shape == 1):
@@ -50,3 +60,7 @@ class Stribeck(AbstractFriction):
         # the clamp keeps wild trial stages finite; accepted states have speed >= 0
         decay = exp(-larger(-2.0, ratio))
         return self.minimum + (self.static - self.minimum) * decay + self.viscous_slope * speed
+
+
+def _given(law: AbstractFriction) -> dict[str, Any]:
+    return {field.name: getattr(law, field.name) for field in fields(law)}  # type: ignore[arg-type]

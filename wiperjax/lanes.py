@@ -17,7 +17,8 @@ from jax import lax
 from .averaging import Signal, flush
 from .results import Result
 from .solve import final_velocity
-from .state import TERM, EventLog, Problem, State, initial_state
+from .start import initial_state
+from .state import TERM, EventLog, Problem, State
 from .step import flow, jump
 from .transition import where
 

@@ -6,6 +6,9 @@ A library cannot impose them on a process that already computes, so they are one
 
 import os
 
+from . import checks
+from .ranges import Range
+
 # XLA's own options of its CPU compiler, as name=value pairs:
 COMPILER = {
     # a loop of any size becomes one function: run kernel by kernel, each of about four operations,
@@ -16,6 +19,8 @@ COMPILER = {
     # outside of loops: plain kernels instead of tiled ones, which copy what they read first
     "xla_cpu_disable_tiled_emitter": "true",
 }
+
+MOST_CORES = 1024  # a device each: more is a slip
 
 _configured: int | None = None  # cores that this process was told to use
 
@@ -32,11 +37,15 @@ def configure(cores: int | None = None) -> int:
     a core with a one-thread pool each, because the default pool burns two cores for the speed of
     one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; and a
     whole loop in one compiled function (`COMPILER`).
-    Settings already made by the user win. Has no effect once JAX has started a device.
+    Settings already made by the user win. Has no effect once JAX has started a device. Raises
+    ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
     """
     global _configured
-    count = len(os.sched_getaffinity(0)) if cores is None else int(cores)
-    _configured = count = max(1, count)
+    if cores is None:
+        count = len(os.sched_getaffinity(0))
+    else:
+        count = checks.whole("cores", cores, Range(1, MOST_CORES, whole=True))
+    _configured = count
     wanted = {
         "--xla_force_host_platform_device_count": str(count),
         "--xla_cpu_prefer_vector_width": "512",

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from . import dataset
-from .storage import StoreError, reason, write_bytes
+from .storage import StoreError, check_input, reason, write_bytes
 
-FORMAT = 1
+FORMAT = 2
 MANIFEST = "manifest.json"
 
 
@@ -24,7 +24,15 @@ def create(
     - `replace`: whether the finished map may replace a file.
     - `identity`: what must agree between parts of one map, text -> text.
     """
-    manifest = {
+    manifest = _content(spec, block, replace, identity)
+    manifest |= {"sha256": _checksum(manifest)}
+    write_bytes(parts / MANIFEST, json.dumps(manifest, indent=1).encode())
+    return manifest
+
+
+def _content(spec: Any, block: int, replace: bool, identity: Mapping[str, str]) -> dict[str, Any]:
+    """The manifest but for its checksum."""
+    return {
         "format": FORMAT,
         "block": int(block),
         "cells": int(spec.size),
@@ -33,9 +41,6 @@ def create(
         "specification": spec.canonical(),
         "map": dataset.describe(spec),
     }
-    manifest |= {"sha256": _checksum(manifest)}
-    write_bytes(parts / MANIFEST, json.dumps(manifest, indent=1).encode())
-    return manifest
 
 
 def _checksum(manifest: Mapping[str, Any]) -> str:
@@ -52,6 +57,7 @@ def read(parts: Path) -> dict[str, Any] | None:
     path = parts / MANIFEST
     if not path.exists():
         return None
+    check_input(path)
     try:
         manifest = json.loads(path.read_text())
         if manifest["format"] != FORMAT:
@@ -68,11 +74,15 @@ def read(parts: Path) -> dict[str, Any] | None:
         raise StoreError(f"{path}: cannot be read: {reason(error)}") from error
 
 
-def check_identity(
-    parts: Path, manifest: dict[str, Any], identity: dict[str, str], canonical: str
-) -> None:
-    """Raises `StoreError` that says what differs, if anything does."""
-    stored = manifest["identity"]
+def resumed(
+    parts: Path, manifest: Mapping[str, Any], spec: Any, identity: Mapping[str, str]
+) -> dict[str, Any]:
+    """The manifest of a store that is gone on with: all that `spec` says is taken from there again,
+    the checksum, by which blocks know their manifest, from the file.
+
+    Raises: `StoreError` that says what differs if it is not that of `spec` and `identity`.
+    """
+    stored, canonical = manifest["identity"], spec.canonical()
     differences = []
     for name in sorted(stored.keys() | identity.keys()):
         was, now = stored.get(name, "none"), identity.get(name, "none")
@@ -89,6 +99,15 @@ def check_identity(
             f"{parts}: was made otherwise, its blocks do not belong to this sweep "
             f"({'; '.join(differences)}); use --force to start anew"
         )
+    content = _content(spec, manifest["block"], manifest["replace"], identity)
+    return content | {"sha256": manifest["sha256"]}
+
+
+def place(manifest: Mapping[str, Any], span: tuple[int, int]) -> dict[str, Any]:
+    """What a block says of where it belongs: its cells, and the checksum of its manifest (which
+    holds the digest of the specification and all else that must agree).
+    """
+    return {"start": span[0], "stop": span[1], "manifest": manifest["sha256"]}
 
 
 def _first_difference(was: str, now: str) -> str:

@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from . import dataset, schema
+from . import checksums, dataset, schema
 from .blocks import BlockStore
 from .spill import SpillFile
 from .storage import StoreError, log, replacing
@@ -103,6 +103,8 @@ def finalize(
             sums = _write(store, target, dict(attributes or {}))
             target.finish()
         _verify(temporary, sums)
+        with open(temporary, "r+b") as file:
+            checksums.add(file)
     try:
         store.remove()
     except StoreError as error:

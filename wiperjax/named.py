@@ -13,12 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
 from .parameters import BELTS, PARAMETERS
 from .system import AbstractSystem
 from .wiper import ENGINE_FIELDS, Wiper
-
-_KINDS = {SteadyBelt: "steady", WipingBelt: "wiping", TrapezoidBelt: "trapezoid"}
+from .wording import shown
 
 
 def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
@@ -28,12 +26,12 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
     """
     names = _names(system)
     if isinstance(system, Wiper):
-        keys = BELTS.get(_KINDS.get(type(system.belt), ""), {})
+        keys = BELTS.get(system.belt.kind, {})
         names |= {parameter: ("belt", key) for key, parameter in keys.items()}
-    if name not in names:
+    if not isinstance(name, str) or name not in names:
         raise ValueError(
             f"parameter must be a number of {type(system).__name__} ({', '.join(sorted(names))}), "
-            f"but was {name!r}"
+            f"but was {shown(name)}"
         )
     return names[name]
 
@@ -93,7 +91,7 @@ def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Call
     """
     route = path(system, name)
     if isinstance(system, Wiper):
-        keys = BELTS.get(_KINDS.get(type(system.belt), ""), {})
+        keys = BELTS.get(system.belt.kind, {})
         entry = PARAMETERS.get(keys.get(route[-1], "") if route[0] == "belt" else route[-1])
         if entry is not None:
             attrs = {"long_name": entry.long_name, "units": entry.edge_unit}

@@ -11,8 +11,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from . import checks
 from .barrier import keep
 from .fastmath import larger, within
+from .ranges import FINITE
 from .results import Event, Regime
 from .system import Scalar
 
@@ -167,6 +169,9 @@ class RegimeTotals(AbstractObserver):
     """Times in the regimes, moments of the output, extremes and event counts from ``start`` on."""
 
     start: Scalar = 0.0
+
+    def __check_init__(self):
+        checks.numbers("start", self.start, FINITE)
 
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)

@@ -36,11 +36,16 @@ def smooth_intervals(motion: Stretch) -> np.ndarray:
     return free
 
 
-def middle_of_longest(regimes, smooth) -> int:
-    """Index in the middle of the longest run of one regime without an event, stick left aside.
+def far_from_events(regimes, smooth, margin) -> int:
+    """Index of the sample at which a driven cycle begins best: far from events, and where all
+    states are possible.
 
-    The start of a driven cycle lies there: far from events, and where all states are possible.
+    ``regimes``, ``smooth`` and ``margin`` belong to the intervals between samples. The middle of
+    the longest run of one regime without an event, stick left aside; without any event, where the
+    ``margin`` is largest: the first one to come will come elsewhere.
     """
+    if np.all(smooth):
+        return int(np.argmax(margin))
     best, where, begin = -1, 0, 0
     size = len(regimes)
     for k in range(1, size + 1):
@@ -50,6 +55,22 @@ def middle_of_longest(regimes, smooth) -> int:
                 best, where = length, (begin + k) // 2
             begin = k
     return where
+
+
+def event_margin(motion: Stretch) -> np.ndarray:
+    """How far each sample but the last is from an event, of what it is at most: (samples - 1,).
+
+    The gap in flight; the pressing force and the slip speed in contact.
+    """
+    parts = [_share(x) for x in (motion.gap, motion.normal_force, np.abs(motion.slip_speed))]
+    flies = motion.regimes == Regime.FLIGHT
+    return np.where(flies, parts[0], np.minimum(parts[1], parts[2]))[:-1]
+
+
+def _share(values: np.ndarray) -> np.ndarray:
+    """Values as parts of the largest."""
+    largest = np.max(values)
+    return values / largest if largest > 0 else np.ones_like(values)
 
 
 def turns(motion: Stretch) -> tuple[np.ndarray, np.ndarray]:

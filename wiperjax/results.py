@@ -57,8 +57,8 @@ ADVICE = {
     Result.STEP_TOO_SMALL: "the step shrank to the resolution of time, or thousands of steps got "
     "nowhere: loosen rtol, look for a parameter many decades off, or for a max_step far too small",
     Result.STEP_BUDGET_SPENT: "max_steps were spent before the end: raise max_steps",
-    Result.NON_FINITE: "an acceleration became infinite or undefined: look at the parameters "
-    "and the initial state",
+    Result.NON_FINITE: "an acceleration became infinite or undefined, or a tolerance was no number "
+    "> 0: look at the parameters and the initial state",
     Result.ZENO_UNRESOLVED: "impacts accumulate and could not be completed by their limit: "
     "raise zeno_time, or check restitution",
     Result.PAINLEVE_INDETERMINATE: "at some instant several motions were possible (D <= 0 with a "

@@ -20,7 +20,7 @@ from .results import Result
 from .shooting import Chart, Stretch, stretch
 from .system import AbstractSystem
 
-CLOSED = 1e-7  # of the return map, relative to the size of the motion: larger is no cycle
+CLOSED = 1e-9  # of the return map, relative to the size of the motion: larger is no cycle
 ENOUGH = 1e-11  # closed to rounding
 MOST_MOTIONS = 10  # of one correction: a cycle that is there takes 3 to 6
 FAIR = (Result.FINISHED, Result.PAINLEVE_INDETERMINATE)

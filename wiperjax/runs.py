@@ -9,7 +9,7 @@ import xarray as xr
 
 from .labels import stored
 from .schema import flag_names
-from .spectrum import strongest_lines
+from .spectrum import interval_means, strongest_lines
 
 FEWEST_PERIODS = 2  # in the settled half: less is no period
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
@@ -115,19 +115,6 @@ def signal(ds: xr.Dataset, quantity: str = "velocity", component: int = 0) -> xr
     return values.isel({other: component})
 
 
-def means(ds: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of the first coordinate's velocity over each interval between samples, and its variance
-    inside it, (samples - 1,) each: what `spectrum.strongest_lines` needs to tell a line from a
-    folded one.
-
-    Means are differences of positions, so nothing is folded at full height; the mean squares at
-    instants hold what is too fast for the samples as well (single variances may come out negative).
-    """
-    place, speed = (np.asarray(signal(ds, name), dtype=float) for name in ("position", "velocity"))
-    mean = np.diff(place) / sample_interval(ds)
-    return mean, 0.5 * (speed[:-1] ** 2 + speed[1:] ** 2) - mean**2
-
-
 def is_steady(ds: xr.Dataset) -> bool:
     """Whether the glass moves at one speed, so that a motion can settle."""
     belt = ds.get("belt_velocity")
@@ -155,7 +142,8 @@ def pitch(ds: xr.Dataset) -> float:
         if np.std(speed) <= stored(ds.attrs).quiet_velocity_ratio * scale:
             return float("nan")
     step = sample_interval(part)
-    mean, inner = means(part)
+    place = np.asarray(signal(part, "position"), dtype=float)
+    mean, inner = interval_means(place, speed, step)
     # longer periods than are told are looked for too: else a side lobe stands in for them
     line = strongest_lines(mean, step, averaged=True, inner=[inner.mean()], minimum_cycles=1.0)
     frequency = float(line.frequency) if line.told else float("nan")

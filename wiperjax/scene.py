@@ -27,7 +27,7 @@ SOLVERS = {
     "dopri8": diffrax.Dopri8,
     "bosh3": diffrax.Bosh3,
 }
-_BELTS = {"steady": SteadyBelt, "wiping": WipingBelt, "trapezoid": TrapezoidBelt}
+_BELTS = {belt.kind: belt for belt in (SteadyBelt, WipingBelt, TrapezoidBelt)}
 
 
 def run(spec: SceneSpec) -> xr.Dataset:

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from . import cells
-from .columns import columns_of, statistics
+from .columns import cellwise, columns_of, statistics
 from .dealing import capacity, deal, dearest_first
 from .parameters import BELTS, PARAMETERS
 from .results import Result
@@ -27,6 +27,7 @@ from .wiper import Wiper
 
 FLOOR = 0.01  # a derivative that changes its outcome by less of its scale is compared with that
 REST = 1e-5  # of the belt speed: below it the standard deviation of the velocity is rounding
+LEFT_OVER = ("final_vx", "final_vy")  # of a quiet cell: what its steps leave of a decayed start
 STENCIL = {1: 2 / 3, -1: -2 / 3, 2: -1 / 12, -2: 1 / 12}  # steps -> weight, of fourth order
 GRAZING = 1e4  # times the tolerance: at this margin a derivative is 1.5e-4 off
 SAME = 1e-5  # relative difference of two derivatives that are one
@@ -86,7 +87,8 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     seconds = {SECOND[field]: x for field, x in watched.seconds._asdict().items()}
     code = np.full(count, VALIDITY["fine"], np.int8)
     _mask_contested(slopes, columns | seconds, theta, base, asked)
-    code[watched.margin < max(asked.grazing, GRAZING * run.rtol)] = VALIDITY["near_grazing"]
+    _mask_rounding(slopes, columns, spec)
+    code[watched.margin < max(asked.grazing, GRAZING * spec.rtol)] = VALIDITY["near_grazing"]
     checked = np.flatnonzero(_drawn(index, asked.check))
     agreement = np.full(count, np.nan)
     if checked.size:
@@ -97,13 +99,10 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     code[outcome.result != Result.FINISHED] = VALIDITY["not_differentiable"]
 
     holds = code == VALIDITY["fine"]
-    rests = columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"])
     for outcome_name in DIFFERENTIABLE:
         for k, name in enumerate(names):
             slope = slopes[outcome_name][:, k]
             good = holds & np.isfinite(slope)
-            if outcome_name == "velocity_rms":
-                good &= ~rests
             columns[sensitivity_name(outcome_name, name)] = np.where(good, slope, np.nan)
     columns["sensitivity_code"] = code
     columns["grazing_margin"] = watched.margin
@@ -160,6 +159,17 @@ def _mask_contested(slopes, columns, theta, wiper, asked) -> None:
         slopes[name] = np.where(contested[:, None], np.nan, slopes[name])
 
 
+def _mask_rounding(slopes, columns, spec) -> None:
+    """Make NaN the derivatives, in ``slopes``, of what is rounding at rest, and of the velocity at
+    the end of a quiet cell: there steps are as long as the integrator stays stable, and what the
+    start has left decays by its leave, not by the equations.
+    """
+    rests = columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"])
+    masked = {"velocity_rms": rests} | dict.fromkeys(LEFT_OVER, _is_quiet(columns, spec))
+    for name, where in masked.items():
+        slopes[name] = np.where(where[:, None], np.nan, slopes[name])
+
+
 def _check(spec, theta, base, columns, slopes, checked, word):
     """Return (whether the events are others, relative differences) of the cells ``checked``.
 
@@ -195,7 +205,6 @@ def _check(spec, theta, base, columns, slopes, checked, word):
     (found, words), _ = deal(compute, (at, moved, state), np.arange(copies))
     found |= {name: np.asarray(x)[:copies] for name, x in known.items()}
     other = np.any(words.reshape(-1, n) != word[checked], axis=0)
-    rests = (columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"]))[checked]
     gaps = {}
     for k, name in enumerate(names):
         unit = float(PARAMETERS[name].to_si(1.0))
@@ -209,8 +218,6 @@ def _check(spec, theta, base, columns, slopes, checked, word):
             larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)
             larger = np.where(larger > 0, larger, 1.0)  # both may be zero
             skip = ~inside | ~np.isfinite(slope) | ~np.isfinite(change)
-            if outcome == "velocity_rms":
-                skip |= rests
             gaps[outcome, name] = np.where(skip, 0.0, np.abs(change - slope) / larger)
     return other, gaps
 
@@ -248,15 +255,11 @@ def _scale(name: str, value: np.ndarray) -> np.ndarray:
 def _outcome_scale(name: str, columns, wiper: Wiper) -> np.ndarray:
     """Size of an outcome by what it is: the load for forces, the lip for lengths, and so on."""
     speed = np.asarray(columns["belt_speed_rms"])
-    size = {
-        "1": 1.0,
-        "m/s": speed,
-        "N/m": wiper.normal_load,
-        "m": wiper.lip_length,
-        "N s/m": wiper.tip_mass * speed,
-    }.get(SCHEMA[name].units, np.abs(columns[name]))
-    size = np.asarray(size)
-    return np.broadcast_to(size[: len(speed)] if size.ndim else size, speed.shape)
+    load, length, mass = (  # the wiper has some cells more, which fill up
+        cellwise(x, len(speed)) for x in (wiper.normal_load, wiper.lip_length, wiper.tip_mass)
+    )
+    size = {"1": np.ones_like(speed), "m/s": speed, "N/m": load, "m": length, "N s/m": mass * speed}
+    return np.asarray(size.get(SCHEMA[name].units, np.abs(columns[name])))
 
 
 def _is_inside(name: str, value: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -264,7 +267,7 @@ def _is_inside(name: str, value: np.ndarray, step: np.ndarray) -> np.ndarray:
     checked."""
     entry = PARAMETERS[name]
     low, high = entry.to_edge(value - step), entry.to_edge(value + step)
-    return (low >= entry.low) & (high <= entry.high)
+    return (low >= entry.range.low) & (high <= entry.range.high)
 
 
 def _drawn(index: np.ndarray, share: float) -> np.ndarray:
@@ -283,7 +286,6 @@ def _is_settled(columns, spec) -> np.ndarray:
     if spec.belt.kind != "steady":
         return np.ones(len(columns["result"]), bool)
     signal = np.asarray(columns["signal"], np.float64)
-    quiet = columns["velocity_rms"] < spec.classes.quiet_velocity_ratio * columns["belt_speed_rms"]
     settled = np.zeros(len(signal), bool)
     for i, f in enumerate(dominant_frequency(signal, run.window / spec.samples)):
         periods = np.floor(0.5 * f * run.window) if np.isfinite(f) else 0
@@ -291,4 +293,8 @@ def _is_settled(columns, spec) -> np.ndarray:
             n = int(round(periods / f / run.window * spec.samples))
             a, b = np.std(signal[i, :n]), np.std(signal[i, -n:])
             settled[i] = abs(a - b) <= spec.sensitivities.settled * max(a, b)
-    return settled | quiet
+    return settled | _is_quiet(columns, spec)
+
+
+def _is_quiet(columns, spec) -> np.ndarray:
+    return columns["velocity_rms"] < spec.classes.quiet_velocity_ratio * columns["belt_speed_rms"]

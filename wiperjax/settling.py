@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from . import named
-from .orbit import middle_of_longest, smooth_intervals, turns
+from .orbit import event_margin, far_from_events, smooth_intervals, turns
 from .results import Result
 from .return_map import FAIR, Found, Lost, Shooting
 from .shooting import Stretch, stretch
@@ -75,7 +75,10 @@ def driven_guess(shooting: Shooting, state, settle: float):
     shooting = replace(shooting, scale=scale, repeats=k)
     times = np.concatenate([m.times[:-1] + i * one for i, m in enumerate(motions[:k])])
     regimes = np.concatenate([m.regimes[:-1] for m in motions[:k]])
-    index = middle_of_longest(regimes, np.concatenate([smooth_intervals(m) for m in motions[:k]]))
+    smooth, margin = (
+        np.concatenate([f(m) for m in motions[:k]]) for f in (smooth_intervals, event_margin)
+    )
+    index = far_from_events(regimes, smooth, margin)
     i, j = divmod(index, len(motions[0].times) - 1)
     phase = float(times[index] / (k * one))
     return shooting, motions[i].samples[j], phase, int(regimes[index]), k * one

@@ -45,6 +45,7 @@ class Stretch(NamedTuple):
     regimes: np.ndarray  # (samples,)
     normal_force: np.ndarray  # (samples,)
     slip_speed: np.ndarray  # (samples,)
+    gap: np.ndarray  # (samples,)
     events: EventLog
     overflow: bool
     result: int
@@ -145,9 +146,12 @@ def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
     times = phase * period + part * period * grid
     q, v = s.samples.position, s.samples.velocity
 
-    def sliding(t, q, v):
+    def touching(t, q, v):
         local = system.prepared().on_piece(system.first_piece(t))
-        return contact(local, t, q, local.from_rates(t, q, v)).slip_speed
+        c = contact(local, t, q, local.from_rates(t, q, v))
+        return c.slip_speed, c.gap
+
+    slip_speed, gap = jax.vmap(touching)(times, q, v)
 
     return dict(
         state=end,
@@ -162,7 +166,8 @@ def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
         samples=jnp.stack([*q, *v], axis=-1),
         regimes=s.samples.regime,
         normal_force=s.samples.normal_force,
-        slip_speed=jax.vmap(sliding)(times, q, v),
+        slip_speed=slip_speed,
+        gap=gap,
         events=s.events,
         overflow=s.event_overflow,
         result=s.result,

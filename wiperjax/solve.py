@@ -12,12 +12,21 @@ import diffrax
 import jax
 import jax.numpy as jnp
 
+from . import checks
+from .arguments import (
+    check_integration,
+    check_observation,
+    check_state,
+    check_system,
+    check_tolerances,
+)
 from .observers import AbstractObserver, RegimeTotals
+from .ranges import POSITIVE
 from .results import RUNNING
 from .reverse import run_reversible
 from .sampling import empty_samples
-from .stages import check_solver
-from .state import EventLog, Problem, State, initial_state
+from .start import initial_state
+from .state import EventLog, Problem, State
 from .step import advance
 from .system import AbstractSystem, Scalar, rates
 
@@ -77,32 +86,24 @@ def make_problem(
     dtype=None,
     start=0.0,
 ):
-    """Return (problem, position, velocity, start time) from a person's arguments.
+    """Return (problem, position, velocity, start time) from arguments that were checked.
 
-    Raises ValueError for a wrong shape, a solver that cannot serve, or a missing start.
+    Raises ValueError for a missing start.
     """
     solver = diffrax.Tsit5() if solver is None else solver
-    check_solver(solver)
     if dtype is None:
         dtype = jnp.result_type(float)
     if initial_state is None:
         initial_state = system.default_state()
-    if len(initial_state) != 2:
-        raise ValueError("initial_state must be (position, velocity)")
     position = tuple(jnp.asarray(x, dtype) for x in initial_state[0])
     velocity = tuple(jnp.asarray(x, dtype) for x in initial_state[1])
     n = len(position)
-    if n == 0 or len(velocity) != n:
-        raise ValueError(
-            "initial_state must be (position, velocity) of equal length n >= 1, but the lengths "
-            f"were {n} and {len(velocity)}"
-        )
     rtol = jnp.asarray(rtol, dtype)
     if atol is None:
         tolerance = jax.tree.map(lambda s: rtol * jnp.asarray(s, dtype), system.scales(n))
     elif isinstance(atol, tuple | list):
         tolerance = tuple(
-            tuple(jnp.asarray(a, dtype) for a in part)
+            tuple(jnp.asarray(a, dtype) for a in part) * (n // len(part))
             if isinstance(part, tuple | list)
             else (jnp.asarray(part, dtype),) * n
             for part in atol
@@ -155,8 +156,17 @@ def run(problem: Problem, state: State, reverse_turns: int | None = None) -> Sta
 
 
 def begin(problem: Problem, position, velocity, start) -> State:
-    """Return the loop state at the start, with empty buffers."""
-    state = initial_state(problem, position, velocity, start)
+    """Return the loop state at the start, with empty buffers.
+
+    Raises ValueError for a number of coordinates that is not the system's.
+    """
+    try:
+        state = initial_state(problem, position, velocity, start)
+    except (IndexError, ValueError) as error:  # of a tuple that is too short, or too long
+        raise ValueError(
+            f"initial_state must have the coordinates of {type(problem.system).__name__}, but had "
+            f"{len(position)}: {error}"
+        ) from error
     return state._replace(samples=empty_samples(problem, state))
 
 
@@ -198,8 +208,18 @@ def solve(
     2 sqrt(``max_steps``) loop states (about 1 kB each, and the event log once more in each);
     ``sample_times`` must be left out.
 
-    Raises ValueError for wrong shapes or an unsuitable solver (when traced, so once).
+    Raises ValueError, naming the argument, for what cannot be meant. Values that are traced are not
+    looked at: a tolerance that is no number > 0 then ends as ``non_finite``.
     """
+    check_system(system)
+    checks.numbers("duration", duration, POSITIVE)
+    check_integration(solver, rtol, zeno_time, max_steps)
+    if initial_state is None:
+        initial_state = system.default_state()
+    check_tolerances(atol, check_state(initial_state))
+    check_observation(
+        sample_times, max_events, max_step, observer, statistics_start, start, reverse
+    )
     if observer is None:
         observer = RegimeTotals(start if statistics_start is None else statistics_start)
     problem, q, v, start = make_problem(
@@ -218,8 +238,6 @@ def solve(
         observer=observer,
         start=start,
     )
-    if reverse and sample_times is not None:
-        raise ValueError("sample_times must be left out with reverse=True")
     state = begin(problem, q, v, start)
     return solution(problem, run(problem, state, int(max_steps) if reverse else None))
 

@@ -16,7 +16,9 @@ import scipy.io.wavfile
 import scipy.signal
 import xarray as xr
 
-from .runs import between, is_steady, pitch, sample_interval, settled, signal
+from . import checks
+from .ranges import FINITE, POSITIVE, Range
+from .runs import between, is_run, is_steady, pitch, sample_interval, settled, signal
 from .storage import check_output, replacing
 
 RATE = 48_000  # Hz
@@ -63,6 +65,8 @@ class Sound:
 
         Raises: `StoreError` if it exists (without `force`) or cannot be written.
         """
+        checks.path("path", path)
+        checks.flag("force", force)
         check_output(path, force)
         with replacing(path) as temporary:
             scipy.io.wavfile.write(temporary, RATE, self.samples.astype(np.float32))
@@ -113,13 +117,18 @@ def sound(
     Raises: `ValueError` for another quantity, a reference or length that is not positive, a run
         that is sampled too coarsely, or has no whole period to repeat.
     """
-    if quantity not in REFERENCES:
-        raise ValueError(f"quantity must be {' or '.join(REFERENCES)}, was {quantity!r}")
-    full = REFERENCES[quantity] if reference is None else float(reference)
-    if not 0 < full < np.inf:
-        raise ValueError(f"reference must be a finite number > 0, was {full:g}")
-    if seconds is not None and not 0 < seconds <= LONGEST:
-        raise ValueError(f"seconds must be > 0 and <= {LONGEST:g}, was {seconds:g}")
+    checks.instance("run", run, xr.Dataset, "a run (wiperjax.simulate)")
+    if not is_run(run):
+        raise ValueError("run must be a run (wiperjax.simulate), but holds no trajectory")
+    checks.choice("quantity", quantity, REFERENCES)
+    full = REFERENCES[quantity]
+    if reference is not None:
+        full = checks.number("reference", reference, POSITIVE)
+    if seconds is not None:
+        checks.number("seconds", seconds, Range(0, LONGEST, low_open=True, unit="s"))
+    for name, value in (("start", start), ("stop", stop)):
+        if value is not None:
+            checks.number(name, value, FINITE)
     part = between(run, start, stop)
     _check_sampling(part)
     asked = start is not None or stop is not None

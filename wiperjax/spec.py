@@ -16,8 +16,11 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import PrivateAttr, ValidationError, model_validator
 
-from wiperjax.parameters import BELTS, PARAMETERS
-from wiperjax.spec_errors import Fault, SpecError, sentence, unknown
+from wiperjax import checks
+from wiperjax.parameters import BELTS, PARAMETERS, longest_ramp
+from wiperjax.paths import oddity
+from wiperjax.ranges import MOST_CELLS
+from wiperjax.spec_errors import Fault, SpecError, sentence, show, unknown
 from wiperjax.spec_tables import (
     Axis,
     Belt,
@@ -29,7 +32,9 @@ from wiperjax.spec_tables import (
     Start,
     SweepRun,
     Table,
+    Title,
 )
+from wiperjax.wording import digits, shorten
 
 __all__ = ["SceneSpec", "SpecError", "SweepSpec", "load_scene", "load_sweep"]
 __all__ += ["parse_scene", "parse_sweep"]
@@ -37,12 +42,17 @@ __all__ += ["parse_scene", "parse_sweep"]
 FORMAT = 2
 """Version of the meaning of a specification; part of its digest."""
 
-MAX_CELLS = 10**9
+MOST_BYTES = 4 * 10**6  # of a sweep or scene file: an axis of a hundred thousand listed values
+
+RTOL, SLOPE_RTOL = 1e-6, 1e-9
+"""Tolerance of the integrator unless the file has one: for the motion, and for its derivatives.
+
+At the second, derivatives that are called fine are right to 1e-3 (docs/gradients.md)."""
 
 SAMPLES_A_PERIOD = 5
 """Samples of a period of the highest squeal, unless the file says how many there are."""
 
-FEWEST_SAMPLES, MOST_SAMPLES = 64, 2**16
+FEWEST_SAMPLES, MOST_UNASKED = 64, 2**16
 
 FLIP = 1.5
 """Lip lengths that the glass travels until a lip that lies on its shoulder has flipped over."""
@@ -65,7 +75,7 @@ def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: fl
 class _System(Table):
     """What sweeps and scenes share: the blade, the belt, the start."""
 
-    title: str = ""
+    title: Title = ""
     model: ModelName = "lip"  # which rung of `wiperjax.ladder` stands for the blade
     blade: Blade = Blade()
     belt: Belt = Belt()
@@ -125,8 +135,8 @@ class _System(Table):
                 raise Fault(key, f"must be left out, for axes.{name} sets it; was {value:g}")
         for key, name in BELTS[kind].items():
             if name not in axes and name not in stated and PARAMETERS[name].reference is None:
-                allowed = PARAMETERS[name].range
-                raise Fault(f"belt.{key}", f"is missing; with kind = {kind!r} it must be {allowed}")
+                must = PARAMETERS[name].must
+                raise Fault(f"belt.{key}", f"is missing; with kind = {kind!r} it {must}")
 
         fixed = self._fixed_si(axes)
 
@@ -155,9 +165,9 @@ class _System(Table):
         if self.model != "lip":
             self._check_rung(values, key_of)
         if kind == "trapezoid":
-            ramp, half_period = values("belt_ramp").max(), 0.5 / values("belt_frequency").max()
-            if ramp > half_period * (1 + 1e-12):  # rounding of a ramp written as 1/(2 f)
-                must = f"must be at most half a period ({half_period:g} s)"
+            ramp, longest = values("belt_ramp").max(), longest_ramp(values("belt_frequency").max())
+            if ramp > longest:
+                must = f"must be at most half a period ({longest:g} s)"
                 raise Fault(key_of("belt_ramp"), f"{must}, was {ramp:g}")
 
     def _check_rung(self, values, key_of) -> None:
@@ -201,7 +211,7 @@ class SweepSpec(_System):
         for name in asked.parameters:
             if name not in self.parameter_names:
                 problem = unknown(name, list(self.parameter_names))
-                raise Fault("sensitivities.parameters", f"{name!r}: {problem}")
+                raise Fault("sensitivities.parameters", f"{show(name)}: {problem}")
         if len(set(asked.parameters)) < len(asked.parameters):
             raise Fault("sensitivities.parameters", "must not name a parameter twice")
         if self.model != "lip":
@@ -209,25 +219,40 @@ class SweepSpec(_System):
         if self.run.precision != "float64":
             must = "must be 'float64' with sensitivities"
             raise Fault("run.precision", f"{must}, was {self.run.precision!r}")
+        if self.rtol > SLOPE_RTOL:
+            must = f"must be left out or at most {SLOPE_RTOL:g} with sensitivities"
+            raise Fault("run.rtol", f"{must}, was {self.rtol:g}")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "SweepSpec":
         if not self.axes:
             raise Fault("axes", "must name at least one blade or belt parameter, was empty")
-        for name, axis in self.axes.items():
+        for name in self.axes:
             if name not in PARAMETERS:
                 raise Fault(f"axes.{name}", unknown(name, list(PARAMETERS)))
+        if self.size > MOST_CELLS:
+            raise Fault("axes", f"must make at most {MOST_CELLS} cells, made {digits(self.size)}")
+        for name, axis in self.axes.items():
             if problem := PARAMETERS[name].problem(axis.values()):
                 raise Fault(f"axes.{name}", problem)
-        if self.size > MAX_CELLS:
-            raise Fault("axes", f"must make at most {MAX_CELLS} cells, made {self.size}")
         if (instants := self.run.raster) is not None and instants > self.samples:
             must = f"must be at most the number of samples ({self.samples})"
             raise Fault("run.raster", f"{must}, was {instants}")
         self._check_system(self.axes)
+        self._check_strokes()
         if self.sensitivities is not None:
             self._check_sensitivities(self.sensitivities)
         return self
+
+    def _check_strokes(self) -> None:
+        """Raises Fault where the windows around V = 0 leave nothing of the strokes between."""
+        if "belt_frequency" not in BELTS[self.belt.kind].values():
+            return
+        axis, window = self.axes.get("belt_frequency"), self.classes.reversal_window
+        highest = axis.values().max() if axis else self.fixed()["belt_frequency"]
+        if window >= 0.25 / highest:
+            must = f"must be below a quarter of the belt's period ({0.25 / highest:g} s)"
+            raise Fault("classes.reversal_window", f"{must}, was {window:g}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -240,6 +265,13 @@ class SweepSpec(_System):
         return math.prod(self.shape)
 
     @property
+    def rtol(self) -> float:
+        """Tolerance of the integrator: that of the file, or what the map is for asks."""
+        if self.run.rtol is not None:
+            return self.run.rtol
+        return RTOL if self.sensitivities is None else SLOPE_RTOL
+
+    @property
     def samples(self) -> int:
         """Samples of the settled window: those of the file, or `SAMPLES_A_PERIOD` of the highest
         squeal, rounded up to a whole number of `FEWEST_SAMPLES`.
@@ -247,7 +279,7 @@ class SweepSpec(_System):
         if self.run.samples is not None:
             return self.run.samples
         needed = SAMPLES_A_PERIOD * self.classes.squeal_band[1] * self.run.window
-        return min(max(1, math.ceil(needed / FEWEST_SAMPLES)) * FEWEST_SAMPLES, MOST_SAMPLES)
+        return min(max(1, math.ceil(needed / FEWEST_SAMPLES)) * FEWEST_SAMPLES, MOST_UNASKED)
 
     def axes_values(self) -> dict[str, np.ndarray]:
         """Coordinates of the map: axis -> values (count,) in edge units (angles in degrees)."""
@@ -284,13 +316,6 @@ class SweepSpec(_System):
             reach = np.abs(axis.values()).max()
             if PARAMETERS[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
-        run = self.run
-        if self.sensitivities is not None and run.rtol > 1e-8:
-            # docs/gradients.md: 3e1 and 1e5 times the tolerance
-            lines.append(
-                f"run.rtol = {run.rtol:g} makes derivatives right to about {30 * run.rtol:.0e}, to "
-                f"{1e5 * run.rtol:.0e} in the worst cells; take 1e-8 or less"
-            )
         if self.belt.kind != "steady":
             lines += self._window_notes()
         return lines
@@ -331,7 +356,7 @@ class SweepSpec(_System):
             "belt": self.belt.kind,
             "model": self.model,
             "start": self.start.model_dump(mode="json"),
-            "run": self.run.model_dump(mode="json") | {"samples": self.samples},
+            "run": self.run.model_dump(mode="json") | {"rtol": self.rtol, "samples": self.samples},
             "classes": self.classes.model_dump(mode="json"),
         }
         if self.sensitivities is not None:
@@ -409,15 +434,15 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> SceneSpec:
 
 
 def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
+    checks.path("path", path)
+    text = _read(Path(path))
     try:
-        text = Path(path).read_text(encoding="utf-8")
         data = tomllib.loads(text)
-    except OSError as error:
-        raise SpecError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise SpecError(f"{path}: is not a text file (UTF-8)") from None
     except tomllib.TOMLDecodeError as error:
-        raise SpecError(f"{path}: is not valid TOML: {error}") from None
+        raise SpecError(f"{path}: is not valid TOML: {shorten(str(error))}") from None
+    except (RecursionError, ValueError):  # of its parser: tables in tables, numbers without end
+        must = "must be written with fewer brackets within brackets, and shorter numbers"
+        raise SpecError(f"{path}: {must}") from None
     if kind is SceneSpec and "axes" in data:
         raise SpecError(f"{path}: has [axes], so it is a sweep; what is needed here is a scene")
     if model is not None:
@@ -427,7 +452,27 @@ def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
     return spec
 
 
+def _read(path: Path) -> str:
+    """Text of a file of a bearable size. Raises: SpecError."""
+    try:
+        odd, size = oddity(path), path.stat().st_size
+        text = "" if odd or size > MOST_BYTES else path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise SpecError(f"{path}: is not a text file (UTF-8)") from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        why = getattr(error, "strerror", None) or error
+        raise SpecError(f"{path}: cannot be read: {why}") from None
+    if odd:
+        raise SpecError(f"{path}: cannot be read: it is {odd}, and no regular file")
+    if size > MOST_BYTES:
+        most, was = MOST_BYTES / 1e6, size / 1e6
+        raise SpecError(f"{path}: must have at most {most:g} MB, had {was:.3g} MB")
+    return text
+
+
 def _parse(model: type[_Spec], data: Mapping[str, Any], source: str) -> _Spec:
+    if not isinstance(data, Mapping):
+        raise SpecError(f"{source}: must be a mapping shaped like a file, was {show(data)}")
     try:
         return model.model_validate(dict(data))
     except ValidationError as error:

@@ -6,11 +6,12 @@ most and says which key, what it must be and what it was.
 
 import difflib
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 from wiperjax.parameters import PARAMETERS
+from wiperjax.wording import shorten, shown
 
 AXIS_FORMS = "{ start = ..., stop = ..., num = ... } or { values = [...] }"
 
@@ -44,14 +45,23 @@ class Fault(ValueError):
         self.problem = problem
 
 
+_LONGEST_KEY = 40
+_LONGEST_LIST = 160  # characters of a list of keys
+
+
 def show(value: Any) -> str:
     """`value` as it would stand in a file, shortened to 60 characters."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
         return "a table"
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return shown(value)
+
+
+def show_key(key: Any) -> str:
+    """A key as it stands in a file, shortened to 40 printable characters."""
+    key = str(key)
+    return shorten(key if key.isprintable() and key else ascii(key), _LONGEST_KEY)
 
 
 def sentence(model: type[BaseModel], failed: ValidationError) -> str:
@@ -77,31 +87,40 @@ def sentence(model: type[BaseModel], failed: ValidationError) -> str:
         problem = f"must be {_EXPECTED[kind].format(**context)}, was {show(was)}"
     else:
         problem = f"{fault['msg']}, was {show(was)}"
-    line = f"{'.'.join(location)}: {problem}" if location else problem
-    return " ".join(line.split())
+    where = ".".join(show_key(part) for part in location)
+    return " ".join((f"{where}: {problem}" if location else problem).split())
 
 
 def unknown(key: str, allowed: Sequence[str], model: type[BaseModel] | None = None) -> str:
     """Words for an unknown key: the key that may be meant, the table it belongs in, or all keys."""
+    key = key[: 2 * _LONGEST_KEY]  # what is compared costs the product of the lengths
     if close := difflib.get_close_matches(key, allowed, n=1):
         return f"unknown key; did you mean {close[0]!r}?"
     if key in PARAMETERS:
         return f"unknown key here; it belongs in [{PARAMETERS[key].table}] or [axes]"
     if model is not None:
         for table, field in model.model_fields.items():
-            if _is_table(field.annotation) and key in _keys(model, [table]):
+            is_table = get_origin(field.annotation) is not dict  # else its keys are names
+            if is_table and key in _keys(_table(field.annotation), ()):
                 return f"unknown key here; it belongs in [{table}]"
-    return f"unknown key; must be one of {', '.join(allowed)}"
+    named = ", ".join(allowed)
+    if len(named) > _LONGEST_LIST:
+        named = f"{named[:_LONGEST_LIST].rpartition(', ')[0]}, ... ({len(allowed)} keys)"
+    return f"unknown key; must be one of {named}"
 
 
-def _keys(model: type[BaseModel], location: Sequence[str]) -> list[str]:
+def _keys(model: type[BaseModel] | None, location: Sequence[str]) -> list[str]:
     """Keys that the table at `location` of a file described by `model` may have."""
     for part in location:
-        if part in model.model_fields:
-            annotation: Any = model.model_fields[part].annotation
-            model = annotation if _is_table(annotation) else annotation.__args__[1]  # dict[str, X]
-    return [field.alias or name for name, field in model.model_fields.items()]
+        fields = model.model_fields if model is not None else {}
+        if part in fields:
+            model = _table(fields[part].annotation)
+        # else a key of a table of tables, whose type is that of its values
+    return [] if model is None else [f.alias or name for name, f in model.model_fields.items()]
 
 
-def _is_table(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+def _table(annotation: Any) -> type[BaseModel] | None:
+    """The table that an annotation means: itself, `Table | None` or `dict[str, Table]`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_table, get_args(annotation))), None)

@@ -13,15 +13,18 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    ValidationInfo,
     create_model,
+    field_validator,
     model_validator,
 )
 
 from wiperjax.parameters import BELTS, PARAMETERS
+from wiperjax.ranges import MOST_VALUES, SETTINGS
 from wiperjax.spec_errors import AXIS_FORMS, Fault, show
+from wiperjax.wording import digits
 
-MAX_VALUES = 10**7
-"""Most values of one axis: a slip of the keyboard must not ask for terabytes."""
+LONGEST_TITLE = 500
 
 
 def _checked(name: str, value: float | None) -> float | None:
@@ -38,19 +41,37 @@ def _pair(value: Any) -> tuple[Any, Any]:
     return value[0], value[1]
 
 
+def _one_line(value: str) -> str:
+    """`value`; raises Fault unless it is a short line of text: files and pictures bear it."""
+    if len(value) > LONGEST_TITLE or not value.isprintable():
+        must = f"must be one line of at most {LONGEST_TITLE} printable characters"
+        raise Fault("", f"{must}, was {show(value)}")
+    return value
+
+
+Title = Annotated[str, AfterValidator(_one_line)]
 Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Tolerance = Annotated[float, Field(ge=1e-13, le=1e-2)]
-Count = Annotated[int, Field(ge=1)]
 ModelName = Literal["block", "bar", "lip"]
 SolverName = Literal["tsit5", "dopri5", "dopri8", "bosh3"]
 
 
 class Table(BaseModel):
-    """Base of all tables: unknown keys, numbers in quotes, NaN and infinity are refused."""
+    """Base of all tables: unknown keys, numbers in quotes, NaN and infinity are refused, and what
+    lies outside the range of its key.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _is_in_range(cls, value: Any, info: ValidationInfo) -> Any:
+        """`value`, a number, a pair or a list of them."""
+        allowed = SETTINGS.get(info.field_name or "")
+        if allowed is not None and isinstance(value, int | float | tuple | list):
+            wrong = allowed.outside(value if isinstance(value, int | float) else np.asarray(value))
+            if wrong is not None:
+                raise Fault("", f"{allowed.must}, was {digits(wrong)}")
+        return value
 
 
 class Axis(Table):
@@ -68,12 +89,13 @@ class Axis(Table):
             self._check_range()
         elif self.model_fields_set != {"listed"}:
             raise Fault("", f"must be {AXIS_FORMS}, not a mixture of both")
-        elif not self.listed:
-            raise Fault("", "must have at least one value, was empty")
-        else:
-            steps = np.diff(self.listed)
-            if not (np.all(steps > 0) or np.all(steps < 0)):
-                raise Fault("", f"values must increase or decrease, were {show(self.listed)}")
+        elif not 1 <= len(self.listed) <= MOST_VALUES:
+            count = len(self.listed) or "none"
+            raise Fault("", f"must have at least one value and at most {MOST_VALUES}, had {count}")
+        steps = np.diff(self.values())
+        if not (np.all(steps > 0) or np.all(steps < 0)):
+            were = show(self.listed) if self.listed is not None else "too close to tell apart"
+            raise Fault("", f"values must increase or decrease, were {were}")
         return self
 
     def _check_range(self) -> None:
@@ -81,20 +103,12 @@ class Axis(Table):
         missing = [key for key in ("start", "stop", "num") if getattr(self, key) is None]
         if start is None or stop is None or num is None:
             raise Fault("", f"must be {AXIS_FORMS}, but {' and '.join(missing)} is missing")
-        if not 1 <= num <= MAX_VALUES:
-            raise Fault("num", f"must be at least 1 and at most {MAX_VALUES}, was {num}")
+        were = f"start = {digits(start)}, stop = {digits(stop)}"
         if (num == 1) != (start == stop):
-            raise Fault(
-                "",
-                "start and stop must be equal if num = 1 and differ otherwise, "
-                f"were start = {start:g}, stop = {stop:g}, num = {num}",
-            )
-        if self.spacing == "geometric" and not start * stop > 0:
-            raise Fault(
-                "",
-                "a geometric axis must not reach or cross zero, "
-                f"was start = {start:g}, stop = {stop:g}",
-            )
+            must = "start and stop must be equal if num = 1 and differ otherwise"
+            raise Fault("", f"{must}, were {were}, num = {num}")
+        if self.spacing == "geometric" and min(start, stop) <= 0 <= max(start, stop):
+            raise Fault("", f"a geometric axis must not reach or cross zero, was {were}")
 
     @property
     def count(self) -> int:
@@ -139,7 +153,8 @@ class SweepRun(Table):
     Attributes:
         transient: time [s] integrated and discarded.
         window: time [s] after it, in which the statistics are gathered.
-        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver.
+        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver, `rtol` to
+            `SweepSpec.rtol`.
         precision: of the state.
         solver: Runge-Kutta method.
         max_steps: step budget of one cell; a cell that spends it gets that result code.
@@ -151,21 +166,21 @@ class SweepRun(Table):
             (more are counted and flagged); None: none.
     """
 
-    transient: NonNegative
-    window: Positive
-    rtol: Tolerance = 1e-6
-    atol: Positive | None = None
+    transient: float
+    window: float
+    rtol: float | None = None
+    atol: float | None = None
     precision: Literal["float64", "float32"] = "float64"
     solver: SolverName = "tsit5"
-    max_steps: Count = 200_000
-    zeno_time: Positive = 1e-8
-    samples: Annotated[int, Field(ge=16)] | None = None
-    raster: Annotated[int, Field(ge=1, le=65536)] | None = None
-    event_log: Annotated[int, Field(ge=1, le=65536)] | None = None
+    max_steps: int = 200_000
+    zeno_time: float = 1e-8
+    samples: int | None = None
+    raster: int | None = None
+    event_log: int | None = None
 
     @model_validator(mode="after")
     def _precision_holds_the_tolerance(self) -> "SweepRun":
-        if self.precision == "float32" and self.rtol < 1e-6:
+        if self.precision == "float32" and self.rtol is not None and self.rtol < 1e-6:
             must = "must be at least 1e-06 with precision = 'float32'"
             raise Fault("rtol", f"{must}, was {self.rtol:g}")
         return self
@@ -189,10 +204,10 @@ class Sensitivities(Table):
         "normal_load",
         "belt_speed",
     ]
-    check: Annotated[float, Field(ge=0, le=1)] = 0.05
-    step: Annotated[float, Field(gt=0, le=1e-2)] = 1e-5
-    grazing: NonNegative = 1e-4
-    settled: Positive = 0.05
+    check: float = 0.05
+    step: float = 1e-5
+    grazing: float = 1e-4
+    settled: float = 0.05
 
 
 class SceneRun(Table):
@@ -201,13 +216,13 @@ class SceneRun(Table):
     The other keys are those of `SweepRun`; None leaves a choice to the solver.
     """
 
-    duration: Positive
-    sample_interval: Positive | None = None
-    rtol: Tolerance = 1e-8
-    atol: Positive | None = None
+    duration: float
+    sample_interval: float | None = None
+    rtol: float = 1e-8
+    atol: float | None = None
     solver: SolverName = "tsit5"
-    max_steps: Count | None = None
-    zeno_time: Positive = 1e-8
+    max_steps: int | None = None
+    zeno_time: float = 1e-8
 
 
 class Start(Table):
@@ -219,8 +234,8 @@ class Start(Table):
         position, velocity: of the tip, (x, y) [m] and (x', y') [m/s]; velocity None: at rest.
     """
 
-    angle: Annotated[float, Field(gt=-90, lt=90)] | None = None
-    equilibrium: Annotated[float, Field(ge=-1, le=1)] | None = None
+    angle: float | None = None
+    equilibrium: float | None = None
     position: Pair | None = None
     velocity: Pair | None = None
 
@@ -265,15 +280,15 @@ class Classes(Table):
             of the window to the second.
     """
 
-    quiet_velocity_ratio: Positive = 0.01
+    quiet_velocity_ratio: float = 0.01
     squeal_band: Pair = (500.0, 1000.0)
     chatter_band: Pair = (0.0, 100.0)
-    reversal_window: Positive = 0.025
-    reversal_ratio: Positive = 2.0
-    vibration_ratio: Positive = 2.0
-    tone_time: Positive = 0.015
-    stick_share: Positive = 0.01
-    settled_change: Positive = 0.1
+    reversal_window: float = 0.025
+    reversal_ratio: float = 2.0
+    vibration_ratio: float = 2.0
+    tone_time: float = 0.015
+    stick_share: float = 0.01
+    settled_change: float = 0.1
 
     @model_validator(mode="after")
     def _bands_are_ordered(self) -> "Classes":

@@ -48,6 +48,19 @@ class Lines(NamedTuple):
     told: np.ndarray  # whether no line that the samples cannot show may be as strong
 
 
+def interval_means(position, velocity, interval: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of a velocity over each interval between samples, and its variance inside it, each of
+    shape (samples - 1,): what `strongest_lines` needs to tell a line from a folded one.
+
+    Means are differences of positions, so nothing is folded at full height; the mean squares at
+    instants hold what is too fast for the samples as well (single variances may come out negative).
+
+    Arguments: `position` and `velocity` at the samples, (samples,); `interval` between them (s).
+    """
+    mean = np.diff(position) / interval
+    return mean, 0.5 * (velocity[:-1] ** 2 + velocity[1:] ** 2) - mean**2
+
+
 def dominant_frequency(signal: np.ndarray, sample_interval: float, **options: Any) -> np.ndarray:
     """Frequency of the strongest spectral line in Hz; see `strongest_lines`."""
     return strongest_lines(signal, sample_interval, **options).frequency

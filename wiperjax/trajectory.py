@@ -14,9 +14,17 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from . import provenance
-from .arguments import check_start, coordinates, number, regular_times, tolerances
+from . import checks, provenance
+from .arguments import (
+    check_integration,
+    check_system,
+    coordinates,
+    regular_times,
+    tolerances,
+)
+from .guards import starting_sides
 from .observers import Nothing
+from .ranges import COUNT, POSITIVE, Range
 from .regimes import forces
 from .results import ADVICE, RUNNING, Result
 from .run_dataset import Events, labelled
@@ -30,7 +38,6 @@ EVENTS_AT_ONCE = 1024  # capacity of the log on the device
 STEPS_AT_ONCE = 16384  # about a second: Ctrl-C is heard between
 SAMPLES = 2000  # intervals of the default sampling
 FEWEST_SLOTS = 65536  # of the sample buffer: 4 MB
-_UNLIMITED = 2**31 - 1  # steps; the counter is 32 bits wide
 
 
 def simulate(
@@ -70,19 +77,16 @@ def simulate(
     **Raises** `ValueError` for arguments that cannot be meant, or an initial state that is
     impossible (the contact point inside its partner; no finite force that could hold it).
     """
-    if not isinstance(system, AbstractSystem):
-        raise ValueError(f"system must be a system such as Wiper(), but was {system!r}")
-    duration = number("duration", duration)
-    rtol = number("rtol", rtol, high=1.0)
-    zeno_time = number("zeno_time", zeno_time)
+    check_system(system)
+    duration = checks.number("duration", duration, POSITIVE)
+    check_integration(solver, rtol, zeno_time, max_steps)
+    rtol, zeno_time = float(rtol), checks.number("zeno_time", zeno_time, POSITIVE)
+    most = int(COUNT.high) if max_steps is None else checks.whole("max_steps", max_steps, COUNT)
     if sample_interval is None:
         sample_interval = duration / SAMPLES
-    sample_interval = number("sample_interval", sample_interval, high=duration)
+    within = Range(0, duration, low_open=True)
+    sample_interval = checks.number("sample_interval", sample_interval, within)
     times = regular_times(duration, sample_interval)
-    if max_steps is None:
-        max_steps = _UNLIMITED
-    elif not isinstance(max_steps, int | np.integer) or not 1 <= max_steps <= _UNLIMITED:
-        raise ValueError(f"max_steps must be a whole number in 1..2^31-1, but was {max_steps!r}")
 
     given = system
     system = _traced(system)
@@ -105,19 +109,13 @@ def simulate(
         atol=tolerances(atol, len(start[0])),
         sample_times=padded,
         max_events=EVENTS_AT_ONCE,
-        max_steps=max_steps,
+        max_steps=most,
         zeno_time=zeno_time,
         observer=Nothing(),
         pause_when_full=True,
     )
-    try:
-        state = _begin(problem, position, velocity, zero)
-    except (IndexError, ValueError) as error:  # a tuple of another length than the system's
-        raise ValueError(
-            f"initial_state must have the coordinates of {type(given).__name__}, but had "
-            f"{len(start[0])}: {error}"
-        ) from error
-    check_start(system, start, int(state.result))
+    state = _begin(problem, position, velocity, zero)
+    _check_start(system, start, int(state.result))
 
     pieces = []
     while int(state.result) == RUNNING:
@@ -135,7 +133,7 @@ def simulate(
         "atol_position": np.asarray(problem.atol[0]),
         "atol_velocity": np.asarray(problem.atol[1]),
         "zeno_time": zeno_time,
-        "max_steps": int(max_steps),
+        "max_steps": most,
         "steps": int(state.attempts),
         "rejected_steps": int(state.rejected),
         "unproved_steps": int(state.unproved),
@@ -165,6 +163,26 @@ def _advance(problem: Problem, state: State) -> State:
     return jax.lax.while_loop(
         lambda s: active(problem, s) & (s.attempts < pause), partial(advance, problem), state
     )
+
+
+def _check_start(system: AbstractSystem, start, result: int) -> None:
+    """Raises ValueError, saying why, for a state in which no motion can begin."""
+    t = jnp.asarray(0.0)
+    q, v = (tuple(jnp.asarray(x) for x in part) for part in start)
+    sides = starting_sides(system, t, q, v)
+    system = system.on_sides(sides)
+    found = zip(sides, system.switches(t, q, v), system.ends(t, q, v), strict=True)
+    if any(side * s < 0 or (s == 0 and end) for side, s, end in found):
+        where = " (|phi| < collapse_angle)" if isinstance(system, Wiper) else ""
+        raise ValueError(f"initial_state must lie where the model holds{where}, but was {start}")
+    if result == Result.INCONSISTENT_START:
+        gap = float(system.gap(t, q)) if system.unilateral else 0.0
+        if gap < 0:
+            raise ValueError(f"initial_state must have a gap >= 0, but the gap was {gap:g}")
+        raise ValueError(
+            "initial_state must allow a finite contact force, but at this state of rest none "
+            "exists (Painleve: friction and hinge_mass jam the tip); start it sliding or lifted"
+        )
 
 
 def _traced(system):

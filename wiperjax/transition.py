@@ -51,6 +51,10 @@ def settle(system, c: Contact, q, v, closed, touching, sticking):
     return q, push(v, c.along_t, c.along_n, p_t, p_n)
 
 
+LONGEST = 100  # in units of the shortest flight: what the limit of a sequence may take the place of
+NEUTRAL = 1e-9  # relative growth of a bounce that is taken for rounding (e = 1)
+
+
 class Completion(NamedTuple):
     """Finite limit of an accumulating sequence of impacts."""
 
@@ -68,13 +72,20 @@ def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, t
     r is that of successive take-off speeds while b_n hardly changes. The next flight lasts
     t1 = 2 v_n / |b_n|; the rest of the sequence t1 / (1 - r), with the normal impulse that brings
     v_n to zero against b_n, and the matching change of v_t, which friction cannot carry past zero.
+
+    A rest longer than `LONGEST`, or without end (r = 1), is bounces that cannot be told from
+    contact: their mean force is that of contact, and it changes meanwhile, which the limit knows
+    nothing of. Then the next flight is the last, and the speed that is dropped is what b_n makes
+    in half of ``zeno_time``.
     """
     ratio = leaving / jnp.where(approaching < 0, -approaching, 1.0)
     falls = c.b_n < 0
     flight = 2 * leaving / jnp.where(falls, -c.b_n, 1.0)
-    accumulates = (leaving > 0) & falls & (ratio < 1)
-    duration = flight / jnp.where(accumulates, 1 - ratio, 1.0)
-    holds = accumulates & (flight < zeno_time) & (duration <= time_left)
+    dies = (leaving > 0) & falls & (ratio <= 1 + NEUTRAL)
+    whole = flight / jnp.where(ratio < 1, 1 - ratio, jnp.inf)
+    ends = (ratio < 1) & (whole <= LONGEST * zeno_time)
+    duration = jnp.where(ends, whole, flight)
+    holds = dies & (flight < zeno_time) & (duration <= time_left)
 
     sign = jnp.sign(slip_speed)
     d = c.w_nn - sign * mu * c.w_tn
@@ -219,7 +230,8 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     impulse = impulse + jnp.where(completes, zeno.normal, 0.0)
     slip_speed = jnp.where(completes, zeno.slip_speed, slip_speed)
     q, v, time, slip_speed = keep((q, v, time, slip_speed))
-    c = contact(system, time, q, v)._replace(slip_speed=slip_speed)
+    rough = contact(system, time, q, v)
+    c = rough._replace(slip_speed=slip_speed)
 
     # the regime, at acceleration level
     leaving = jnp.where(completes, 0.0, leaving)
@@ -241,6 +253,14 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     sliding_on = jnp.where(slip_speed > 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
     after = jnp.where(jammed & (slip_speed != 0), sliding_on, after).astype(jnp.int32)
     after = keep(after)
+
+    # What the impulses leave of a closed contact's speeds is rounding. It goes now: taken away by
+    # the first step, through the coupling, it would be a jump of the slip speed in that step.
+    in_contact = after != Regime.FLIGHT
+    at_rest = in_contact & (slip_speed == 0)
+    q, v = keep(settle(system, rough, q, v, in_contact, in_contact, at_rest))
+    c = contact(system, time, q, v)
+    c = c._replace(slip_speed=jnp.where(at_rest, 0.0, c.slip_speed))
 
     # guards that start at zero by construction
     into_flight = (after == Regime.FLIGHT) & (hits | jams | turns | leaves_cone | lifts | retest)

@@ -13,7 +13,7 @@ from jax.lax import stop_gradient
 
 from .barrier import keep
 from .control import error_norm, propose, rounding_share
-from .examine import Guard, examine
+from .examine import COARSE, Guard, examine
 from .fastmath import larger, smaller
 from .guards import FIRST, JAM, SECOND, guard_values
 from .recall import aim
@@ -111,8 +111,14 @@ def attempt(problem: Problem, state: State) -> Trial:
     )
     slots = zip(state.guards, *(values for _, _, values in looks), end_values, strict=True)
     share = keep(rounding_share(problem, state, step, h))
+    # what is gathered along a stick, where nothing else limits a step, is as good as the motion
+    coarse = smaller(COARSE, 100 * problem.rtol)
     guards = tuple(
-        keep(examine(values, order, reach, share.path, size.sliver, 3 if slot == FIRST else 1))
+        keep(
+            examine(
+                values, order, reach, share.path, size.sliver, 3 if slot == FIRST else 1, coarse
+            )
+        )
         for slot, (values, order, reach) in enumerate(
             zip(slots, state.orders, state.reach, strict=True)
         )

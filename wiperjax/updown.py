@@ -19,8 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from . import named
+from . import checks, named
+from .arguments import check_state, check_system
 from .observers import Reach, RegimeTotals
+from .ranges import POSITIVE, SETTINGS, Range
 from .results import RESULTS, RUNNING, Result
 from .shooting import tidy
 from .solve import solve
@@ -70,9 +72,19 @@ def up_and_down(
 
     Raises ValueError for values that do not increase or a name that is not there.
     """
-    values = np.asarray(values, float)
-    if values.ndim != 1 or len(values) < 2 or not np.all(np.diff(values) > 0):
-        raise ValueError(f"values must increase and be two or more, but were {values}")
+    check_system(system)
+    values = checks.increasing("values", values, 2)
+    settle, window = (
+        checks.number(name, x, POSITIVE) for name, x in (("settle", settle), ("window", window))
+    )
+    kick = checks.number("kick", kick, Range(0, 1))
+    samples = checks.whole("samples", samples, SETTINGS["samples"])
+    rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
+    if period is not None and not callable(period):
+        must = "period must be a function of the system that gives its period"
+        raise ValueError(f"{must}, but was {checks.shown(period)}")
+    if initial_state is not None:
+        check_state(initial_state)
     given = system
     system = named.traceable(system, over)
     start = system.default_state() if initial_state is None else initial_state

@@ -8,10 +8,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-from . import provenance
+from . import checks, provenance
+from .ranges import NON_NEGATIVE, Range
 from .spec import parse_sweep
 from .storage import StoreError, open_map
-from .work import Evaluate, engine, evaluate_block
+from .work import MOST_CELLS, Evaluate, engine, evaluate_block
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,8 @@ def verify(
     spec: Any = None,
     evaluate: Evaluate | None = None,
 ) -> VerifyReport:
-    """Recomputes a random sample of the cells of a map and compares all their columns.
+    """Recomputes a random sample of the cells of a map and compares all their columns. Before that,
+    compares the file with its checksums.
 
     Arguments:
 
@@ -64,11 +66,16 @@ def verify(
     - `spec`: the sweep; read from the map if None.
     - `evaluate`: as in `run`.
 
-    Raises: `StoreError` if `path` is no map, or `spec` is not what it was made from.
+    Raises: `StoreError` if `path` is no map, is damaged or has no checksums, or `spec` is not
+        what it was made from.
     """
+    checks.path("path", path)
+    cells = checks.whole("cells", cells, Range(1, MOST_CELLS, whole=True))
+    seed = checks.whole("seed", seed, Range(0, whole=True))
+    tolerance = checks.number("tolerance", tolerance, NON_NEGATIVE)
     if Path(path).is_dir():
         raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
-    with open_map(path) as ds:
+    with open_map(path, check=True) as ds:
         if "specification_digest" not in ds.attrs:
             raise StoreError(f"{path}: is not a map (it holds no specification)")
         if spec is None:

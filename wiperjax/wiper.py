@@ -6,14 +6,17 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from . import checks
 from .barrier import keep
 from .belts import AbstractBelt, SteadyBelt
 from .fastmath import angle, larger, smaller, within
 from .friction import AbstractFriction, Stribeck
+from .parameters import PARAMETERS
 from .sparse import absent
 from .system import AbstractSystem, Scalar
 
 ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
+_BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
 
 
@@ -40,7 +43,8 @@ class Wiper(AbstractSystem):
 
     Parameters, units and reference values are those of MODEL.md section 9; angles in rad.
 
-    Raises ValueError for impossible values (checked where they are known: not while traced).
+    Raises ValueError for values outside the ranges of `parameters.PARAMETERS`, those of sweep files
+    (checked where they are known: not while traced).
     """
 
     belt: AbstractBelt = SteadyBelt(0.3)
@@ -68,35 +72,8 @@ class Wiper(AbstractSystem):
     constants: Constants | None = None  # (set by the engine: `prepared`)
 
     def __check_init__(self):
-        right = float(np.pi / 2)
-        rules = (
-            ("tip_mass", lambda x: x > 0, "must be > 0"),
-            ("lip_length", lambda x: x > 0, "must be > 0"),
-            ("support_stiffness", lambda x: x >= 0, "must be >= 0"),
-            ("support_damping", lambda x: x >= 0, "must be >= 0"),
-            ("neck_stiffness", lambda x: x >= 0, "must be >= 0"),
-            ("shoulder_stiffness", lambda x: x >= 0, "must be >= 0"),
-            ("shoulder_angle", lambda x: x > 0, "must be > 0 rad"),
-            ("attack_angle", lambda x: abs(x) < right, "must lie inside (-pi/2, pi/2) rad"),
-            ("normal_load", lambda x: x > 0, "must be > 0"),
-            ("restitution", lambda x: (x >= 0) & (x <= 1), "must lie in [0, 1]"),
-            ("mu_static", lambda x: x >= 0, "must be >= 0"),
-            ("mu_minimum", lambda x: x >= 0, "must be >= 0"),
-            ("stribeck_speed", lambda x: x > 0, "must be > 0"),
-            ("stribeck_shape", lambda x: x >= 1, "must be >= 1"),
-            ("viscous_slope", lambda x: x >= 0, "must be >= 0"),
-            ("hinge_mass", lambda x: x >= 0, "must be >= 0"),
-            ("hinge_damping", lambda x: x >= 0, "must be >= 0"),
-            ("collapse_angle", lambda x: (x > 0) & (x < right), "must lie inside (0, pi/2) rad"),
-        )
-        for name, holds, must in rules:
-            value = getattr(self, name)
-            if isinstance(value, int | float | np.ndarray | np.generic) and not np.all(
-                holds(np.asarray(value)) if name != "attack_angle" else np.abs(value) < right
-            ):
-                raise ValueError(f"{name} {must}, but was {value}")
-        if not isinstance(self.belt, AbstractBelt):
-            raise ValueError(f"belt must be a belt such as SteadyBelt(0.3), but was {self.belt!r}")
+        checks.parameters({name: getattr(self, name) for name in _BLADE})
+        checks.instance("belt", self.belt, AbstractBelt, "a belt such as SteadyBelt(0.3)")
 
     @property
     def _constants(self) -> Constants:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import dataset, labels, provenance, schema
+from .ranges import MOST_SAMPLES
 from .results import RESULTS
 from .signals import signal_columns, untold
 
@@ -23,6 +24,7 @@ SHARES = 4  # blocks for each of several workers, at least: they end at about th
 SHARED_CELLS = 1024  # unless blocks would have fewer cells than this
 BLOCK_BYTES = 2**27  # of samples and event logs
 FINER = (2, 16)  # times as many samples, for cells whose frequency the first do not tell
+ANALYSED = 2**22  # samples at once
 
 Evaluate = Callable[..., Mapping[str, Any]]  # (spec, cells) and, of samples, (finer, room)
 
@@ -50,7 +52,8 @@ def block_size(spec: Any, workers: int = 1) -> int:
     of_a_cell = spec.samples * (5 if run.raster else 4) + event * (run.event_log or 0)
     if workers > 1:
         most = min(most, max(spec.size // (SHARES * workers), SHARED_CELLS))
-    most = max(min(BLOCK_BYTES // of_a_cell, most), FEWEST_CELLS)
+    # few cells keep few lanes busy, but no block may outgrow the memory
+    most = max(min(BLOCK_BYTES // of_a_cell, max(most, FEWEST_CELLS)), 1)
     # all alike: one compilation, and no small one at the end
     blocks = -(-spec.size // most)
     return -(-spec.size // blocks)
@@ -76,13 +79,13 @@ def evaluate_block(
 
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes; whatever else it returns is not stored. Cells
-    whose frequency its samples do not tell are looked at again with `FINER` ones, by
-    `evaluate(spec, cells, finer, room)`.
+    whose frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
+    most, by `evaluate(spec, cells, finer, room)`.
     """
     columns = dict(evaluate(spec, index))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)
-    for finer in FINER:
+    for finer in (n for n in FINER if n * spec.samples <= MOST_SAMPLES):
         again = np.flatnonzero(untold(found | columns, spec.classes))
         most = max(1, len(index) // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
@@ -122,6 +125,23 @@ def naming(spec: Any, columns: dict[str, Any]) -> dict[str, np.ndarray]:
     if inner is None:  # on a steady belt: what the means lack to the exact variance
         lack = np.square(columns["velocity_rms"]) - np.var(whole, axis=-1, dtype=float)
         inner = np.maximum(lack, 0.0)[:, None]
-    return signal_columns(
-        whole, float(np.mean(interval)), spec.classes, quiet, since, wiping, inner
-    )
+    return _analysed(whole, float(np.mean(interval)), spec.classes, quiet, since, wiping, inner)
+
+
+def _analysed(signal, interval, limits, quiet, since, wiping, inner) -> dict[str, np.ndarray]:
+    """`signal_columns` of some cells after the other: filters and spectra hold twenty times the
+    memory of the samples, and a block of long ones would not fit.
+    """
+    cells, samples = signal.shape
+    given = {"quiet_below": np.broadcast_to(quiet, cells), "inner": inner}
+    if since is not None:
+        given["since"] = np.broadcast_to(since, signal.shape)
+        given["wiping"] = np.broadcast_to(wiping, cells)
+    rows = max(1, ANALYSED // samples)
+    parts = [
+        signal_columns(
+            signal[part], interval, limits, **{name: x[part] for name, x in given.items()}
+        )
+        for part in (slice(start, start + rows) for start in range(0, cells, rows))
+    ]
+    return {name: np.concatenate([found[name] for found in parts]) for name in parts[0]}

@@ -59,7 +59,7 @@ def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = 
     scene = scenes.Scene("map", "", wiper, start, end, np.array([end]), (scenes.LENGTH, speed))
     samples = finer * spec.samples
     r = compiled.run(
-        scene, run.rtol, threads=None, mark=run.transient, samples=samples, window=run.window
+        scene, spec.rtol, threads=None, mark=run.transient, samples=samples, window=run.window
     )
     result = np.array([Result.FINISHED, Result.COLLAPSED, Result.STEP_TOO_SMALL,
                        Result.STEP_BUDGET_SPENT, Result.NON_FINITE])[r.result]  # fmt: skip

@@ -144,7 +144,7 @@ class Bench:
     """Lanes in the middle of their motion, and loops over parts of the engine on them."""
 
     def __init__(self, precision: str, lanes: int, rounds: int = 150):
-        from wiperjax.state import initial_state
+        from wiperjax.start import initial_state
         from wiperjax.step import flow, jump
 
         # so long that no lane ends

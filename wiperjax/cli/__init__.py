@@ -46,6 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns: exit status, 0 if all went well, 2 for a wrong command line, 130 after Ctrl-C, else 1.
     """
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    if hasattr(sys.stdout, "reconfigure"):  # what a terminal cannot show must not end the work
+        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     try:
         status = app(words, prog_name="wiperjax", standalone_mode=False)
         return status if isinstance(status, int) else 0

@@ -1,6 +1,7 @@
 """Commands that compute: a map, a run, a branch, a ladder of models, a map's sample again."""
 
 import contextlib
+import os
 import shlex
 import sys
 import time
@@ -79,11 +80,12 @@ def sweep(
         spec = at_error(spec, target_error, file)
     if sensitivities:
         spec = spec.with_sensitivities()
-    check_output(output, MAP_SUFFIXES, force or resume, file)
-    drawing = output.with_suffix(".png") if picture else None
-    if drawing is not None:
-        check_output(drawing, STILL_SUFFIXES, force or resume, file)
-    print_plan(spec)
+    name = usual_picture(spec)
+    drawing = output.with_suffix(".png") if picture and name else None
+    redraw = check_map_and_picture(
+        output, drawing, f"{name} of {spec.digest()}", file, force, resume
+    )
+    print_plan(spec, 1 if scheduler else local_cluster or workers or len(os.sched_getaffinity(0)))
 
     embedded = scheduler is None and local_cluster is None
     if embedded:
@@ -119,8 +121,37 @@ def sweep(
     if drawing is not None:
         from wiperjax.plots import plot_file
 
-        plot_file(output, drawing, force=force or resume)
+        plot_file(output, drawing, picture=name, force=redraw)
         print(f"picture  {drawing}")
+
+
+def usual_picture(spec: Any) -> str | None:
+    """Picture that a sweep draws of its map: one cell has none."""
+    long = sum(count > 1 for count in spec.shape)
+    return ("overview" if long > 1 else "line") if long else None
+
+
+def check_map_and_picture(
+    output: Path, drawing: Path | None, shows: str, file: Path, force: bool, resume: bool
+) -> bool:
+    """Whether a picture may be replaced: with --force, now or when the sweep was begun, and where
+    it `shows` what this very sweep would draw.
+
+    Raises: ValueError or StoreError if map or picture cannot be made where they are wanted.
+    """
+    from wiperjax.blocks import BlockStore
+
+    redraw = force or (resume and BlockStore.may_replace(output))
+    if not (resume and output.is_file()):  # else the driver looks whether it is this map
+        check_output(output, MAP_SUFFIXES, redraw, file)
+    if drawing is None:
+        return redraw
+    if resume and not redraw and drawing.is_file():
+        from wiperjax.plots.files import subject_of
+
+        redraw = subject_of(drawing) == shows
+    check_output(drawing, STILL_SUFFIXES, redraw, file)
+    return redraw
 
 
 def at_error(spec: Any, target: float, file: Path) -> Any:
@@ -215,7 +246,7 @@ def ladder(
     for file in files:
         load_scene(file)  # wrong ones are named before any work
     if output is not None:
-        check_output(output, (".md",), force, files[0])
+        check_output(output, (".md",), force, *files)
     configure(1)
     from wiperjax.compare import compare, preface, summary, table
 

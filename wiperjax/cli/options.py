@@ -25,26 +25,26 @@ Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")
 
 def check_input(path: Path) -> None:
     """Raises OSError or StoreError if `path` can be neither read nor is an unfinished sweep."""
+    from wiperjax.storage import StoreError, check_input, parts_of
+
     if path.is_dir():
         return
+    check_input(path)
     if not path.exists():
-        from wiperjax.storage import StoreError, parts_of
-
         if (parts := parts_of(path)).is_dir():
             raise StoreError(f"{path}: is not finished; name {parts} to look at what there is")
     with path.open("rb"):
         pass
 
 
-def check_output(path: Path, suffixes: Sequence[str], force: bool, source: Path) -> None:
-    """Raises ValueError or StoreError if `path` is no place for a new file made from `source`."""
+def check_output(path: Path, suffixes: Sequence[str], force: bool, *sources: Path) -> None:
+    """Raises ValueError or StoreError if `path` is no place for a new file made from `sources`."""
     if path.suffix not in suffixes:
         raise ValueError(f"{path}: must end in {' or '.join(suffixes)}")
-    if path.exists() and source.exists() and path.samefile(source):
-        raise ValueError(f"{path}: must be another file than the input")
     from wiperjax.storage import check_output
 
-    check_output(path, force)
+    for source in sources:
+        check_output(path, force, source)
 
 
 def cuts(texts: Sequence[str] | None) -> dict[str, float] | None:

@@ -172,10 +172,12 @@ def info(
 ) -> None:
     """Show what a file holds, how it was made, and the classes of a map."""
     from wiperjax.labels import anatomy, class_table, unsettled, untold
-    from wiperjax.storage import open_map
+    from wiperjax.storage import open_map, sound
 
+    checked = sound(file)
     with open_map(file) as dataset:
         print(", ".join(f"{name} {count}" for name, count in dataset.sizes.items()))
+        print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
         for name, value in dataset.attrs.items():
             if name in ("specification", "specification_canonical"):  # for machines
                 continue

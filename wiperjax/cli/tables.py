@@ -8,13 +8,17 @@ from pathlib import Path
 from typing import Any
 
 
-def print_plan(spec: Any) -> None:
-    """Axes with their units, so that a wrong unit is seen before hours are spent on it."""
+def print_plan(spec: Any, cores: int) -> None:
+    """Axes with their units, so that a wrong unit is seen before hours are spent on it; what it
+    will take, and notes.
+    """
+    from wiperjax.estimate import words
     from wiperjax.parameters import PARAMETERS
 
     for name, values in spec.axes_values().items():
         unit = PARAMETERS[name].edge_unit
         print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit} ({values.size} values)")
+    print(f"{'cells':<17} {words(spec, cores)}")
     for note in spec.notes():
         print(f"note: {note}", file=sys.stderr)
 

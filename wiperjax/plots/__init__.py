@@ -2,31 +2,57 @@
 
 Without `ax`, a function makes a page of its own, headed with the parameters; with it, it draws
 there. Angles are degrees, positions millimetres. No jax here.
+
+Raises `ValueError`, one line, for a dataset of another kind or an option that cannot be meant.
 """
 
-from .animation import animate as animate
-from .branches import bifurcation_diagram as bifurcation_diagram
-from .branches import branch_overview as branch_overview
-from .branches import branch_page as branch_page
-from .branches import multipliers as multipliers
-from .branches import remedy_bars as remedy_bars
+from . import (
+    animation,
+    branches,
+    classes,
+    friction,
+    history,
+    line,
+    overview,
+    planes,
+    portrait,
+    run_page,
+    spectra,
+)
 from .catalogue import PICTURES as PICTURES
-from .classes import class_map as class_map
-from .classes import mechanism_map as mechanism_map
-from .classes import motion as motion
-from .classes import regime_map as regime_map
+from .door import of
 from .files import plot_all as plot_all
 from .files import plot_file as plot_file
-from .friction import friction_curve as friction_curve
-from .history import time_history as time_history
-from .line import along_axis as along_axis
-from .line import regime_raster as regime_raster
-from .overview import map_overview as map_overview
-from .planes import fraction_map as fraction_map
-from .planes import frequency_map as frequency_map
-from .planes import value_map as value_map
-from .portrait import phase_portrait as phase_portrait
-from .run_page import history_page as history_page
-from .run_page import run_overview as run_overview
-from .spectra import spectrogram as spectrogram
-from .spectra import spectrum as spectrum
+
+_MOTION = ("time", "position", "velocity", "regime")
+_FORCES = ("normal_force", "friction_force")
+_SHARES = ("label", "stick_fraction", "flight_fraction", "velocity_rms", "belt_speed_rms")
+
+# maps
+class_map = of("map", "label")(classes.class_map)
+mechanism_map = of("map", "label", "mechanism")(classes.mechanism_map)
+motion = of("map", *_SHARES)(classes.motion)
+regime_map = of("map", *_SHARES)(classes.regime_map)
+value_map = of("map", "label")(planes.value_map)
+fraction_map = of("map", "label")(planes.fraction_map)
+frequency_map = of("map", "label", "dominant_frequency")(planes.frequency_map)
+map_overview = of("map", *_SHARES, "dominant_frequency")(overview.map_overview)
+along_axis = of("map", *_SHARES, "dominant_frequency", "slip_fraction")(line.along_axis)
+regime_raster = of("map", "label")(line.regime_raster)
+
+# runs
+time_history = of("run", *_MOTION)(history.time_history)
+history_page = of("run", *_MOTION)(run_page.history_page)
+phase_portrait = of("run", *_MOTION)(portrait.phase_portrait)
+friction_curve = of("run", *_MOTION, *_FORCES)(friction.friction_curve)
+spectrum = of("run", "time")(spectra.spectrum)
+spectrogram = of("run", "time", "regime")(spectra.spectrogram)
+run_overview = of("run", *_MOTION)(run_page.run_overview)
+animate = of("run", *_MOTION, *_FORCES)(animation.animate)
+
+# branches of cycles, and remedies
+bifurcation_diagram = of("branch", "stable", "maximum")(branches.bifurcation_diagram)
+branch_page = of("branch", "stable", "maximum")(branches.branch_page)
+branch_overview = of("branch", "stable", "maximum", "period")(branches.branch_overview)
+multipliers = of("branch", "multiplier_real", "multiplier_imag")(branches.multipliers)
+remedy_bars = of("remedy", "buys", "parameter")(branches.remedy_bars)

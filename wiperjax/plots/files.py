@@ -8,14 +8,18 @@ from typing import Any
 
 import xarray as xr
 from matplotlib.animation import FuncAnimation
+from PIL import Image
 
+from .. import checks
 from ..runs import is_run
 from ..schema import SCHEMA
 from ..storage import StoreError, check_output, open_map, replacing
 from . import animation
 from .catalogue import PICTURES, Drawn, draw, find
+from .door import check_options
 
 STILLS = (".png", ".pdf", ".svg")
+SUBJECT = "Description"  # the key of a .png file that holds it
 
 
 def plot_file(
@@ -42,6 +46,7 @@ def plot_file(
     Raises: `StoreError` if the file holds nothing to draw or `output` cannot be written,
         `ValueError` for a picture or an option that does not suit the file.
     """
+    _check(path, output, force, dpi, options | {"picture": picture})
     output = Path(output)
     ending = output.suffix.lower()
     if picture is None and ending in animation.WRITERS:
@@ -49,9 +54,9 @@ def plot_file(
     with opened(path, raster=picture == "raster") as (ds, kind):
         chosen = find(kind, picture or "overview", path)
         _check_ending(output, picture == "animation")
-        check_output(output, force)
+        check_output(output, force, path)
         drawn = draw(ds, kind, picture or "overview", chosen, path, options)
-        _write(drawn, output, dpi)
+        _write(drawn, output, dpi, subject(picture or "overview", ds))
 
 
 def plot_all(
@@ -66,6 +71,7 @@ def plot_all(
 
     Raises: as `plot_file`; nothing is written if one of the files exists and `force` is not set.
     """
+    _check(path, output, force, dpi, options)
     output = Path(output)
     _check_ending(output, False)
     made = []
@@ -77,7 +83,7 @@ def plot_all(
             for name in PICTURES[kind]
         }
         for target in targets.values():
-            check_output(target, force)
+            check_output(target, force, path)
         for name, target in targets.items():
             chosen = PICTURES[kind][name]
             if any(variable not in ds for variable in chosen.needs):
@@ -92,6 +98,12 @@ def plot_all(
             _write(drawn, target, dpi)
             made.append(target)
     return made
+
+
+def _check(path: Any, output: Any, force: Any, dpi: Any, options: dict[str, Any]) -> None:
+    checks.path("path", path)
+    checks.path("output", output)
+    check_options(options | {"force": force, "dpi": dpi})
 
 
 @contextlib.contextmanager
@@ -125,7 +137,21 @@ def _check_ending(output: Path, moving: bool) -> None:
     animation.check_writer(output)
 
 
-def _write(drawn: Drawn, output: Path, dpi: int) -> None:
+def subject(picture: str, ds: xr.Dataset) -> str:
+    """What a picture shows: its name, and the digest of the sweep that the map was made from."""
+    return f"{picture} of {ds.attrs.get('specification_digest', 'no map')}"
+
+
+def subject_of(path: Path) -> str:
+    """What the picture in a .png file shows, if `plot_file` drew it; empty if not."""
+    try:
+        with Image.open(path) as image:
+            return str(image.info.get(SUBJECT, ""))
+    except (OSError, ValueError, SyntaxError):  # no picture at all
+        return ""
+
+
+def _write(drawn: Drawn, output: Path, dpi: int, shows: str = "") -> None:
     ending = output.suffix.lower()
     # writers of animations know a format by its ending only
     hidden = output.with_name(f".{output.stem}.{os.getpid()}{ending}")
@@ -133,4 +159,5 @@ def _write(drawn: Drawn, output: Path, dpi: int) -> None:
         if isinstance(drawn, FuncAnimation):
             animation.save(drawn, temporary, dpi=min(dpi, 80))
         else:
-            drawn.savefig(temporary, dpi=dpi, format=ending[1:])
+            said = {SUBJECT: shows} if ending == ".png" else None
+            drawn.savefig(temporary, dpi=dpi, format=ending[1:], metadata=said)

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from .. import named
+from .. import checks, named
+from ..ranges import Range
 from ..wiper import Wiper
 
 
@@ -26,9 +27,7 @@ class Box(eqx.Module):
     @classmethod
     def of(cls, bounds: Mapping[str, tuple[float, float]]) -> "Box":
         """Return the box of ``bounds``, name -> (low, high). An empty one raises ValueError."""
-        for name, (low, high) in bounds.items():
-            if not low < high:
-                raise ValueError(f"bounds of {name} must be (low, high), but were ({low}, {high})")
+        checks.bounds("bounds", bounds)
         low, high = (jnp.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
         return cls(low, high, tuple(bounds))
 
@@ -58,6 +57,13 @@ class Box(eqx.Module):
         """Values of the numbers at ``shares`` (starts, n), as variables over ``start``."""
         values = np.asarray(self.low) + np.asarray(shares) * np.asarray(self.high - self.low)
         return {name: ("start", values[:, i]) for i, name in enumerate(self.names)}
+
+
+def check_search(starts: int, seed: int, most: int = 1) -> None:
+    """Raises ValueError for how a search cannot begin: its starts, their seed, its steps."""
+    checks.whole("starts", starts, Range(1, 2**16, whole=True))
+    checks.whole("seed", seed, Range(0, whole=True))
+    checks.whole("most", most, Range(1, 10**6, whole=True))
 
 
 def search(price: Callable[[jax.Array], Any], angles: jax.Array, tolerance, most: int):

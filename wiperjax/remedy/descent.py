@@ -7,17 +7,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from .. import named
+from .. import checks, named
 from ..bifurcations import same_word
 from ..cycles import Cycle, Found, close, find_cycle
 from ..labels import label
+from ..ranges import NON_NEGATIVE, POSITIVE, Range
 from ..results import Regime
 from ..return_map import Lost
 from ..schema import LABELS
 from ..spectrum import dominant_frequency
 from ..trajectory import simulate
 from ..wiper import Wiper
-from .gradient import sensitivities
+from .gradient import MEASURES, sensitivities
 
 
 class Path(NamedTuple):
@@ -49,6 +50,14 @@ def descend(
     that leave no way down; the number of steps. ``same_events`` is False at a step whose events are
     not those of the step before: the gradient that led there did not know of them.
     """
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    checks.bounds("bounds", bounds)
+    checks.choice("measure", measure, MEASURES)
+    step = checks.number("step", step, Range(1e-6, 1))
+    most = checks.whole("most", most, Range(1, 10**6, whole=True))
+    settle = checks.number("settle", settle, POSITIVE)
+    if cycle.shooting is None or cycle.found != Found.FOUND:
+        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
     low, high = (np.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
     at = np.array([named.value(cycle.system, name) for name in bounds])
     if np.any(at < low) or np.any(at > high):
@@ -56,8 +65,6 @@ def descend(
         raise ValueError(f"bounds must hold the blade as it is, but {worst} lies outside")
     x = (at - low) / (high - low)
     rows = [_row(cycle, bounds, measure, True)]
-    if cycle.shooting is None:
-        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
     varied = tuple(dict.fromkeys((*cycle.shooting.varied, *bounds)))
     end, system = f"{most} steps", named.traceable(cycle.system, *varied)
     cycle = replace(cycle, system=system, shooting=replace(cycle.shooting, varied=varied))
@@ -140,6 +147,9 @@ def verdict(blade: Wiper, *, settle: float = 0.2, window: float = 0.1, rtol: flo
     A simulation of ``settle`` seconds, and of ``window`` seconds that are looked at; the thresholds
     are the defaults of `labels`.
     """
+    checks.instance("blade", blade, Wiper, "a Wiper")
+    settle = checks.number("settle", settle, NON_NEGATIVE)
+    window = checks.number("window", window, POSITIVE)
     interval = window / 4096
     run = simulate(blade, settle + window, sample_interval=interval, rtol=rtol)
     late = run.isel(time=slice(-4096, None))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .. import named
+from .. import checks, named
 from ..cycles import Cycle, Found
 from ..shooting import chart, stretch
 
@@ -30,11 +30,15 @@ def sensitivities(
 
     Raises ValueError for a cycle that was not found, or an unknown measure.
     """
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    if isinstance(names, Mapping):
+        checks.bounds("names", names)
+    else:
+        checks.names("names", names, 1)
     shooting, state = cycle.shooting, cycle.state
     if shooting is None or state is None or cycle.found != Found.FOUND:
         raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
-    if measure not in MEASURES:
-        raise ValueError(f"measure must be one of {', '.join(MEASURES)}, but was {measure!r}")
+    checks.choice("measure", measure, MEASURES)
     bounds = names if isinstance(names, Mapping) else None
     every = tuple(dict.fromkeys((*shooting.varied, *names)))
     system = named.traceable(cycle.system, *every)

@@ -9,11 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .. import named
+from .. import checks, named
+from ..ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range
 from ..results import Result
 from ..solve import solve
 from ..wiper import Wiper
-from .box import Box, search
+from .box import Box, check_search, search
 
 _FLOOR = 1e-6  # of the belt's speed: the level of a tip at rest, whose root has no derivative
 
@@ -53,8 +54,12 @@ def quieten(
     it is; where one ends in it, ``velocity_rms`` is NaN, and it comes last. If the simulation of
     the blade as it is fails, a ValueError is raised.
     """
-    if not 0 < window <= duration:
-        raise ValueError(f"window must lie in (0, duration = {duration:g}] s, but was {window:g}")
+    checks.instance("blade", blade, Wiper, "a Wiper")
+    duration = checks.number("duration", duration, POSITIVE)
+    window = checks.number("window", window, Range(0, duration, low_open=True, unit="s"))
+    effort = checks.number("effort", effort, NON_NEGATIVE)
+    rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
+    check_search(starts, seed, most)
     box, system = Box.of(bounds), named.traceable(blade, *bounds)
     given = box.shares_of(blade)
     angles = box.starts(blade, starts, seed)

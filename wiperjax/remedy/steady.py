@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .. import named
+from .. import checks, named
 from ..belts import SteadyBelt
+from ..ranges import FINITE
 from ..stability import equilibria
 from ..wiper import Wiper
-from .box import Box, search
+from .box import Box, check_search, search
 
 
 class Stabilised(NamedTuple):
@@ -40,6 +41,9 @@ def stabilise(
 
     **Returns** a `Stabilised`. Stable steady slip is no promise of quiet: see `verdict`.
     """
+    checks.instance("blade", blade, Wiper, "a Wiper")
+    margin = checks.number("margin", margin, FINITE)
+    check_search(starts, seed)
     box, system = Box.of(bounds), named.traceable(blade, *bounds)
     given = box.shares_of(blade)
     angles = box.starts(blade, starts, seed)

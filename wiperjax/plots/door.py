@@ -1,0 +1,99 @@
+"""What a person gives to a picture: the right kind of dataset, and options that can be meant.
+
+Checked at the door, where `wiperjax.plots` hands its functions out; inside they call each other
+without. An option of one name means the same in every picture, so its check stands here once.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from .. import checks
+from ..ranges import FINITE, POSITIVE, Range
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+SECONDS = Range(0.1, 120, unit="s")  # of an animation
+DPI = Range(20, 1200, whole=True)
+
+_NUMBERS = {
+    "start": FINITE,
+    "stop": FINITE,
+    "seconds": SECONDS,
+    "window": POSITIVE,
+    "highest": POSITIVE,
+    "component": Range(0, whole=True),
+    "panels": Range(1, 36, whole=True),
+    "dpi": DPI,
+}
+_TEXTS = ("x", "y", "along", "quantity", "name", "regime", "title", "picture")
+_FLAGS = ("legend", "marks", "normalised", "force")
+_DATASETS = ("branch", "brute", "transient", "whole")
+MADE_BY = {
+    "map": "a map (wiperjax.sweep)",
+    "run": "a run (wiperjax.simulate)",
+    "branch": "a branch (cycles.branch_dataset)",
+    "remedy": "of remedy.sensitivities, with bounds",
+}
+
+
+def of(kind: str, *needs: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator of a picture: its first argument must be a dataset of a kind that holds `needs`.
+
+    Raises, when called: `ValueError`, one line that names the argument.
+    """
+
+    def wrap(draw: Callable[P, R]) -> Callable[P, R]:
+        signature = inspect.signature(draw)
+        first = next(iter(signature.parameters))
+
+        @functools.wraps(draw)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            given = signature.bind(*args, **kwargs).arguments
+            options = {key: value for key, value in given.items() if key != "options"}
+            options |= given.get("options", {})
+            dataset = options.pop(first)
+            if dataset is not None or signature.parameters[first].default is not None:
+                check_dataset(first, dataset, kind, needs)
+            check_options(options)
+            return draw(*args, **kwargs)
+
+        return checked
+
+    return wrap
+
+
+def check_dataset(name: str, value: Any, kind: str, needs: tuple[str, ...]) -> None:
+    """Raises `ValueError` unless `value` is a dataset that holds the variables `needs`."""
+    checks.instance(name, value, xr.Dataset, MADE_BY[kind])
+    if missing := [variable for variable in needs if variable not in value]:
+        raise ValueError(f"{name} must be {MADE_BY[kind]}, but has no {missing[0]}")
+
+
+def check_options(options: Mapping[str, Any]) -> None:
+    """Raises `ValueError` for an option of a picture that cannot be meant; None leaves it open."""
+    for name, value in options.items():
+        if name in _FLAGS:
+            checks.flag(name, value)
+        if value is None:
+            continue
+        if name in _NUMBERS:
+            checks.number(name, value, _NUMBERS[name])
+        elif name in _TEXTS:
+            checks.instance(name, value, str, "a name")
+        elif name in _DATASETS:
+            checks.instance(name, value, xr.Dataset, "a dataset")
+        elif name == "ax":
+            checks.instance(name, value, Axes, "axes of matplotlib")
+        elif name == "axes":
+            checks.instance(name, value, (np.ndarray, list, tuple), "an array of axes")
+        elif name == "at":
+            checks.instance(name, value, Mapping, "a mapping of axis to value")
+            for axis, number in value.items():
+                checks.number(f"at of {axis}", number, FINITE)
