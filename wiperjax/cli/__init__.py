@@ -16,6 +16,7 @@ import typer
 
 from . import bench
 from .compute import follow, ladder, simulate, sweep, verify
+from .example import example
 from .options import INTERRUPTED
 from .show import LISTEN_HELP, PLOT_HELP, info, listen, plot
 
@@ -32,6 +33,7 @@ app.command(help=PLOT_HELP)(plot)
 app.command(help=LISTEN_HELP)(listen)
 for command in (info, ladder, verify):
     app.command()(command)
+app.command()(example)
 app.add_typer(bench.app, name="bench")
 
 
