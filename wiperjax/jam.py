@@ -9,7 +9,7 @@ from .system import Contact
 def brake_to_jam(system, c: Contact, sign, mu):
     """Return the impulses (tangential, normal) that carry slip the last bit to D = 0, and mu there.
 
-    Steps end just before D = 0, at D > 0 (see `trial`); the rest takes no time: v_t falls at a fixed
+    Steps end just before D = 0, at D > 0 (`trial`); the rest takes no time: v_t falls at a fixed
     position until D(v_t) vanishes. Nothing where D <= 0 already.
     """
     speed = jnp.abs(c.slip_speed)

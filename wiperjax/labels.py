@@ -9,9 +9,9 @@ Beside the class stand two names that say more, also of `other`: the MECHANISM, 
 motion going, and the BAND of its frequency. `docs/classes.md` tells what each is good for.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -97,6 +97,39 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
     Raises: `KeyError` if a column is missing.
     """
     limits = thresholds if thresholds is not None else Thresholds()
+    seen = _heard(columns, limits)
+    label = _label(seen, limits)
+    unheard = np.isin(label, [LABELS[name] for name in ("collapsed", "failed", "quiet")])
+    reversal = label == LABELS["reversal"]
+    codes = {
+        "label": label,
+        "mechanism": _mechanism(seen, limits, unheard, reversal),
+        "band": _band(seen, limits, unheard | reversal),
+    }
+    if "settled" in columns:
+        codes["settled"] = np.where(seen.unseen, SETTLED["unknown"], np.asarray(columns["settled"]))
+    return {name: values.astype(np.int8) for name, values in codes.items()}
+
+
+class _Heard(NamedTuple):
+    """What a class rests on, an array over the cells each; of belts that reverse, the strokes."""
+
+    of: Callable[[str], np.ndarray]  # any column, NaN where there is none
+    result: np.ndarray
+    reverses: np.ndarray
+    stick: np.ndarray  # shares of time
+    flight: np.ndarray
+    frequency: np.ndarray
+    tone: np.ndarray  # s, of the tone at a turn
+    known: np.ndarray  # nothing is missing
+    carried: np.ndarray
+    quiet: np.ndarray
+    at_turn: np.ndarray  # silent strokes with a tone at the turn: `frequency` is that of the tone
+    unseen: np.ndarray  # a sound whose frequency the samples do not tell
+
+
+def _heard(columns: Mapping[str, Any], limits: Any) -> _Heard:
+    """`_Heard` of the columns of `classify`."""
     result = np.asarray(columns["result"])
 
     def of(name: str, required: bool = False) -> np.ndarray:
@@ -104,8 +137,8 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
             return np.asarray(columns[name], dtype=float)
         return np.full(result.shape, np.nan)
 
-    peak, mean = of("normal_force_max_reversal"), of("normal_force_mean_stroke")
-    reverses = np.isfinite(peak)
+    mean = of("normal_force_mean_stroke")
+    reverses = np.isfinite(of("normal_force_max_reversal"))
 
     def stroke(name: str, on_reversing: str) -> np.ndarray:
         return np.where(reverses, of(on_reversing), of(name, required=True))
@@ -115,78 +148,79 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
     flight = stroke("flight_fraction", "flight_fraction_stroke")
     belt = of("belt_speed_rms", required=True)
     frequency = of("dominant_frequency", required=True)
-    vibration, before = of("vibration_reversal"), of("vibration_stroke")
 
     carried = (stick >= 1.0) & (belt > 0.0)
     silent = (speed <= limits.quiet_velocity_ratio * belt) & ~carried
-    # silent strokes with a tone at the turn; `frequency` is then that of the tone
     tone = np.fmax(of("tone_time_before"), of("tone_time_after"))
     at_turn = silent & reverses & (tone >= limits.tone_time)
     quiet = silent & ~at_turn
-    sounds = ~quiet & ~carried
-    unseen = sounds & np.isnan(frequency) & (of("frequency_told") == TOLD["no"])
+    unseen = ~quiet & ~carried & np.isnan(frequency) & (of("frequency_told") == TOLD["no"])
+
+    known = np.isfinite(speed) & np.isfinite(belt) & np.isfinite(stick) & np.isfinite(flight)
+    # a constant velocity has no line
+    known &= np.isfinite(frequency) | quiet | carried | unseen
+    at_reversal = np.isfinite(of("vibration_reversal")) & np.isfinite(of("vibration_stroke"))
+    known &= ~reverses | (np.isfinite(mean) & at_reversal)
+    return _Heard(
+        *(of, result, reverses, stick, flight, frequency, tone),
+        *(known, carried, quiet, at_turn, unseen),
+    )
+
+
+def _label(seen: _Heard, limits: Any) -> np.ndarray:
+    """Codes of `schema.LABELS`."""
+    sounds, frequency = ~seen.quiet & ~seen.carried, seen.frequency
     low, high = limits.squeal_band
     squeal = sounds & (frequency >= low) & (frequency <= high)
     low, high = limits.chatter_band
-    chattering = sounds & (frequency >= low) & (frequency < high) & ((stick > 0) | (flight > 0))
-    pulse = reverses & (peak >= limits.reversal_ratio * mean)
-    started = vibration > limits.quiet_velocity_ratio * belt
-    started &= vibration >= limits.vibration_ratio * before
-    reversal = pulse & started
+    chattering = sounds & (frequency >= low) & (frequency < high)
+    chattering &= (seen.stick > 0) | (seen.flight > 0)
+    peak, mean = seen.of("normal_force_max_reversal"), seen.of("normal_force_mean_stroke")
+    vibration = seen.of("vibration_reversal")
+    started = vibration > limits.quiet_velocity_ratio * seen.of("belt_speed_rms")
+    started &= vibration >= limits.vibration_ratio * seen.of("vibration_stroke")
+    classes = {
+        "collapsed": seen.result == RESULTS["collapsed"],
+        "failed": (seen.result != RESULTS["finished"]) | ~seen.known,
+        "squeal": squeal,
+        "chattering": chattering,
+        "reversal": seen.reverses & (peak >= limits.reversal_ratio * mean) & started,
+        "quiet": seen.quiet,
+    }
+    codes = [LABELS[name] for name in classes]
+    return np.select(list(classes.values()), codes, default=LABELS["other"])
 
-    needed = np.isfinite(speed) & np.isfinite(belt) & np.isfinite(stick) & np.isfinite(flight)
-    # a constant velocity has no line
-    needed &= np.isfinite(frequency) | quiet | carried | unseen
-    needed &= ~reverses | (np.isfinite(mean) & np.isfinite(vibration) & np.isfinite(before))
 
-    label = np.select(
-        [
-            result == RESULTS["collapsed"],
-            (result != RESULTS["finished"]) | ~needed,
-            squeal,
-            chattering,
-            reversal,
-            quiet,
-        ],
-        [
-            LABELS[name]
-            for name in ("collapsed", "failed", "squeal", "chattering", "reversal", "quiet")
-        ],
-        default=LABELS["other"],
-    )
-    impulse = of("impact_impulse_reversal")
-    hit = (impulse > 0) & (impulse >= of("impact_impulse_max"))  # the hardest hit of all
+def _mechanism(seen: _Heard, limits: Any, unheard, reversal) -> np.ndarray:
+    """Codes of `schema.MECHANISMS`."""
+    impulse = seen.of("impact_impulse_reversal")
+    hit = (impulse > 0) & (impulse >= seen.of("impact_impulse_max"))  # the hardest hit of all
     # a tone that lasts for a part of the stroke: it sticks in every second period at least
-    cycles = of("reversal_count") * tone * frequency
-    again = (tone >= limits.tone_time) & (of("stick_count") >= 0.5 * cycles)
-    sticks = (stick >= limits.stick_share) & ~at_turn | reverses & again
-    unheard = np.isin(label, [LABELS[name] for name in ("collapsed", "failed", "quiet")])
-    reversal = label == LABELS["reversal"]
-    mechanism = np.select(
-        [unheard, reversal & hit, reversal, carried, flight > 0, sticks],
-        [
-            MECHANISMS[name]
-            for name in (
-                *("none", "reversal_impulse", "reversal_pulse"),
-                *("carried", "flight", "stick_slip"),
-            )
-        ],
-        default=MECHANISMS["self_excited_slip"],
+    cycles = seen.of("reversal_count") * seen.tone * seen.frequency
+    again = (seen.tone >= limits.tone_time) & (seen.of("stick_count") >= 0.5 * cycles)
+    sticks = (seen.stick >= limits.stick_share) & ~seen.at_turn | seen.reverses & again
+    found = (
+        ("none", unheard),
+        ("reversal_impulse", reversal & hit),
+        ("reversal_pulse", reversal),
+        ("carried", seen.carried),
+        ("flight", seen.flight > 0),
+        ("stick_slip", sticks),
     )
-    band = np.select(
-        [
-            unheard | reversal | carried | unseen,
-            frequency < limits.chatter_band[1],
-            frequency < limits.squeal_band[0],
-            frequency <= limits.squeal_band[1],
-        ],
-        [BANDS[name] for name in ("none", "chatter", "low", "squeal")],
-        default=BANDS["high"],
+    codes = [MECHANISMS[name] for name, _ in found]
+    return np.select([where for _, where in found], codes, default=MECHANISMS["self_excited_slip"])
+
+
+def _band(seen: _Heard, limits: Any, unnamed) -> np.ndarray:
+    """Codes of `schema.BANDS`; none where `unnamed`, or where no frequency makes the sound."""
+    found = (
+        ("none", unnamed | seen.carried | seen.unseen),
+        ("chatter", seen.frequency < limits.chatter_band[1]),
+        ("low", seen.frequency < limits.squeal_band[0]),
+        ("squeal", seen.frequency <= limits.squeal_band[1]),
     )
-    codes = {"label": label, "mechanism": mechanism, "band": band}
-    if "settled" in columns:
-        codes["settled"] = np.where(unseen, SETTLED["unknown"], np.asarray(columns["settled"]))
-    return {name: values.astype(np.int8) for name, values in codes.items()}
+    codes = [BANDS[name] for name, _ in found]
+    return np.select([where for _, where in found], codes, default=BANDS["high"])
 
 
 def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int, float]]:
