@@ -6,8 +6,8 @@ import numpy as np
 
 from wiperjax import Event, TrapezoidBelt, WipingBelt
 
-from ..interface import Answer, NotForThisScene
-from ..scenes import Scene
+from ..harness.interface import Answer, NotForThisScene
+from ..scenes.scene import Scene
 
 FAILED = 2  # result codes from here on are failures
 

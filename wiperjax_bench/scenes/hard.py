@@ -4,7 +4,6 @@ Every family moves far enough that a missed or invented event shows in the posit
 code confirms the reference of each (`tests/test_bench_failures.py`).
 """
 
-import dataclasses
 import math
 from collections.abc import Callable
 
@@ -12,7 +11,8 @@ import numpy as np
 
 from wiperjax import SteadyBelt, Wiper
 
-from .scenes import GRAZE_SPEED, LENGTH, TURN_SPEED, Scene, turning
+from .families import GRAZE_SPEED, LENGTH, TURN_SPEED, turning
+from .scene import Scene
 
 CELLS = 4
 SAMPLES = 60
@@ -127,10 +127,3 @@ SCENES: dict[str, Callable[[], Scene]] = {
         large_step,
     )
 }
-
-
-def shortened(scene: Scene, share: float) -> Scene:
-    """Return the first part of a scene, with the same number of samples."""
-    return dataclasses.replace(
-        scene, duration=share * scene.duration, sample_times=share * scene.sample_times
-    )
