@@ -11,3 +11,5 @@ FAST = {"contract", "reassoc", "nsz", "arcp", "afn"}
 
 cached = njit(fastmath=FAST, error_model="numpy", cache=True)  # calls its own file only
 inner = njit(fastmath=FAST, error_model="numpy")
+# a part of a longer function, split off for reading only: compiled into its caller
+part = njit(fastmath=FAST, error_model="numpy", forceinline=True)
