@@ -2,7 +2,7 @@
 
 import math
 
-from .compiling import inner, part
+from .compiling import part
 from .model import (
     CAPTURE,
     COLLAPSE,
@@ -28,7 +28,7 @@ from .records import Memory, Tip
 from .statistics import SLIP_TIME
 
 
-@inner
+@part
 def change(p, g, zone, regime, limits, watch, tip, memory, which, t_stop):
     """Return (tip, memory, regime, zone, kind) after the event ``which``; 5: an impact."""
     t, x, phi, y, u, w, vy = tip

@@ -2,7 +2,7 @@
 
 import math
 
-from .compiling import inner, part
+from .compiling import part
 from .model import FLIGHT, belt, flight_rate, lean, spring
 from .records import Counts, Memory, Tip
 from .statistics import gather, hermite
@@ -10,7 +10,7 @@ from .tsit5 import E1, E2, E3, E4, E5, E6, E7, Flying, flight_step, next_factor,
 from .zeros import NEVER, SHRINK, first_zero, first_zero_of_x, place_of
 
 
-@inner
+@part
 def fly(p, g, zone, limits, watch, tip, memory, counts, t_stop):
     """Fly until an event or ``t_stop``; return (tip, memory, counts, event, done) as `slip`."""
     kz, mz = spring(p, zone)

@@ -2,7 +2,7 @@
 
 import math
 
-from .compiling import inner, part
+from .compiling import part
 from .model import SLIP_POS, belt, lean, slip_rate, spring
 from .records import Counts, Memory, Tip
 from .statistics import gather, hermite
@@ -10,7 +10,7 @@ from .tsit5 import E1, E2, E3, E4, E5, E6, E7, Slipping, next_factor, slip_step,
 from .zeros import NEVER, SHRINK, first_zero, first_zero_of_x, place_of
 
 
-@inner
+@part
 def slip(p, g, zone, regime, limits, watch, tip, memory, counts, t_stop):
     """Slip until an event or ``t_stop``; return (tip, memory, counts, event, done).
 

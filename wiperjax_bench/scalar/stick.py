@@ -2,14 +2,14 @@
 
 import math
 
-from .compiling import inner, part
+from .compiling import part
 from .model import STICK, belt, carried, cone, lean, spring
 from .records import Counts, Memory, Tip
 from .statistics import gather
 from .zeros import NEVER, first_zero, first_zero_of_x, place_of
 
 
-@inner
+@part
 def stick(p, g, zone, watch, tip, memory, counts, t_stop):
     """Stick until an event or ``t_stop``; return (tip, memory, counts, event, done)."""
     kz, mz = spring(p, zone)
