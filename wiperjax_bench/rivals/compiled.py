@@ -118,10 +118,10 @@ def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, sample
     from ..scalar import batch
     from ..scalar.statistics import SUMS
 
-    arrays = cells_of(scene)
     n = scene.cells
-    scales = (np.broadcast_to(np.asarray(s, float), (n,)).copy() for s in scene.scales)
-    cells = batch.Cells(*arrays, scene.start, *scales, scene.sample_times)
+    sx, sv = (np.broadcast_to(np.asarray(s, float), (n,)).copy() for s in scene.scales)
+    blades, motions, breaks, kinds = cells_of(scene)
+    cells = batch.Cells(blades, motions, breaks, kinds, scene.start, sx, sv, scene.sample_times)
     task = batch.Task(
         float(scene.duration), rtol, zeno_time, budget, float(mark), window / max(samples, 1)
     )
