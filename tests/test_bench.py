@@ -12,24 +12,16 @@ from reference.blade import REFERENCE, Steady, Trapezoid, simulate
 
 import wiperjax
 from wiperjax import Event, TrapezoidBelt, accuracy, cli
-from wiperjax_bench import (
-    chart,
-    compare,
-    errors,
-    exact,
-    maps,
-    measure,
-    pictures,
-    report,
-    rule,
-    scenes,
-    speed_report,
-)
-from wiperjax_bench import speed as bench_speed
-from wiperjax_bench.alone import Alone
-from wiperjax_bench.interface import NotForThisScene
-from wiperjax_bench.keep import Parts
+from wiperjax_bench import cli as bench_cli
+from wiperjax_bench.harness import compare, measure
+from wiperjax_bench.harness.alone import Alone
+from wiperjax_bench.harness.interface import NotForThisScene
+from wiperjax_bench.harness.keep import Parts
+from wiperjax_bench.measurements import chart, confirm, errors, maps
+from wiperjax_bench.measurements import speed as bench_speed
+from wiperjax_bench.reports import chart_plot, chart_text, rule, speed_text
 from wiperjax_bench.rivals import compiled, every, scipy_phases
+from wiperjax_bench.scenes import exact, families
 
 LOOP = compiled.Compiled("numba scalar loop", 1)
 NAMES = {
@@ -71,7 +63,7 @@ def own_reference(scene, cell):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["squeal", "chatter", "reversal", "zeno", "grazing", "batch"])
 def test_the_scalar_loop_agrees_with_the_tests_reference(name):
-    scene = getattr(scenes, name)(8).head(2)
+    scene = getattr(families, name)(8).head(2)
     answer = LOOP.prepare(scene, 1e-11).answer()
     for cell in range(2):
         samples, times, kinds = own_reference(scene, cell)
@@ -84,14 +76,14 @@ def test_the_scalar_loop_agrees_with_the_tests_reference(name):
 
 
 def test_the_scalar_loop_converges_to_the_exact_block():
-    scene = scenes.block(6)
+    scene = families.block(6)
     speeds = scene.parameters()["belt_speed"]
     off = []
     for rtol in (1e-5, 1e-7, 1e-9):
         answer = LOOP.prepare(scene, rtol).answer()
         worst = 0.0
         for i, speed in enumerate(speeds):
-            x, v, times, kinds = exact.block(scenes.BLOCK_START, speed, 0.5, scene.sample_times)
+            x, v, times, kinds = exact.block(families.BLOCK_START, speed, 0.5, scene.sample_times)
             np.testing.assert_array_equal(answer.event_kinds[i], kinds)
             worst = max(worst, np.max(np.abs(answer.position[i, :, 0] - x)))
             np.testing.assert_allclose(answer.event_times[i], times, atol=1e3 * rtol)
@@ -101,7 +93,7 @@ def test_the_scalar_loop_converges_to_the_exact_block():
 
 
 def test_the_batch_of_one_thread_equals_that_of_all():
-    scene = scenes.batch(200)
+    scene = families.batch(200)
     one, all_ = (compiled.run(scene, 1e-6, threads=n, mark=0.0) for n in (1, None))
     # two compilations of one source: equal but for the rounding that fast arithmetic may move, and
     # which, in a cell or two, decides whether a step just passes: those differ by the tolerance
@@ -116,7 +108,7 @@ def test_the_batch_of_one_thread_equals_that_of_all():
 
 
 def test_scipy_finds_the_same_events():
-    scene = scenes.zeno(4).head(1)
+    scene = families.zeno(4).head(1)
     true = LOOP.prepare(scene, 1e-11).answer()
     answer = scipy_phases.Phases("RK45").prepare(scene, 1e-6)()
     np.testing.assert_array_equal(answer.event_kinds[0], true.event_kinds[0])
@@ -128,7 +120,7 @@ def test_scipy_finds_the_same_events():
 def test_diffrax_per_phase_finds_the_same_events():
     from wiperjax_bench.rivals.diffrax_phases import PerPhase
 
-    scene = scenes.batch(64)
+    scene = families.batch(64)
     true = LOOP.prepare(scene, 1e-11).answer()
     answer = PerPhase(mapped=True).prepare(scene, 1e-6)()
     same = [np.array_equal(a, b) for a, b in zip(answer.event_kinds, true.event_kinds, strict=True)]
@@ -137,7 +129,7 @@ def test_diffrax_per_phase_finds_the_same_events():
 
 
 def test_grazing_cells_touch_on_one_side_only():
-    scene = scenes.grazing(16)
+    scene = families.grazing(16)
     answer = LOOP.prepare(scene, 1e-12).answer()
     touched = [bool({5, 6, 12} & set(kinds.tolist())) for kinds in answer.event_kinds]
     assert touched == [False, True] * 8
@@ -145,7 +137,7 @@ def test_grazing_cells_touch_on_one_side_only():
 
 @pytest.fixture(scope="module")
 def judged():
-    scene = scenes.squeal(8)
+    scene = families.squeal(8)
     return scene, errors.truth(scene), LOOP.prepare(scene, 1e-8).answer()
 
 
@@ -208,8 +200,8 @@ def test_what_is_against_us_is_written_under_the_chart(tmp_path):
     assert len(against) == 1 and "numba scalar loop leads 4.0 x" in against[0]
     assert compare.against_us(toy(0.5)) == []
     assert "(at 1e-03 ours takes 141 steps of 2815 ns, it 141 steps of 704 ns)" in against[0]
-    assert "leads 4.0 x" in report.chart_text(toy(4.0), "x.png")
-    for file in pictures.save(toy(4.0), tmp_path / "picture"):
+    assert "leads 4.0 x" in chart_text.chart_text(toy(4.0), "x.png")
+    for file in chart_plot.save(toy(4.0), tmp_path / "picture"):
         assert file.stat().st_size > 5000
 
 
@@ -225,9 +217,9 @@ def test_a_chart_names_what_it_shows_and_nothing_else():
 
     right, wrong = toy(4.0), toy(4.0)
     wrong.wrong_events.loc[{"solver": "numba scalar loop"}] = 1.0
-    for draw in (pictures.short, pictures.work_precision):
+    for draw in (chart_plot.short, chart_plot.work_precision):
         assert entries(draw(right)) == {"engine Tsit5", "numba scalar loop"}
-        assert entries(draw(wrong)) == entries(draw(right)) | {pictures.CROSSES}
+        assert entries(draw(wrong)) == entries(draw(right)) | {chart_plot.CROSSES}
 
 
 def test_a_sentence_says_who_leads_at_which_error_and_by_which_factor():
@@ -271,7 +263,7 @@ def test_a_chart_that_was_stopped_goes_on(tmp_path, monkeypatch):
 
 
 def test_a_rival_says_what_it_is_not_for():
-    scene = scenes.squeal(2)
+    scene = families.squeal(2)
     heavy = dataclasses.replace(scene, wiper=dataclasses.replace(scene.wiper, hinge_mass=1e-3))
     with pytest.raises(NotForThisScene, match="hinge_mass"):
         LOOP.prepare(heavy, 1e-6)
@@ -311,8 +303,8 @@ def test_a_rival_that_breaks_or_dawdles_is_a_note_and_not_the_end(judged, monkey
 
 
 def test_the_exact_block_confirms_the_reference():
-    scene = scenes.block(4)
-    found = chart.confirm(scene, errors.truth(scene), quick=False)
+    scene = families.block(4)
+    found = confirm.errors_of_second(scene, errors.truth(scene), quick=False)
     assert found.state_p90 < 1e-9 and found.wrong == 0 and found.event_time < 1e-7
 
 
@@ -359,7 +351,7 @@ def test_the_text_of_the_speeds_says_what_is_met():
     dataset.attrs |= {"duration": 0.1, "machine": "-", "load": 0.0, "created": "-", "repeats": 3}
     dataset.attrs |= {"compile_cold": 25.0, "compile_cached": 2.0, "duration_sizes": 0.02}
     dataset.attrs |= {"wall_1000": 1e-5, "wall_10000": 1.05e-5}
-    text = speed_report.text(dataset)
+    text = speed_text.text(dataset)
     assert "| numba scalar loop, engine Tsit5, one core | 2 | 3 (goal 5) | **no** |" in text
     assert "| our one core, on 2, engine Tsit5 | 1.67 | 1.8 (goal 1.95) | **no** |" in text
     scipy = "| scipy solve_ivp RK45, engine Tsit5 | 5e+03 | 1000 | yes | "
@@ -394,18 +386,28 @@ def test_quick_chart(tmp_path, capsys):
 
 
 def test_without_numba_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(cli.bench.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(bench_cli.importlib.util, "find_spec", lambda name: None)
     assert cli.main(["bench", "chart", "-o", str(tmp_path / "x.h5")]) == 1
     assert "pip install 'wiperjax[bench]'" in capsys.readouterr().err
 
 
-def test_the_library_does_not_import_the_bench():
+def test_the_library_knows_no_bench():
+    """No file of the package names it, and an install without it lacks the command, no more."""
     import subprocess
     import sys
+    from pathlib import Path
 
-    code = "import sys, wiperjax, wiperjax.cli; print([m for m in sys.modules if 'bench' in m])"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "['wiperjax.cli.bench']"
+    files = list(Path(wiperjax.__file__).parent.rglob("*.py"))
+    assert files and not [f for f in files if "wiperjax_bench" in f.read_text()]
+    code = """if True:
+        import importlib.metadata, sys
+        importlib.metadata.entry_points = lambda **_: ()
+        from wiperjax import cli
+        assert not [m for m in sys.modules if "bench" in m]
+        assert cli.main(["--version"]) == 0
+        sys.exit(cli.main(["bench"]))"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2 and "No such command 'bench'" in done.stderr
 
 
 # --- the rule -------------------------------------------------------------------------------------
@@ -447,7 +449,7 @@ def test_the_error_asked_for_is_met_on_blades_never_seen(target):
     from wiperjax_bench.rivals.engine import Engine
 
     found = accuracy.choose(target)
-    scene = scenes.workload(48, 0.02, seed=7)
+    scene = families.workload(48, 0.02, seed=7)
     method = Engine(SOLVERS[found.solver], found.precision)
     answer = method.prepare(scene, found.rtol).answer()
     assert errors.judge(scene, errors.truth(scene), answer).state_p90 <= target

@@ -9,11 +9,14 @@ import pytest
 from reference.blade import Steady, Trapezoid, simulate
 
 from wiperjax import TrapezoidBelt
-from wiperjax_bench import failures, failures_plot, failures_report, hard_scenes
-from wiperjax_bench import stability_limits as limits
-from wiperjax_bench.failures import Outcome
-from wiperjax_bench.interface import Answer, NotForThisScene
+from wiperjax_bench.harness.interface import Answer, NotForThisScene
+from wiperjax_bench.measurements import failures
+from wiperjax_bench.measurements import stability_limits as limits
+from wiperjax_bench.measurements import stability_theory as theory_of
+from wiperjax_bench.measurements.failures import Outcome
+from wiperjax_bench.reports import failures_plot, failures_text
 from wiperjax_bench.rivals import compiled, moreau_jean
+from wiperjax_bench.scenes import hard
 
 (MOREAU,) = moreau_jean.RIVALS
 
@@ -33,9 +36,9 @@ def final_position(scene, cell):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", hard_scenes.SCENES)
+@pytest.mark.parametrize("name", hard.SCENES)
 def test_an_independent_code_confirms_the_reference(name):
-    scene = hard_scenes.SCENES[name]()
+    scene = hard.SCENES[name]()
     cell = 3
     true = failures.reference(scene)[cell]
     extent = np.ptp(true, axis=0)
@@ -92,7 +95,7 @@ class Absent(Still):
 
 @pytest.fixture(scope="module")
 def chart():
-    few = {name: hard_scenes.SCENES[name] for name in ("grazing", "near_painleve", "large_step")}
+    few = {name: hard.SCENES[name] for name in ("grazing", "near_painleve", "large_step")}
     coarse = dataclasses.make_dataclass("Coarse", [], bases=(moreau_jean.MoreauJean,))()
     coarse.settings = (1e-2, 1e-3, 3e-4)
     loop = compiled.Compiled("numba scalar loop", 1)
@@ -125,7 +128,7 @@ def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
     words = [text.get_text() for text in figure.axes[0].texts]
     plt.close(figure)
     assert words.count("not run") == 5 and words.count("never right") == 3
-    text = failures_report.failures_text(chart, "f.png")
+    text = failures_text.failures_text(chart, "f.png")
     assert "near Painleve, Moreau-Jean: error" in text and "Newton's impact law" in text
     assert "- large step, still: error" in text
     assert "| absent | not run |" in text and "| Moreau-Jean | 2 of 3 | 4 | 5 | 0 |" in text
@@ -135,13 +138,13 @@ def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
 
 
 def test_stability_regions():
-    radius = lambda r, angle=np.pi: limits.largest_radius(r, angle)
-    assert radius(limits.stability_function(diffrax.Heun())) == pytest.approx(2.0)
+    radius = lambda r, angle=np.pi: theory_of.largest_radius(r, angle)
+    assert radius(theory_of.stability_function(diffrax.Heun())) == pytest.approx(2.0)
     # Hairer and Wanner, figure IV.2.2
-    assert radius(limits.stability_function(diffrax.Dopri5())) == pytest.approx(3.3066, abs=1e-4)
-    assert radius(limits.stability_function(diffrax.Kvaerno5())) == np.inf
-    assert radius(limits.theta_function(0.5)) == np.inf
-    assert radius(limits.theta_function(0.0), 2.0) == pytest.approx(-2 * np.cos(2.0))
+    assert radius(theory_of.stability_function(diffrax.Dopri5())) == pytest.approx(3.3066, abs=1e-4)
+    assert radius(theory_of.stability_function(diffrax.Kvaerno5())) == np.inf
+    assert radius(theory_of.theta_function(0.5)) == np.inf
+    assert radius(theory_of.theta_function(0.0), 2.0) == pytest.approx(-2 * np.cos(2.0))
 
 
 @pytest.mark.parametrize("problem", ["friction", "contact"])

@@ -8,10 +8,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wiperjax.impact import poisson_impact
-from wiperjax_bench import exact, failures, hard_scenes, scenes
+from wiperjax_bench.measurements import failures
 from wiperjax_bench.rivals import moreau_jean, regularised, siconos_moreau
 from wiperjax_bench.rivals.moreau_jean import newton_impact
 from wiperjax_bench.rivals.penalty import damping_ratio, rebound
+from wiperjax_bench.scenes import exact, families, hard
 
 (MOREAU,) = moreau_jean.RIVALS
 (TANH,) = (r for r in regularised.RIVALS if r.name == "tanh, penalty, Tsit5")
@@ -62,8 +63,8 @@ def test_newton_and_poisson_agree_uncoupled_or_where_slip_keeps_its_sign(w_tn, v
 
 
 def test_moreau_jean_converges_on_the_exact_block_at_order_one():
-    scene = scenes.block(1)
-    x, _, _, _ = exact.block(scenes.BLOCK_START, 0.5, 0.5, scene.sample_times)
+    scene = families.block(1)
+    x, _, _, _ = exact.block(families.BLOCK_START, 0.5, 0.5, scene.sample_times)
     settings = (1e-3, 2.5e-4, 6.25e-5, 1.5625e-5)
     found = [MOREAU.prepare(scene, s)() for s in settings]
     errors = np.array([np.abs(a.position[0, :, 0] - x) for a in found])
@@ -75,8 +76,8 @@ def test_moreau_jean_converges_on_the_exact_block_at_order_one():
 
 
 def test_smoothed_friction_converges_on_the_exact_block():
-    scene = scenes.block(1)
-    x, _, _, _ = exact.block(scenes.BLOCK_START, 0.5, 0.5, scene.sample_times)
+    scene = families.block(1)
+    x, _, _, _ = exact.block(families.BLOCK_START, 0.5, 0.5, scene.sample_times)
     widths = (0.1, 0.03, 0.01)
     errors = [np.abs(TANH.prepare(scene, w)().position[0, :, 0] - x).max() for w in widths]
     assert errors[-1] < 0.02
@@ -85,7 +86,7 @@ def test_smoothed_friction_converges_on_the_exact_block():
 
 def test_penalty_converges_on_rigid_bounces_where_friction_is_constant():
     """With a Stribeck curve it does not: there mu changes during the impact, here it is held."""
-    stribeck = hard_scenes.zeno().head(1)
+    stribeck = hard.zeno().head(1)
     plain = dataclasses.replace(stribeck.wiper, mu_static=0.4, mu_minimum=0.4, viscous_slope=0.0)
 
     def error(scene, sink):
@@ -100,6 +101,6 @@ def test_penalty_converges_on_rigid_bounces_where_friction_is_constant():
 
 @pytest.mark.skipif(siconos_moreau.RIVALS[0].available() is not None, reason="no siconos here")
 def test_siconos_and_ours_agree():
-    scene = hard_scenes.zeno().head(1)
+    scene = hard.zeno().head(1)
     a, b = (r.prepare(scene, 1e-4)() for r in (MOREAU, siconos_moreau.RIVALS[0]))
-    assert np.abs(a.position - b.position).max() < 1e-3 * scenes.LENGTH
+    assert np.abs(a.position - b.position).max() < 1e-3 * families.LENGTH

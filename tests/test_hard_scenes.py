@@ -13,9 +13,9 @@ from test_against_reference import common, largest_shift, listed, logged, twin
 
 import wiperjax
 from wiperjax import Event, Regime, Result, SteadyBelt, Wiper
-from wiperjax_bench import scenes
-from wiperjax_bench.hard_scenes import near_painleve
 from wiperjax_bench.rivals.engine import Engine
+from wiperjax_bench.scenes import families
+from wiperjax_bench.scenes.hard import near_painleve
 
 BASE = {
     k: v for k, v in REFERENCE.items() if k not in ("belt_speed", "hinge_mass", "hinge_damping")
@@ -360,7 +360,7 @@ def test_a_grazing_pass_at_a_loose_tolerance(rtol):
     """Half of the blades just touch, by 1e-7 to 1e-2 of the grazing speed, half just miss: all of
     them as at a tight tolerance. In flight the error is far below any tolerance, and steps that
     grow the faster for it pass over the touch."""
-    scene = scenes.grazing(64)
+    scene = families.grazing(64)
     method = Engine(diffrax.Tsit5, "float64")
     loose, tight = (method.prepare(scene, r).answer() for r in (rtol, 1e-10))
     assert not np.any(loose.stopped)

@@ -14,7 +14,6 @@ from typing import Annotated
 
 import typer
 
-from . import bench
 from .compute import follow, ladder, simulate, sweep, verify
 from .example import example
 from .options import INTERRUPTED
@@ -34,7 +33,8 @@ app.command(help=LISTEN_HELP)(listen)
 for command in (info, ladder, verify):
     app.command()(command)
 app.command()(example)
-app.add_typer(bench.app, name="bench")
+for extra in sorted(importlib.metadata.entry_points(group="wiperjax.commands")):
+    app.add_typer(extra.load(), name=extra.name)  # such as `bench`, of a package on top of this one
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

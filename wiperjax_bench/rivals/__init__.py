@@ -1,13 +1,19 @@
-"""The methods, one file each. A module lists its instances in ``RIVALS``."""
+"""The methods, one file each, which lists its instances in ``RIVALS``.
+
+Read `engine` (ours), `compiled` (the scalar loop), `scipy_phases` and `diffrax_phases` (solvers
+with events, restarted after each), `moreau_jean` and `siconos_moreau` (time-stepping),
+`regularised` (smoothed contact). The others are parts of these.
+"""
 
 import importlib
-import pkgutil
 
-from ..interface import Rival
+from ..harness.interface import Rival
+
+METHODS = ("compiled", "diffrax_phases", "engine", "moreau_jean", "regularised", "scipy_phases",
+           "siconos_moreau")  # fmt: skip
 
 
 def every() -> list[Rival]:
-    """Return all methods, in the order of their files' names."""
-    names = sorted(module.name for module in pkgutil.iter_modules(__path__))
-    modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
-    return [rival for module in modules for rival in getattr(module, "RIVALS", ())]
+    """Return all methods, file by file in the order of ``METHODS``."""
+    modules = [importlib.import_module(f"{__name__}.{name}") for name in METHODS]
+    return [rival for module in modules for rival in module.RIVALS]

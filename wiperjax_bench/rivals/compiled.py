@@ -6,8 +6,8 @@ import numpy as np
 
 from wiperjax import Event, TrapezoidBelt, WipingBelt
 
-from ..interface import Answer, NotForThisScene
-from ..scenes import Scene
+from ..harness.interface import Answer, NotForThisScene
+from ..scenes.scene import Scene
 
 FAILED = 2  # result codes from here on are failures
 
@@ -118,10 +118,13 @@ def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, sample
     from ..scalar import batch
     from ..scalar.statistics import SUMS
 
-    arrays = cells_of(scene)
     n = scene.cells
-    scales = (np.broadcast_to(np.asarray(s, float), (n,)).copy() for s in scene.scales)
-    sx, sv = scales
+    sx, sv = (np.broadcast_to(np.asarray(s, float), (n,)).copy() for s in scene.scales)
+    blades, motions, breaks, kinds = cells_of(scene)
+    cells = batch.Cells(blades, motions, breaks, kinds, scene.start, sx, sv, scene.sample_times)
+    task = batch.Task(
+        float(scene.duration), rtol, zeno_time, budget, float(mark), window / max(samples, 1)
+    )
     kernel = batch.one_by_one if threads == 1 else batch.on_all_cores
     all_threads = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
 
@@ -140,10 +143,7 @@ def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, sample
         )
         if threads != 1:
             numba.set_num_threads(threads or all_threads)
-        kernel(
-            *arrays, scene.start, scene.duration, rtol, sx, sv, zeno_time, budget,
-            scene.sample_times, mark, window / max(samples, 1), record,
-        )  # fmt: skip
+        kernel(cells, task, record)
         return record
 
     return call

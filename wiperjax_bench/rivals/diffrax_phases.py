@@ -23,8 +23,8 @@ import optimistix as optx
 
 from wiperjax import Event, Regime
 
-from ..interface import Answer, NotForThisScene
-from ..scenes import Scene
+from ..harness.interface import Answer, NotForThisScene
+from ..scenes.scene import Scene
 from .engine import arrays
 
 STICK, SLIP_POS, SLIP_NEG, FLIGHT = (int(r) for r in Regime)

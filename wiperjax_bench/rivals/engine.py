@@ -18,8 +18,8 @@ from wiperjax.lanes import Pool, run_pool
 from wiperjax.solve import begin, make_problem, solution
 from wiperjax.solve import run as run_one
 
-from ..interface import Answer
-from ..scenes import Scene, blade_fields
+from ..harness.interface import Answer
+from ..scenes.scene import Scene, blade_fields
 
 LOG = 1024  # events kept of a trajectory
 RTOL = {  # of its workload, for the same accuracy in double precision

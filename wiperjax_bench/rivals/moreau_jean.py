@@ -25,9 +25,9 @@ import numpy as np
 
 from wiperjax.system import AbstractSystem
 
-from ..batching import absent, arrays, at_samples, over_cells
-from ..interface import Answer
-from ..scenes import Scene
+from ..harness.batching import absent, arrays, at_samples, over_cells
+from ..harness.interface import Answer
+from ..scenes.scene import Scene
 
 ITERATIONS = 3  # of Newton's method on the smooth forces: the shoulder has a corner
 

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..batching import absent, arrays, over_cells
-from ..interface import Answer
-from ..scenes import Scene
+from ..harness.batching import absent, arrays, over_cells
+from ..harness.interface import Answer
+from ..scenes.scene import Scene
 from .penalty import SmoothContact, Smoothing, damping_ratio, vector_field
 
 

@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from ..interface import Answer
-from ..scenes import Scene
+from ..harness.interface import Answer
+from ..scenes.scene import Scene
 from .compiled import cells_of
 
 MOST_EVENTS, AT_ONCE = 20_000, 20

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..batching import at_samples
-from ..interface import Answer, NotForThisScene
-from ..scenes import Scene
+from ..harness.batching import at_samples
+from ..harness.interface import Answer, NotForThisScene
+from ..scenes.scene import Scene
 
 VARIABLE = "WIPERJAX_SICONOS_PYTHON"
 
@@ -74,7 +74,7 @@ class Siconos:
             request.append(dict(w=cell, belt=belt, start=scene.start[i].tolist(), **numbers))
         text = json.dumps(request)
         worker = subprocess.Popen(
-            [str(interpreter()), str(Path(__file__).parents[1] / "siconos_worker.py")],
+            [str(interpreter()), str(Path(__file__).with_name("siconos_worker.py"))],
             env=_plain(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -1,6 +1,7 @@
 """Steps of Tsit5 in slip and in flight, written out; dense output; the controller."""
 
 import math
+from typing import NamedTuple
 
 import diffrax
 
@@ -13,6 +14,71 @@ _LOWER = [[float(a) for a in row] for row in diffrax.Tsit5.tableau.a_lower]
 (A61, A62, A63, A64, A65), (B1, B2, B3, B4, B5, B6) = _LOWER[4:]
 C2, C3, C4, C5 = (float(c) for c in diffrax.Tsit5.tableau.c[:4])
 E1, E2, E3, E4, E5, E6, E7 = (float(e) for e in diffrax.Tsit5.tableau.b_error)
+
+
+class Slipping(NamedTuple):
+    """A point of a slip: its state, its rates and the normal force."""
+
+    x: float
+    phi: float
+    w: float  # slip speed
+    dx: float
+    dphi: float
+    dw: float
+    force: float
+
+
+class SlipStages(NamedTuple):
+    """Rates of x and w at the inner stages of a step."""
+
+    x2: float
+    x3: float
+    x4: float
+    x5: float
+    x6: float
+    w2: float
+    w3: float
+    w4: float
+    w5: float
+    w6: float
+
+
+class Flying(NamedTuple):
+    """A point of a flight: its state and its rates; x' is u and y' is vy."""
+
+    x: float
+    phi: float
+    y: float
+    u: float
+    vy: float
+    dphi: float
+    du: float
+    dvy: float
+
+
+class FlightStages(NamedTuple):
+    """Rates of x, y, u and vy at the inner stages of a step."""
+
+    x2: float
+    x3: float
+    x4: float
+    x5: float
+    x6: float
+    y2: float
+    y3: float
+    y4: float
+    y5: float
+    y6: float
+    u2: float
+    u3: float
+    u4: float
+    u5: float
+    u6: float
+    v2: float
+    v3: float
+    v4: float
+    v5: float
+    v6: float
 
 
 @inner
@@ -32,11 +98,9 @@ def weights(z):
 
 
 @inner
-def slip_step(p, g, kz, mz, sign, t, h, x, f, w, x1, f1, w1):
-    """Return the end of a Tsit5 step of slip, its rates and normal force, and the inner stages.
-
-    (x1, f1, w1) are the rates at the start.
-    """
+def slip_step(p, g, kz, mz, sign, t, h, start):
+    """Return the end of a Tsit5 step of slip from ``start`` (a `Slipping`), and its stages."""
+    x, f, w, x1, f1, w1, _ = start
     v, a = belt(g, t + C2 * h)
     d = A21 * h
     x2, f2, w2, _ = slip_rate(p, kz, mz, sign, x + d * x1, f + d * f1, w + d * w1, v, a)
@@ -70,12 +134,14 @@ def slip_step(p, g, kz, mz, sign, t, h, x, f, w, x1, f1, w1):
     fe = f + h * (B1 * f1 + B2 * f2 + B3 * f3 + B4 * f4 + B5 * f5 + B6 * f6)
     we = w + h * (B1 * w1 + B2 * w2 + B3 * w3 + B4 * w4 + B5 * w5 + B6 * w6)
     x7, f7, w7, n7 = slip_rate(p, kz, mz, sign, xe, fe, we, v, a)
-    return xe, fe, we, x7, f7, w7, n7, x2, x3, x4, x5, x6, w2, w3, w4, w5, w6
+    stages = SlipStages(x2, x3, x4, x5, x6, w2, w3, w4, w5, w6)
+    return Slipping(xe, fe, we, x7, f7, w7, n7), stages
 
 
 @inner
-def flight_step(p, kz, mz, h, x, f, y, u, v, f1, u1, v1):
-    """Return the end of a Tsit5 step of flight, its rates, and the inner stages (f, u, v; x, y)."""
+def flight_step(p, kz, mz, h, start):
+    """Return the end of a Tsit5 step of flight from ``start`` (a `Flying`), and its stages."""
+    x, f, y, u, v, f1, u1, v1 = start
     d = A21 * h
     x2, y2 = u + d * u1, v + d * v1
     f2, u2, v2 = flight_rate(p, kz, mz, x + d * u, f + d * f1, y + d * v, x2, y2)
@@ -111,10 +177,10 @@ def flight_step(p, kz, mz, h, x, f, y, u, v, f1, u1, v1):
     ue = u + h * (B1 * u1 + B2 * u2 + B3 * u3 + B4 * u4 + B5 * u5 + B6 * u6)
     ve = v + h * (B1 * v1 + B2 * v2 + B3 * v3 + B4 * v4 + B5 * v5 + B6 * v6)
     f7, u7, v7 = flight_rate(p, kz, mz, xe, fe, ye, ue, ve)
-    return (
-        xe, fe, ye, ue, ve, f7, u7, v7,
-        x2, x3, x4, x5, x6, y2, y3, y4, y5, y6, u2, u3, u4, u5, u6, v2, v3, v4, v5, v6,
-    )  # fmt: skip
+    stages = FlightStages(
+        x2, x3, x4, x5, x6, y2, y3, y4, y5, y6, u2, u3, u4, u5, u6, v2, v3, v4, v5, v6
+    )
+    return Flying(xe, fe, ye, ue, ve, f7, u7, v7), stages
 
 
 @inner

@@ -8,7 +8,7 @@ import numpy as np
 
 from wiperjax import Wiper
 
-from .scenes import Scene
+from ..scenes.scene import Scene
 
 _OPTIONAL = ("hinge_mass", "hinge_damping", "gravity")
 

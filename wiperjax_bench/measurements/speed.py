@@ -1,6 +1,6 @@
 """`wiperjax bench speed`: trajectories per second of the engine and its peers, and what they cost.
 
-The workload is `scenes.workload`: 0.1 s each, events and statistics on. Accuracy of every row is
+The workload is `families.workload`: 0.1 s each, events and statistics on. Accuracy of every row is
 that of its states and events at 20 ms, against the reference. Three parts: all methods in
 interleaved repeats, cost over the size of the batch, and what only fresh processes can tell. A
 finished part is kept in `<output>.parts/`, so a run that was stopped goes on where it was.
@@ -21,13 +21,15 @@ import diffrax
 import numpy as np
 import xarray as xr
 
-from . import errors, measure, scenes
-from .alone import Alone
-from .keep import Parts
-from .rivals.compiled import Compiled
-from .rivals.diffrax_phases import PerPhase
-from .rivals.engine import RTOL, Engine
-from .rivals.scipy_phases import Phases
+from ..harness import measure
+from ..harness.alone import Alone
+from ..harness.keep import Parts
+from ..rivals.compiled import Compiled
+from ..rivals.diffrax_phases import PerPhase
+from ..rivals.engine import RTOL, Engine
+from ..rivals.scipy_phases import Phases
+from ..scenes import families
+from . import errors, fresh
 
 RTOLS = (1e-5, 1e-6, 1e-7, 1e-8)  # of the peers: their cost is read off at the engine's error
 ACCURACY = 0.02  # s, at which accuracy is judged
@@ -41,7 +43,7 @@ class Numba(Compiled):
     """The scalar loop with statistics and without an event log, as the engine is run."""
 
     def prepare(self, scene, setting):
-        from .rivals.compiled import prepared
+        from ..rivals.compiled import prepared
 
         call = prepared(scene, setting, self.threads, mark=0.0)
         call.answer = super().prepare(scene, setting).answer  # type: ignore[attr-defined]
@@ -102,7 +104,7 @@ def run(
 
 def compare(cores: int, duration: float, trajectories: int, repeats: int, quick: bool, say):
     """Return the rows of the table: every method, timed in turns, with its errors."""
-    judged = scenes.workload(16 if quick else 512, ACCURACY)
+    judged = families.workload(16 if quick else 512, ACCURACY)
     true = errors.truth(judged)
     rows, calls = [], []
     for method, used in peers(cores):
@@ -117,7 +119,7 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
         cells = min(trajectories, enough)
         if not ours and method.cells > 64:
             cells = affordable(method, duration, trajectories)
-        scene = scenes.workload(cells * (used if quick and ours else 1), duration)
+        scene = families.workload(cells * (used if quick and ours else 1), duration)
         for rtol in (RTOL[method.variant],) if ours else RTOLS[1:2] if quick else RTOLS:
             try:
                 if ours and used == 1 < cores:
@@ -179,7 +181,7 @@ class _Kept:
 
 def engine_call(variant: tuple, cells: int, duration: float, rtol: float):
     """Return the engine's call on one core."""
-    return Engine(*variant).prepare(scenes.workload(cells, duration), rtol)
+    return Engine(*variant).prepare(families.workload(cells, duration), rtol)
 
 
 def timed(cost: measure.Cost, cells: int) -> dict[str, float]:
@@ -208,7 +210,7 @@ def effort(found) -> dict[str, float]:
 def affordable(method, duration: float, most: int) -> int:
     """Return how many trajectories one call of ``method`` takes in about `PATIENCE` seconds."""
     pilot = min(256, most)
-    call = method.prepare(scenes.workload(pilot, duration), 1e-6)
+    call = method.prepare(families.workload(pilot, duration), 1e-6)
     call()
     started = time.perf_counter()
     call()
@@ -222,7 +224,7 @@ def scaling(cores: int, duration: float, sizes: tuple[int, ...], repeats: int, s
         return {}
     method = Engine(*PLAINEST, cores=cores)
     calls = [
-        _Kept(method.prepare(scenes.workload(cells, duration), RTOL[PLAINEST])) for cells in sizes
+        _Kept(method.prepare(families.workload(cells, duration), RTOL[PLAINEST])) for cells in sizes
     ]
     for call in calls:
         call.call.warm()
@@ -268,7 +270,7 @@ def _fresh(what: str, cache: str | None) -> dict[str, float]:
     if cache is not None:
         environment["JAX_COMPILATION_CACHE_DIR"] = cache
         environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
-    command = [sys.executable, "-m", "wiperjax_bench.fresh", what]
+    command = [sys.executable, "-m", fresh.__name__, what]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command[1:])} failed: {done.stderr.strip()[-300:]}")

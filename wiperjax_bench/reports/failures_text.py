@@ -1,12 +1,11 @@
-"""The texts under the failure chart and the stability limits, from their data."""
-
-import json
+"""The text under the failure chart, from its data."""
 
 import numpy as np
 import xarray as xr
 
-from .failures import STILL, TOLERANCE, Outcome, loosest
-from .failures_plot import WORDS, duration
+from ..measurements.failures import STILL, TOLERANCE, Outcome, loosest
+from .failures_plot import WORDS
+from .words import duration, versions
 
 LEVEL = 0.6  # an error that is still above this share of the one before has stopped falling
 # what is known of a method that levels off on a scene: (part of its name, scene, reason)
@@ -44,7 +43,7 @@ def failures_text(dataset: xr.Dataset, picture: str) -> str:
         f"One core of {dataset.attrs['machine']}, {dataset.attrs['created']}, load average "
         f"{float(dataset.attrs['load_average']):.1f} at the end; wall time of a call over its "
         "cells, of the engine its single solve. Four cells are few: the times are for orders of "
-        "magnitude, `wiperjax bench chart` is for ratios. " + _versions(dataset),
+        "magnitude, `wiperjax bench chart` is for ratios. " + versions(dataset),
         "",
     ]
     notes = _notes(dataset)
@@ -156,44 +155,3 @@ def _notes(dataset: xr.Dataset) -> list[str]:
             scenes = "all scenes" if len(where) == dataset.sizes["scene"] else ", ".join(where)
             out.append(f"- {name}, {scenes}: {text}")
     return out
-
-
-def _versions(dataset: xr.Dataset) -> str:
-    found = json.loads(dataset.attrs["versions"])
-    return "Versions: " + ", ".join(f"{k} {v}" for k, v in found.items()) + "."
-
-
-def limits_text(dataset: xr.Dataset, picture: str) -> str:
-    """Return Markdown: the picture, measured over theory, and how it was measured."""
-    lines = ["# Largest stable step", "", f"![step over stiffness]({picture})", ""]
-    lines += [
-        "Lines: theory, from the method's stability function and the eigenvalues of the motion. "
-        "Marks: measured, by bisection over fixed steps. Open marks at the top: no limit found up "
-        "to 100 times the fastest time constant. Kvaerno5's root search (diffrax's VeryChord) says "
-        "that it diverges once the disturbance is down to rounding: that is not counted as growth.",
-        "",
-        "| problem | method | measured over theory |",
-        "|---|---|---|",
-    ]
-    for problem in dataset.problem.values:
-        for method in dataset.solver.values:
-            theory = dataset.theory.sel(problem=problem, solver=method).values
-            measured = dataset.measured.sel(problem=problem, solver=method).values
-            if np.all(np.isnan(measured)):
-                continue
-            both = np.isfinite(theory) & np.isfinite(measured)
-            if both.any():
-                ratio = measured[both] / theory[both]
-                text = f"{ratio.min():.3f} to {ratio.max():.3f}"
-            else:
-                text = ""
-            unlimited = np.isinf(measured) & np.isinf(theory)
-            if unlimited.any():
-                text = f"{text} unlimited in both ({unlimited.sum()} points)".strip()
-            other = np.isinf(measured) != np.isinf(theory)
-            if other.any():
-                at = ", ".join(f"{x:.0e}" for x in measured[other])
-                text += f"; theory unlimited, measured {at} s ({other.sum()} points)"
-            lines.append(f"| {problem} | {method} | {text} |")
-    lines += ["", f"{dataset.attrs['machine']}. " + _versions(dataset), ""]
-    return "\n".join(lines)

@@ -6,18 +6,14 @@ Three stiffnesses, each on a blade at rest that is disturbed a little:
 - **contact**: the tip rests on a penalty glass of a stiffness [N/m per m];
 - **spring**: the lip flies and swings on its neck, of a stiffness [N m/rad per m], damped.
 
-Theory: with lambda the eigenvalues of the motion's Jacobian there and R the method's stability
-function, the largest h with abs(R(h lambda)) <= 1 for all of them (E. Hairer and G. Wanner,
-Solving Ordinary Differential Equations II, Springer 1996, IV.2). Measured: the largest fixed step
-at which the disturbance does not grow, by bisection on the actual methods. Set-valued methods (the
-engine, Moreau-Jean) have neither of the first two stiffnesses: they are measured on the same blade.
+Theory is that of `stability_theory`. Measured: the largest fixed step at which the disturbance does
+not grow, by bisection on the actual methods. Set-valued methods (the engine, Moreau-Jean) have
+neither of the first two stiffnesses: they are measured on the same blade.
 """
 
-import dataclasses
 import json
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import diffrax
 import jax
@@ -28,66 +24,21 @@ import xarray as xr
 import wiperjax
 from wiperjax import SteadyBelt, Wiper
 
-from .measure import machine, versions
-from .rivals import moreau_jean
-from .rivals.penalty import SmoothContact, damping_ratio
-from .rivals.regularised import scaled_field
+from ..harness.measure import machine, versions
+from ..rivals import moreau_jean
+from ..rivals.penalty import SmoothContact, damping_ratio
+from ..rivals.regularised import scaled_field
+from ..scenes.scene import at_limit
+from .stability_theory import RANGE, stability_function, theoretical, theta_function
 
 STEPS = 2000  # of a trial; a disturbance outside the region grows by far more than GROWTH in them
 DISTURBANCE, GROWTH = 1e-6, 10.0  # small: stages of an unstable step reach much farther
-RANGE = 100.0  # a step this many times 1/|lambda| that is stable is called unlimited
 EXPLICIT = {
     "Bosh3": diffrax.Bosh3,
     "Tsit5": diffrax.Tsit5,
     "Dopri5": diffrax.Dopri5,
     "Dopri8": diffrax.Dopri8,
 }
-
-
-# ---- theory --------------------------------------------------------------------------------------
-
-
-def stability_function(solver) -> Callable[[complex], Any]:
-    """Return R(z) = 1 + z b^T (I - z A)^-1 1 of a diffrax Runge-Kutta solver, from its tableau."""
-    tableau = solver.tableau
-    stages = len(tableau.b_sol)
-    a = np.zeros((stages, stages))
-    for i, row in enumerate(tableau.a_lower):
-        a[i + 1, : len(row)] = row
-    if tableau.a_diagonal is not None:
-        a += np.diag(tableau.a_diagonal)
-    b, one = np.asarray(tableau.b_sol), np.ones(stages)
-    return lambda z: 1 + z * (b @ np.linalg.solve(np.eye(stages) - z * a, one))
-
-
-def theta_function(theta: float) -> Callable[[complex], Any]:
-    """Return R(z) of the theta rule, which Moreau-Jean time-stepping applies to smooth forces."""
-    return lambda z: (1 + (1 - theta) * z) / (1 - theta * z)
-
-
-def largest_radius(stability: Callable[[complex], Any], angle: float) -> float:
-    """Return the largest r with |R(s e^(i angle))| <= 1 for all s <= r; inf past `RANGE`."""
-    ray = np.exp(1j * angle)
-    radii = np.geomspace(1e-3, RANGE, 4000)
-    out = np.array([abs(stability(r * ray)) > 1 + 1e-12 for r in radii])
-    if not out.any():
-        return np.inf
-    first = int(np.argmax(out))
-    low, high = (radii[first - 1] if first else 0.0), radii[first]
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        outside = abs(stability(middle * ray)) > 1 + 1e-12
-        low, high = (low, middle) if outside else (middle, high)
-    return float(low)
-
-
-def theoretical(stability: Callable[[complex], Any], eigenvalues) -> float:
-    """Return the largest stable step [s] for the damped ones of ``eigenvalues`` [1/s]."""
-    damped = [x for x in eigenvalues if x.real < -1e-6 * np.abs(eigenvalues).max()]
-    return min(largest_radius(stability, float(np.angle(x))) / abs(x) for x in damped)
-
-
-# ---- measurement ---------------------------------------------------------------------------------
 
 
 def bisect(grows: Callable[[float], bool], eigenvalue: float, tries: int = 12) -> float:
@@ -173,14 +124,14 @@ def swinging_blade(stiffness: float) -> tuple[Wiper, float]:
         belt=SteadyBelt(0.0),
         support_stiffness=0.0,
         support_damping=0.0,
-        normal_load=1e-9,
         neck_stiffness=stiffness,
         shoulder_stiffness=stiffness,
     )
+    wiper = at_limit(wiper, normal_load=1e-9)
     inertia = wiper.tip_mass * wiper.lip_length**2
     natural = float(np.sqrt(stiffness / inertia))
     damped = 2 * 0.2 * natural * inertia
-    return dataclasses.replace(wiper, hinge_damping=damped), natural
+    return at_limit(wiper, hinge_damping=damped), natural
 
 
 @partial(jax.jit, static_argnames="solver")

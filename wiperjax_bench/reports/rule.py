@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from wiperjax import accuracy
 from wiperjax.scene import SOLVERS
 
 SCENES = ("squeal", "chatter", "reversal", "zeno", "batch")  # blades; grazing is no sweep's norm
 WRONG = 0.02  # share of cells with another sequence of events, at most
+OWN_TABLE = Path(accuracy.__file__).with_name("accuracy_table.json")  # what `sweep` reads
 
 
 def check(dataset: xr.Dataset) -> None:
@@ -74,7 +76,7 @@ def write(dataset: xr.Dataset, output: Path, clock: str = "wall") -> list[dict]:
     made = rows(dataset, clock)
     scenes = [s for s in SCENES if s in dataset.scene.values]
     head = {
-        "about": "work-precision of the engine, see wiperjax/accuracy.py",
+        "about": f"work-precision of the engine, see {accuracy.__name__}",
         "machine": dataset.attrs["machine"],
         "created": dataset.attrs["created"],
         "scenes": scenes,

@@ -1,11 +1,10 @@
 """The text under the chart, from the data: what it shows, first of all what it shows against us."""
 
-import json
-
 import numpy as np
 import xarray as xr
 
-from .compare import OURS, TARGETS, against_us, statements, table
+from ..harness.compare import OURS, TARGETS, against_us, statements, table
+from .words import versions
 
 
 def chart_text(dataset: xr.Dataset, picture: str, clock: str = "wall", events: str = "") -> str:
@@ -21,7 +20,6 @@ def chart_text(dataset: xr.Dataset, picture: str, clock: str = "wall", events: s
             if note:
                 notes.append(f"{method}, {scene}: {note}")
     errors = ", ".join(f"{e:.0e}" for e in TARGETS)
-    versions = json.loads(dataset.attrs["versions"])
     low, middle, high = spread(dataset)
     return "\n".join(
         [
@@ -69,9 +67,7 @@ def chart_text(dataset: xr.Dataset, picture: str, clock: str = "wall", events: s
             f"{dataset.attrs['repeats']} interleaved repeats, the first of which is the call that "
             "tried the setting; compilation apart. Spread of the "
             f"wall time (10th to 90th percentile over the median): {middle:.1%} in the median of "
-            f"all points, {low:.1%} to {high:.1%} in 80 % of them. Versions: "
-            + ", ".join(f"{k} {v}" for k, v in versions.items())
-            + ".",
+            f"all points, {low:.1%} to {high:.1%} in 80 % of them. {versions(dataset)}",
             "",
             "A cell is judged up to its horizon (the time at which 1e-10 has grown to 1e-6); the "
             f"reference is {dataset.attrs['reference']}. What confirms it: "

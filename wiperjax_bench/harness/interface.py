@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from .scenes import Scene
+from ..scenes.scene import Scene
 
 
 class Answer(NamedTuple):

@@ -16,10 +16,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from . import errors, exact, measure, rivals, scenes
-from .interface import Answer, NotForThisScene, Rival
-from .keep import Parts
-from .scenes import Scene
+from .. import rivals
+from ..harness import measure
+from ..harness.interface import NotForThisScene, Rival
+from ..harness.keep import Parts
+from ..scenes import families
+from ..scenes.scene import Scene
+from . import confirm, errors
 
 JUDGED = 128  # cells whose motion is compared
 BATCH = 4096  # cells of the random batch
@@ -65,10 +68,10 @@ def run(
     ``quick``: two scenes, few settings, few cells (under two minutes). ``only_scenes``, ``methods``
     (parts of names): a part of it. Raises ValueError for names that do not exist.
     """
-    names = list(only_scenes or (("squeal", "block") if quick else scenes.ALL))
+    names = list(only_scenes or (("squeal", "block") if quick else families.ALL))
     for name in names:
-        if name not in scenes.ALL:
-            raise ValueError(f"scene must be one of {', '.join(scenes.ALL)}, but was {name!r}")
+        if name not in families.ALL:
+            raise ValueError(f"scene must be one of {', '.join(families.ALL)}, but was {name!r}")
     chosen = select(methods, quick)
     if not chosen:
         raise ValueError(f"no method has {methods} in its name")
@@ -89,7 +92,7 @@ def run(
         "repeats": repeats,
         "cores": 1,
         "reference": "the numba scalar loop at rtol 1e-12",
-        "second": f"{SECOND[quick]} (block: the exact answer)",
+        "second": f"{confirm.SECOND[quick]} (block: the exact answer)",
     }
     dataset.to_netcdf(output, engine="h5netcdf")
     parts.clear()
@@ -98,13 +101,13 @@ def run(
 
 def measure_scene(name: str, chosen: list[Rival], quick: bool, repeats: int, say) -> dict[str, Any]:
     """Return the measurements of one scene as plain numbers."""
-    cells = 1024 if quick else BATCH if name == "batch" else scenes.CELLS
+    cells = 1024 if quick else BATCH if name == "batch" else families.CELLS
     judged = 16 if quick else JUDGED
-    scene: Scene = getattr(scenes, name)(cells)
+    scene: Scene = getattr(families, name)(cells)
     part = scene.head(judged)
     true = errors.truth(part)
     compiled = compile_ahead(chosen, scene, part)
-    second = confirm(part, true, quick)
+    second = confirm.errors_of_second(part, true, quick)
     say(
         f"{name}: {cells} cells, horizon {np.median(true.horizon):g} of {scene.duration:g} s, "
         f"reference confirmed to {second.state_p90:.1e}, other events in {second.wrong:.0%}"
@@ -212,39 +215,6 @@ def try_method(method: Rival, scene: Scene, part: Scene, true: errors.Truth, qui
             note = f"finer settings left out: {setting:.0e} took {spent:.0f} s"
             break
     return rows, calls, note
-
-
-SECOND = ("engine Dopri8 at rtol 1e-10", "scipy DOP853 at rtol 1e-11")  # in full, and quick
-
-
-def confirm(scene: Scene, true: errors.Truth, quick: bool) -> errors.Errors:
-    """Return the errors of a second method at high accuracy: what the reference is worth.
-
-    For the block that is its exact answer, else `SECOND`: the engine's is compiled already if it is
-    among the methods.
-    """
-    if scene.name == "block":
-        return errors.judge(scene, true, exact_block(scene))
-    if quick:  # compiles nothing
-        from .rivals.scipy_phases import Phases
-
-        return errors.judge(scene, true, Phases("DOP853").prepare(scene.head(2), 1e-11)())
-    import diffrax
-
-    from .rivals.engine import Engine
-
-    answer = Engine(diffrax.Dopri8).prepare(scene, 1e-10).answer()  # type: ignore
-    return errors.judge(scene, true, answer)
-
-
-def exact_block(scene: Scene) -> Answer:
-    """Return the closed form of `scenes.block` as an answer."""
-    speeds = scene.parameters()["belt_speed"]
-    found = [exact.block(scenes.BLOCK_START, v, 0.5, scene.sample_times) for v in speeds]
-    x, v, times, kinds = zip(*found, strict=True)
-    along = lambda rows: np.stack([np.stack(rows), np.zeros((len(rows), len(rows[0])))], axis=-1)
-    zero = np.zeros(scene.cells)
-    return Answer(scene.sample_times, along(x), along(v), list(times), list(kinds), zero > 0, zero)
 
 
 def assemble(tables: list[dict], chosen: list[Rival]) -> xr.Dataset:

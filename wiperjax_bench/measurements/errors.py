@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .interface import Answer
-from .rivals import compiled
-from .scenes import Scene
+from ..harness.interface import Answer
+from ..rivals import compiled
+from ..scenes.scene import Scene
 
 REFERENCE_RTOL = 1e-12
 MOVED, GROWTH = 1e-10, 1e4

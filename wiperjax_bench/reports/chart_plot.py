@@ -9,7 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from .compare import against_us
+from ..harness.compare import against_us
+from . import words
 
 # Okabe and Ito's colours, told apart by the colour-blind; the engine's are the strong ones
 STYLES = {
@@ -164,10 +165,7 @@ def save(dataset: xr.Dataset, stem: Path, clock: str = "wall") -> list[Path]:
         ("_events", events, (".png",)),
         ("_short", short(dataset, clock), (".png", ".svg")),
     ):
-        for suffix in suffixes:
-            file = stem.with_name(f"{stem.name}{end}{suffix}")
-            figure.savefig(file, dpi=120, metadata={"Date": None} if suffix == ".svg" else None)
-            files.append(file)
+        files += words.save(figure, stem.with_name(f"{stem.name}{end}.png"), suffixes)
         plt.close(figure)
     return files
 

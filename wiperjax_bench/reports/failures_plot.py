@@ -5,7 +5,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.patches import Rectangle
 
-from .failures import Outcome, loosest
+from ..measurements.failures import Outcome, loosest
+from .words import duration
 
 # Okabe and Ito's colours, and a sign each: the chart reads without colour too
 COLOURS = {
@@ -109,11 +110,3 @@ def _caption(dataset: xr.Dataset, first: np.ndarray, i: int, j: int) -> str:
         return f"right at {right} of {ran}" if right else "never right"
     setting, seconds = dataset.setting.values[i, j, level], dataset.seconds.values[i, j, level]
     return f"{setting:.0e}: {duration(seconds)}"
-
-
-def duration(seconds: float) -> str:
-    """Return a time with a unit that suits it."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds / 1e-6:.3g} \u00b5s"

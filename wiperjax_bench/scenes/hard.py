@@ -4,7 +4,6 @@ Every family moves far enough that a missed or invented event shows in the posit
 code confirms the reference of each (`tests/test_bench_failures.py`).
 """
 
-import dataclasses
 import math
 from collections.abc import Callable
 
@@ -12,7 +11,8 @@ import numpy as np
 
 from wiperjax import SteadyBelt, Wiper
 
-from .scenes import GRAZE_SPEED, LENGTH, TURN_SPEED, Scene, turning
+from .families import GRAZE_SPEED, LENGTH, TURN_SPEED, turning
+from .scene import Scene, at_limit
 
 CELLS = 4
 SAMPLES = 60
@@ -105,11 +105,9 @@ def large_step() -> Scene:
         belt=SteadyBelt(0.3),
         support_stiffness=0.0,
         support_damping=0.0,
-        neck_stiffness=1e-9,
-        shoulder_stiffness=1e-9,
-        normal_load=1e-6,
         gravity=-pull,
     )
+    wiper = at_limit(wiper, neck_stiffness=1e-9, shoulder_stiffness=1e-9, normal_load=1e-6)
     start = _at(0.0, upward=fall)
     start[:, 1] = fall**2 / (2 * pull) - depth
     return _scene("large step", "a dip through the glass in free fall", wiper, start, 0.02, 0.5)
@@ -127,10 +125,3 @@ SCENES: dict[str, Callable[[], Scene]] = {
         large_step,
     )
 }
-
-
-def shortened(scene: Scene, share: float) -> Scene:
-    """Return the first part of a scene, with the same number of samples."""
-    return dataclasses.replace(
-        scene, duration=share * scene.duration, sample_times=share * scene.sample_times
-    )

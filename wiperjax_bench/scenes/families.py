@@ -4,69 +4,20 @@ A family, not one blade: the engine is a batch engine, and one blade can be righ
 cell of a family is the scene as named; the others differ by a percent or so (fixed seed).
 """
 
-import dataclasses
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
 from wiperjax import SteadyBelt, TrapezoidBelt, Wiper
-from wiperjax.wiper import ENGINE_FIELDS
+
+from .scene import Scene, at_limit
 
 LENGTH = 6e-3  # m, the reference lip
 TURN_SPEED = 0.8  # m/s, of the belt that turns
 SAMPLES = 20
 CELLS = 4096  # the engine takes 8 cases a lane at least: fewer would leave lanes out
-
-
-@dataclass(frozen=True)
-class Scene:
-    """Cells of one motion: blades, starts and times. SI units, radians."""
-
-    name: str
-    about: str  # one line
-    wiper: Wiper  # float64 leaves, () where all cells agree, else (cells,)
-    start: np.ndarray  # (cells, 4): x, y, x', y' at t = 0
-    duration: float  # s
-    sample_times: np.ndarray  # (samples,) s, increasing, in (0, duration]
-    scales: tuple  # (m, m/s), () or (cells,): absolute tolerances are rtol times these
-
-    @property
-    def cells(self) -> int:
-        """Number of trajectories."""
-        return len(self.start)
-
-    def head(self, cells: int) -> "Scene":
-        """Return the scene of its first ``cells`` cells."""
-        if cells >= self.cells:
-            return self
-        part = lambda x: x[:cells] if isinstance(x, np.ndarray) and x.ndim else x
-        belt = dataclasses.replace(self.wiper.belt, **_fields(self.wiper.belt, part))
-        blade = {name: part(value) for name, value in blade_fields(self.wiper).items()}
-        wiper = dataclasses.replace(self.wiper, belt=belt, **blade)
-        scales = tuple(part(s) for s in self.scales)
-        return dataclasses.replace(self, wiper=wiper, start=self.start[:cells], scales=scales)
-
-    def parameters(self) -> dict[str, np.ndarray]:
-        """Return name -> (cells,) of every parameter of blade and belt (``belt_`` in front)."""
-        full = lambda x: np.broadcast_to(np.asarray(x, float), (self.cells,)).copy()
-        blade = {name: full(value) for name, value in blade_fields(self.wiper).items()}
-        belt = _fields(self.wiper.belt, full)
-        return blade | {f"belt_{name}": value for name, value in belt.items()}
-
-
-def blade_fields(wiper: Wiper) -> dict:
-    """Return the physical parameters of a wiper, without the belt and the engine's own fields."""
-    engine = ("belt", *ENGINE_FIELDS)
-    names = [f.name for f in dataclasses.fields(wiper) if f.name not in engine]  # type: ignore
-    return {name: getattr(wiper, name) for name in names}
-
-
-def _fields(module, change: Callable) -> dict:
-    return {f.name: change(getattr(module, f.name)) for f in dataclasses.fields(module)}
 
 
 def _times(duration: float) -> np.ndarray:
@@ -201,16 +152,19 @@ def block(cells: int = CELLS) -> Scene:
     stiffness = (1.0 + load / BLOCK_LENGTH) * BLOCK_LENGTH**2
     wiper = Wiper(
         belt=_steady(_spread(rng, cells, 0.5)),
-        tip_mass=1.0,
-        lip_length=BLOCK_LENGTH,
         support_stiffness=0.0,
         support_damping=0.0,
-        neck_stiffness=stiffness,
-        shoulder_stiffness=stiffness,
         normal_load=load,
         mu_static=0.5,
         mu_minimum=0.5,
         viscous_slope=0.0,
+    )
+    wiper = at_limit(
+        wiper,
+        tip_mass=1.0,
+        lip_length=BLOCK_LENGTH,
+        neck_stiffness=stiffness,
+        shoulder_stiffness=stiffness,
     )
     start = np.tile([BLOCK_START, 0.0, 0.0, 0.0], (cells, 1))
     return Scene(

@@ -1,4 +1,7 @@
-"""What only a process of its own can tell: ``python -m wiperjax_bench.fresh compile|memory``."""
+"""What only a process of its own can tell.
+
+``python -m wiperjax_bench.measurements.fresh compile|memory`` prints it as JSON.
+"""
 
 import json
 import sys
@@ -43,8 +46,8 @@ def memory(count: int = 1_000_000) -> dict[str, float]:
 
     from wiperjax.memory import peak_memory
 
-    from .rivals.engine import Engine
-    from .scenes import workload
+    from ..rivals.engine import Engine
+    from ..scenes.families import workload
 
     Engine(diffrax.Tsit5).prepare(workload(count, 1e-5), 1e-6)()
     return {"memory_gib": peak_memory() / 2**30}

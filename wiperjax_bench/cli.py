@@ -1,4 +1,8 @@
-"""`wiperjax bench`: the measurements of `wiperjax_bench`, which nothing else here imports."""
+"""`wiperjax bench`: files out and short tables; what is measured stands in `measurements`.
+
+`wiperjax` finds ``app`` by an entry point. What is heavy is imported inside the commands, after
+`configure`, as in `wiperjax.cli`: `--help` stays fast, and the settings of XLA precede jax.
+"""
 
 import importlib.util
 from pathlib import Path
@@ -6,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from .options import configure
+from wiperjax.cli.options import configure
 
 app = typer.Typer(help="Measure speed and accuracy beside other methods (needs numba).")
 
@@ -46,12 +50,13 @@ def chart(
     if clock not in ("wall", "cpu"):
         raise ValueError(f"clock must be wall or cpu, but was {clock!r}")
     _begin(output, 1)
-    from wiperjax_bench import chart, pictures, report
+    from .measurements import chart
+    from .reports import chart_plot, chart_text
 
     dataset = chart.run(output, quick=quick, only_scenes=scene, methods=method, repeats=repeats)
-    files = pictures.save(dataset, output.with_suffix(""), clock)
+    files = chart_plot.save(dataset, output.with_suffix(""), clock)
     text = output.with_suffix(".md")
-    text.write_text(report.chart_text(dataset, files[0].name, clock, files[2].name))
+    text.write_text(chart_text.chart_text(dataset, files[0].name, clock, files[2].name))
     print(f"dataset  {output}\npicture  {', '.join(map(str, files))}\ntext     {text}")
 
 
@@ -69,19 +74,20 @@ def failures(
     A run that was stopped goes on where it was.
     """
     _begin(output, 1)
-    from wiperjax_bench import failures, failures_plot, failures_report
-    from wiperjax_bench.keep import Parts
+    from .harness.keep import Parts
+    from .measurements import failures
+    from .reports import failures_plot, failures_text
+    from .reports.words import save
 
     parts = Parts(output, {"quick": quick})
     dataset = failures.run(quick, method, print, parts)
     dataset.to_netcdf(output, engine="h5netcdf")
     parts.clear()
-    pictures = _save(failures_plot.draw(dataset), output)
-    beside = output.with_stem(output.stem + "_short")
-    pictures += ", " + _save(failures_plot.short(dataset), beside)
+    pictures = save(failures_plot.draw(dataset), output)
+    pictures += save(failures_plot.short(dataset), output.with_stem(output.stem + "_short"))
     text = output.with_suffix(".md")
-    text.write_text(failures_report.failures_text(dataset, output.with_suffix(".png").name))
-    print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
+    text.write_text(failures_text.failures_text(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {', '.join(map(str, pictures))}\ntext     {text}")
 
 
 @app.command()
@@ -92,15 +98,17 @@ def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     A run that was stopped goes on where it was.
     """
     _begin(output, 1)
-    from wiperjax_bench import failures_report, limits_plot, stability_limits
+    from .measurements import stability_limits
+    from .reports import limits_plot, limits_text
+    from .reports.words import save
 
     only = ("Tsit5", "Moreau-Jean") if quick else ("",)
     dataset = stability_limits.measure(1 if quick else None, print, only)
     dataset.to_netcdf(output, engine="h5netcdf")
-    pictures = _save(limits_plot.draw(dataset), output)
+    pictures = save(limits_plot.draw(dataset), output)
     text = output.with_suffix(".md")
-    text.write_text(failures_report.limits_text(dataset, output.with_suffix(".png").name))
-    print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
+    text.write_text(limits_text.limits_text(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {', '.join(map(str, pictures))}\ntext     {text}")
 
 
 @app.command()
@@ -110,21 +118,15 @@ def smoothing(output: Output = Path("smoothing.h5"), quick: Quick = False) -> No
     Writes the dataset, its picture (.png, .svg) and the text under it (.md).
     """
     _begin(output, 1)
-    from wiperjax_bench import smoothing
+    from .measurements import smoothing
+    from .reports import smoothing_page
+    from .reports.words import save
 
     dataset = smoothing.run(output, quick=quick)
-    pictures = _save(smoothing.draw(dataset), output)
+    pictures = save(smoothing_page.draw(dataset), output)
     text = output.with_suffix(".md")
-    text.write_text(smoothing.text(dataset, output.with_suffix(".png").name))
-    print(f"dataset  {output}\npicture  {pictures}\ntext     {text}")
-
-
-def _save(figure, output: Path) -> str:
-    """Write a figure beside ``output`` as .png and .svg, and return their names."""
-    files = [output.with_suffix(end) for end in (".png", ".svg")]
-    for file in files:
-        figure.savefig(file, dpi=120, metadata={"Date": None} if file.suffix == ".svg" else None)
-    return ", ".join(map(str, files))
+    text.write_text(smoothing_page.text(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {', '.join(map(str, pictures))}\ntext     {text}")
 
 
 @app.command()
@@ -141,10 +143,11 @@ def speed(
     the precision of every variant. A run that was stopped goes on where it was.
     """
     _begin(output, None)
-    from wiperjax_bench import speed, speed_report
+    from .measurements import speed
+    from .reports import speed_text
 
     dataset = speed.run(output, quick=quick, trajectories=trajectories, repeats=repeats)
-    text = speed_report.text(dataset, output.parent)
+    text = speed_text.text(dataset, output.parent)
     output.with_suffix(".md").write_text(text)
     print(text)
 
@@ -165,9 +168,10 @@ def profile(
         if name not in ("float64", "float32"):
             raise ValueError(f"precision must be float64 or float32, but was {name!r}")
     _begin(output, 1, (".md", ".txt"))
-    from wiperjax_bench import profile
+    from .measurements import profile
+    from .reports import profile_text
 
-    text = "\n".join(profile.run(name, quick) for name in wanted)
+    text = "\n".join(profile_text.text(profile.run(name, quick)) for name in wanted)
     output.write_text(text)
     print(text)
 
@@ -183,10 +187,9 @@ def rule(
     """Make the table behind `sweep --target-error` from a chart."""
     import xarray as xr
 
-    import wiperjax
-    from wiperjax_bench import rule
+    from .reports import rule
 
-    target = output or Path(wiperjax.__file__).with_name("accuracy_table.json")
+    target = output or rule.OWN_TABLE
     if not file.is_file():
         raise ValueError(f"{file}: does not exist (`wiperjax bench chart` makes it)")
     with xr.open_dataset(file, engine="h5netcdf") as dataset:
@@ -212,9 +215,10 @@ def maps(
     Writes the dataset and its text (.md). A run that was stopped goes on where it was.
     """
     _begin(output, None)
-    from wiperjax_bench import maps
+    from .measurements import maps
+    from .reports import maps_text
 
-    text = maps.text(maps.run(output, quick=quick, count=cells))
+    text = maps_text.text(maps.run(output, quick=quick, count=cells))
     output.with_suffix(".md").write_text(text)
     print(text)
 

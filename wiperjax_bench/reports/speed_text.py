@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from .compare import cost_at
+from ..harness.compare import cost_at
 
 ASKED = {  # ratio: (at least, goal)
     "numba float64": (3.0, 5.0),

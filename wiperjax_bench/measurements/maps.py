@@ -19,10 +19,11 @@ from wiperjax.scene import build_wiper
 from wiperjax.spec import parse_sweep
 from wiperjax.work import evaluate_block
 
-from . import measure, scenes
-from .keep import Parts
-from .rivals import compiled
-from .scalar import statistics
+from ..harness import measure
+from ..harness.keep import Parts
+from ..rivals import compiled
+from ..scalar import statistics
+from ..scenes import families
 
 SWEEP = {  # sweeps/reference.toml
     "axes": {
@@ -56,7 +57,7 @@ def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = 
     run = spec.run
     end = run.transient + run.window
     speed = full(wiper.belt.peak)
-    scene = scenes.Scene("map", "", wiper, start, end, np.array([end]), (scenes.LENGTH, speed))
+    scene = families.Scene("map", "", wiper, start, end, np.array([end]), (families.LENGTH, speed))
     samples = finer * spec.samples
     r = compiled.run(
         scene, spec.rtol, threads=None, mark=run.transient, samples=samples, window=run.window
@@ -159,46 +160,3 @@ def run(output: Path, *, quick: bool = False, count: int = 2048, seed: int = 5, 
     dataset.to_netcdf(output, engine="h5netcdf")
     parts.clear()
     return dataset
-
-
-SHORT = dict(zip(COMPARED, ("stick fraction", "slip fraction", "flight fraction", "rms velocity",
-                 "mean force", "greatest force", "frequency"), strict=True))  # fmt: skip
-
-
-def text(dataset: xr.Dataset) -> str:
-    """Return the table as Markdown."""
-    lines = [
-        "# Classes of a map, and its variables, by setting",
-        "",
-        f"{dataset.attrs['cells']} random cells of the reference sweep, 0.8 s each. On "
-        f"{dataset.attrs['undecided']:.2%} of them the two references "
-        f"({dataset.attrs['references']}) give different classes (chaos, or an edge between "
-        "classes); all columns but the first share leave those out. The first reference is what "
-        "errors are taken against: 90th percentile over "
-        "the cells, relative to the variable's 90th percentile.",
-        "",
-        "| code | solver | precision | rtol | class differs | of decided cells | failed | "
-        + " | ".join(SHORT.values())
-        + " | trial steps |",
-        "|---" * (8 + len(SHORT)) + "|",
-    ]
-    for i in range(dataset.sizes["row"]):
-        r = {k: v.item() for k, v in dataset.isel(row=i).items()}
-        errors = " | ".join(f"{r[f'{name}_p90']:.1e}" for name in COMPARED)
-        lines.append(
-            f"| {r['code']} | {r['solver']} | {r['precision']} | {r['rtol']:.0e} | "
-            f"{r['wrong']:.2%} | {r['wrong_settled']:.2%} | {r['failed']:.2%} | {errors} | "
-            f"{r['steps']:.0f} |"
-        )
-    versions = json.loads(dataset.attrs["versions"])
-    return "\n".join(
-        [
-            *lines,
-            "",
-            f"{dataset.attrs['machine']}, {dataset.attrs['created']}, load average "
-            f"{dataset.attrs['load']:.1f} at the end. Versions: "
-            + ", ".join(f"{k} {v}" for k, v in versions.items())
-            + ".",
-            "",
-        ]
-    )

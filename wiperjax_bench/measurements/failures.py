@@ -23,13 +23,13 @@ import xarray as xr
 
 import wiperjax
 
-from .batching import arrays, over_cells
-from .hard_scenes import SCENES
-from .interface import Answer, NotForThisScene, Rival
-from .keep import Parts
-from .measure import load, machine, versions
-from .rivals import every
-from .scenes import Scene
+from ..harness.batching import arrays, over_cells
+from ..harness.interface import Answer, NotForThisScene, Rival
+from ..harness.keep import Parts
+from ..harness.measure import load, machine, versions
+from ..rivals import every
+from ..scenes.hard import SCENES
+from ..scenes.scene import Scene
 
 TOLERANCE = 0.01
 STILL = 0.05  # least range of a coordinate, as a share of the other's
