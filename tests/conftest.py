@@ -28,8 +28,8 @@ def pytest_collection_modifyitems(items):
 @pytest.fixture(scope="session")
 def squeal():
     """Run of the scene that squeals: 0.2 s, stick-slip at 780.8 Hz."""
-    from wiperjax import scene
-    from wiperjax.spec import load_scene
+    from wiperjax.runs import scene
+    from wiperjax.specs.load import load_scene
 
     return scene.run(load_scene(Path(__file__).parents[1] / "sweeps" / "scenes" / "squeal.toml"))
 

@@ -7,8 +7,9 @@ import xarray as xr
 
 from wiperjax import sound
 from wiperjax.cli import main
-from wiperjax.spectrum import dominant_frequency
-from wiperjax.storage import StoreError, write_dataset
+from wiperjax.machine.files import StoreError
+from wiperjax.noise.spectrum import dominant_frequency
+from wiperjax.store.whole import write_dataset
 
 
 def tone(frequency, amplitude=0.5, seconds=0.2, step=2e-5, mean=0.3) -> xr.Dataset:

@@ -8,25 +8,25 @@ import jax as _jax
 
 _jax.config.update("jax_enable_x64", True)
 
-from .belts import SteadyBelt as SteadyBelt  # noqa: E402
-from .belts import TrapezoidBelt as TrapezoidBelt  # noqa: E402
-from .belts import WipingBelt as WipingBelt  # noqa: E402
-from .driver import run as sweep  # noqa: E402, F401
-from .friction import AbstractFriction as AbstractFriction  # noqa: E402
-from .friction import Coulomb as Coulomb  # noqa: E402
-from .friction import Stribeck as Stribeck  # noqa: E402
-from .launch import configure as configure  # noqa: E402
-from .observers import RegimeTotals as RegimeTotals  # noqa: E402
-from .results import Event as Event  # noqa: E402
-from .results import Regime as Regime  # noqa: E402
-from .results import Result as Result  # noqa: E402
-from .solve import solve as solve  # noqa: E402
-from .spec import load_scene as load_scene  # noqa: E402
-from .spec import load_sweep as load_sweep  # noqa: E402
-from .storage import open_map as open_map  # noqa: E402
-from .system import AbstractSystem as AbstractSystem  # noqa: E402
-from .trajectory import simulate as simulate  # noqa: E402
-from .verification import verify as verify  # noqa: E402
-from .wiper import Wiper as Wiper  # noqa: E402
+from .blade.belts import SteadyBelt as SteadyBelt  # noqa: E402
+from .blade.belts import TrapezoidBelt as TrapezoidBelt  # noqa: E402
+from .blade.belts import WipingBelt as WipingBelt  # noqa: E402
+from .blade.wiper import Wiper as Wiper  # noqa: E402
+from .contact.friction import AbstractFriction as AbstractFriction  # noqa: E402
+from .contact.friction import Coulomb as Coulomb  # noqa: E402
+from .contact.friction import Stribeck as Stribeck  # noqa: E402
+from .contact.system import AbstractSystem as AbstractSystem  # noqa: E402
+from .engine.observers.totals import RegimeTotals as RegimeTotals  # noqa: E402
+from .engine.solve import solve as solve  # noqa: E402
+from .machine.jax_settings import configure as configure  # noqa: E402
+from .maps.driver import run as sweep  # noqa: E402, F401
+from .maps.verify import verify as verify  # noqa: E402
+from .runs.simulate import simulate as simulate  # noqa: E402
+from .specs.load import load_scene as load_scene  # noqa: E402
+from .specs.load import load_sweep as load_sweep  # noqa: E402
+from .store.whole import open_map as open_map  # noqa: E402
+from .vocabulary.codes import Event as Event  # noqa: E402
+from .vocabulary.codes import Regime as Regime  # noqa: E402
+from .vocabulary.codes import Result as Result  # noqa: E402
 
 __version__ = "0.1.0"

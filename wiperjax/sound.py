@@ -16,10 +16,18 @@ import scipy.io.wavfile
 import scipy.signal
 import xarray as xr
 
-from . import checks
-from .ranges import FINITE, POSITIVE, Range
-from .runs import between, is_run, is_steady, pitch, sample_interval, settled, signal
-from .storage import check_output, replacing
+from .datasets.run_dataset import (
+    between,
+    is_run,
+    is_steady,
+    pitch,
+    sample_interval,
+    settled,
+    signal,
+)
+from .machine.files import check_output, replacing
+from .vocabulary import checks
+from .vocabulary.ranges import FINITE, POSITIVE, Range
 
 RATE = 48_000  # Hz
 COARSEST = 1 / 8000  # s between samples: nothing above 4 kHz would be left

@@ -68,7 +68,7 @@ def sweep(
     ] = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
-    from wiperjax.spec import load_sweep
+    from ..specs.load import load_sweep
 
     begun = time.monotonic()
     if force and resume:
@@ -90,8 +90,8 @@ def sweep(
     embedded = scheduler is None and local_cluster is None
     if embedded:
         configure(workers)
-    from wiperjax.driver import run
-    from wiperjax.labels import class_table
+    from ..maps.driver import run
+    from ..noise.class_counts import class_table
 
     command = ["wiperjax", "sweep", str(file), "-o", str(output)]
     command += ["--sensitivities"] if sensitivities else []
@@ -105,7 +105,7 @@ def sweep(
     try:
         with contextlib.ExitStack() as stack:
             if not embedded:
-                from wiperjax.cluster import connect
+                from ..maps.cluster import connect
 
                 chosen["workers"] = stack.enter_context(connect(scheduler, local_cluster))
             dataset = run(
@@ -119,7 +119,7 @@ def sweep(
     print_events(dataset)
     print(f"map      {output}: {cost(output, begun)}")
     if drawing is not None:
-        from wiperjax.plots import plot_file
+        from ..plots import plot_file
 
         plot_file(output, drawing, picture=name, force=redraw)
         print(f"picture  {drawing}")
@@ -139,7 +139,7 @@ def check_map_and_picture(
 
     Raises: ValueError or StoreError if map or picture cannot be made where they are wanted.
     """
-    from wiperjax.blocks import BlockStore
+    from ..store.blocks import BlockStore
 
     redraw = force or (resume and BlockStore.may_replace(output))
     if not (resume and output.is_file()):  # else the driver looks whether it is this map
@@ -147,7 +147,7 @@ def check_map_and_picture(
     if drawing is None:
         return redraw
     if resume and not redraw and drawing.is_file():
-        from wiperjax.plots.files import subject_of
+        from ..plots.files import subject_of
 
         redraw = subject_of(drawing) == shows
     check_output(drawing, STILL_SUFFIXES, redraw, file)
@@ -156,7 +156,7 @@ def check_map_and_picture(
 
 def at_error(spec: Any, target: float, file: Path) -> Any:
     """Return the sweep with the settings that `accuracy.choose` picks; say which."""
-    from wiperjax.accuracy import choose
+    from ..maps.accuracy import choose
 
     for key in ("solver", "precision", "rtol", "atol"):
         if key in spec.run.model_fields_set:
@@ -181,14 +181,14 @@ def simulate(
     model: Model = None,
 ) -> None:
     """Compute one trajectory: samples over time and every event."""
-    from wiperjax.spec import load_scene
+    from ..specs.load import load_scene
 
     spec = load_scene(file, model)
     check_output(output, MAP_SUFFIXES, force, file)
 
     configure(1)
-    from wiperjax.scene import run
-    from wiperjax.storage import write_dataset
+    from ..runs.scene import run
+    from ..store.whole import write_dataset
 
     try:
         dataset = run(spec)
@@ -213,7 +213,7 @@ def follow(
     force: Force = False,
 ) -> None:
     """Follow the limit cycle of a scene over a parameter, stable and unstable."""
-    from wiperjax.spec import load_scene
+    from ..specs.load import load_scene
 
     spec = load_scene(file)
     picture = output.with_suffix(".png")
@@ -221,9 +221,9 @@ def follow(
     check_output(picture, PICTURE_SUFFIXES, force, file)
 
     configure(1)
-    from wiperjax.branch_run import run
-    from wiperjax.plots import plot_file
-    from wiperjax.storage import write_dataset
+    from ..cycles.branch.from_scene import run
+    from ..plots import plot_file
+    from ..store.whole import write_dataset
 
     branch = run(spec, over, low, high, step, simulate)
     write_dataset(branch, output, force)
@@ -241,14 +241,14 @@ def ladder(
     force: Force = False,
 ) -> None:
     """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
-    from wiperjax.spec import load_scene
+    from ..specs.load import load_scene
 
     for file in files:
         load_scene(file)  # wrong ones are named before any work
     if output is not None:
         check_output(output, (".md",), force, *files)
     configure(1)
-    from wiperjax.compare import compare, preface, summary, table
+    from ..runs.compare_rungs import compare, preface, summary, table
 
     results = []
     for file in files:
@@ -268,7 +268,7 @@ def verify(
     """Compute a random sample of the cells of a map again and compare."""
     check_input(file)
     configure(None)
-    from wiperjax.verification import verify as verify_map
+    from ..maps.verify import verify as verify_map
 
     report = verify_map(file, cells, seed)
     if report.passed:

@@ -25,7 +25,8 @@ Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")
 
 def check_input(path: Path) -> None:
     """Raises OSError or StoreError if `path` can be neither read nor is an unfinished sweep."""
-    from wiperjax.storage import StoreError, check_input, parts_of
+    from ..machine.files import StoreError, check_input
+    from ..store.manifest import parts_of
 
     if path.is_dir():
         return
@@ -41,7 +42,7 @@ def check_output(path: Path, suffixes: Sequence[str], force: bool, *sources: Pat
     """Raises ValueError or StoreError if `path` is no place for a new file made from `sources`."""
     if path.suffix not in suffixes:
         raise ValueError(f"{path}: must end in {' or '.join(suffixes)}")
-    from wiperjax.storage import check_output
+    from ..machine.files import check_output
 
     for source in sources:
         check_output(path, force, source)
@@ -63,6 +64,6 @@ def cuts(texts: Sequence[str] | None) -> dict[str, float] | None:
 
 def configure(cores: int | None) -> None:
     """Settings of XLA, which must precede the first `import jax`."""
-    from wiperjax.launch import configure
+    from ..machine.jax_settings import configure
 
     configure(cores=cores)

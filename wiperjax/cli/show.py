@@ -103,7 +103,7 @@ def plot(
         "at": cuts(at),
     }
     chosen = {name: value for name, value in options.items() if value is not None}
-    from wiperjax.plots import plot_all, plot_file
+    from ..plots import plot_all, plot_file
 
     if every:
         for path in plot_all(file, output, force=force, dpi=dpi, **chosen):
@@ -139,9 +139,10 @@ def listen(
 ) -> None:
     check_output(output, SOUND_SUFFIXES, force, file)
     check_input(file)
-    from wiperjax.runs import is_run
-    from wiperjax.sound import sound
-    from wiperjax.storage import StoreError, open_map
+    from ..datasets.run_dataset import is_run
+    from ..machine.files import StoreError
+    from ..sound import sound
+    from ..store.whole import open_map
 
     with open_map(file) as dataset:
         if not is_run(dataset):
@@ -171,8 +172,8 @@ def info(
     ],
 ) -> None:
     """Show what a file holds, how it was made, and the classes of a map."""
-    from wiperjax.labels import anatomy, class_table, unsettled, untold
-    from wiperjax.storage import open_map, sound
+    from ..noise.class_counts import anatomy, class_table, unsettled, untold
+    from ..store.whole import open_map, sound
 
     checked = sound(file)
     with open_map(file) as dataset:
@@ -202,7 +203,7 @@ def info(
         elif "belt_kind" in dataset.attrs:
             import numpy as np
 
-            from wiperjax.assess import assess, words
+            from ..noise.run_class import assess, words
 
             found = assess(dataset)
             for name, word in words(found).items():

@@ -12,8 +12,8 @@ def print_plan(spec: Any, cores: int) -> None:
     """Axes with their units, so that a wrong unit is seen before hours are spent on it; what it
     will take, and notes.
     """
-    from wiperjax.estimate import words
-    from wiperjax.parameters import PARAMETERS
+    from ..maps.estimate import words
+    from ..vocabulary.parameters import PARAMETERS
 
     for name, values in spec.axes_values().items():
         unit = PARAMETERS[name].edge_unit
@@ -37,7 +37,7 @@ def print_sensitivities(dataset: Any) -> None:
         return
     import numpy as np
 
-    from wiperjax.schema import flag_names
+    from ..vocabulary.cf import flag_names
 
     codes = dataset["sensitivity_code"]
     for code, name in flag_names(codes).items():
@@ -80,7 +80,7 @@ def print_special(branch: Any) -> None:
 
 def cost(output: Path, begun: float) -> str:
     """What a file took: its size, the time since `begun`, and the most memory of this process."""
-    from wiperjax.memory import peak_memory
+    from ..machine.memory import peak_memory
 
     elapsed = timedelta(seconds=round(time.monotonic() - begun))
     return (

@@ -6,23 +6,13 @@ there. Angles are degrees, positions millimetres. No jax here.
 Raises `ValueError`, one line, for a dataset of another kind or an option that cannot be meant.
 """
 
-from . import (
-    animation,
-    branches,
-    classes,
-    friction,
-    history,
-    line,
-    overview,
-    planes,
-    portrait,
-    run_page,
-    spectra,
-)
+from . import branches
 from .catalogue import PICTURES as PICTURES
 from .door import of
 from .files import plot_all as plot_all
 from .files import plot_file as plot_file
+from .maps import classes, line, overview, planes
+from .runs import animation, friction, history, page, portrait, spectra
 
 _MOTION = ("time", "position", "velocity", "regime")
 _FORCES = ("normal_force", "friction_force")
@@ -42,12 +32,12 @@ regime_raster = of("map", "label")(line.regime_raster)
 
 # runs
 time_history = of("run", *_MOTION)(history.time_history)
-history_page = of("run", *_MOTION)(run_page.history_page)
+history_page = of("run", *_MOTION)(page.history_page)
 phase_portrait = of("run", *_MOTION)(portrait.phase_portrait)
 friction_curve = of("run", *_MOTION, *_FORCES)(friction.friction_curve)
 spectrum = of("run", "time")(spectra.spectrum)
 spectrogram = of("run", "time", "regime")(spectra.spectrogram)
-run_overview = of("run", *_MOTION)(run_page.run_overview)
+run_overview = of("run", *_MOTION)(page.run_overview)
 animate = of("run", *_MOTION, *_FORCES)(animation.animate)
 
 # branches of cycles, and remedies

@@ -5,9 +5,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..branch_file import rest, simulations
-from .axes import label, legend_below, long_name, page, shown, shown_unit
-from .caption import set_caption
+from ..datasets.branch_dataset import rest, simulations
+from .style.axes import label, legend_below, long_name, page, shown, shown_unit
+from .style.caption import set_caption
 
 BRANCH = "#0072B2"
 REST = "#882255"

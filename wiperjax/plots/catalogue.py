@@ -10,22 +10,12 @@ import xarray as xr
 from matplotlib.animation import FuncAnimation
 from matplotlib.figure import Figure
 
-from ..runs import between, check_quantity, last_periods, settled
-from ..storage import StoreError
-from . import (
-    animation,
-    branches,
-    categories,
-    classes,
-    friction,
-    line,
-    overview,
-    planes,
-    portrait,
-    run_page,
-    spectra,
-)
-from .caption import with_noise
+from ..datasets.run_dataset import between, check_quantity, last_periods, settled
+from ..machine.files import StoreError
+from . import branches
+from .maps import categories, classes, line, overview, planes
+from .runs import animation, friction, page, portrait, spectra
+from .style.caption import with_noise
 
 Drawn = Figure | FuncAnimation
 
@@ -63,7 +53,7 @@ def _value(ds: xr.Dataset, quantity: str = "velocity_rms", **options: Any):
 
 
 def _run_page(part: xr.Dataset, whole: xr.Dataset) -> Figure:
-    return run_page.run_overview(part, whole)
+    return page.run_overview(part, whole)
 
 
 _PLANE = ("x", "y", "at")
@@ -130,7 +120,7 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
         ),
         "history": Picture(
             "velocity, position and forces over time, with bands of regime",
-            lambda part, whole, quantity=None: run_page.history_page(part, quantity),
+            lambda part, whole, quantity=None: page.history_page(part, quantity),
             ("quantity", *_TIMES),
             _MOTION,
             last_periods,

@@ -13,8 +13,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from .. import checks
-from ..ranges import FINITE, POSITIVE, Range
+from ..vocabulary import checks
+from ..vocabulary.ranges import FINITE, POSITIVE, Range
 
 P = ParamSpec("P")
 R = TypeVar("R")

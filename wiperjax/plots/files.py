@@ -10,13 +10,14 @@ import xarray as xr
 from matplotlib.animation import FuncAnimation
 from PIL import Image
 
-from .. import checks
-from ..runs import is_run
-from ..schema import SCHEMA
-from ..storage import StoreError, check_output, open_map, replacing
-from . import animation
+from ..datasets.run_dataset import is_run
+from ..machine.files import StoreError, check_output, replacing
+from ..store.whole import open_map
+from ..vocabulary import checks
+from ..vocabulary.schema import SCHEMA
 from .catalogue import PICTURES, Drawn, draw, find
 from .door import check_options
+from .runs import animation
 
 STILLS = (".png", ".pdf", ".svg")
 SUBJECT = "Description"  # the key of a .png file that holds it

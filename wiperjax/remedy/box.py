@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from .. import checks, named
-from ..ranges import Range
-from ..wiper import Wiper
+from ..blade import numbers
+from ..blade.wiper import Wiper
+from ..vocabulary import checks
+from ..vocabulary.ranges import Range
 
 
 class Box(eqx.Module):
@@ -37,7 +38,7 @@ class Box(eqx.Module):
 
     def shares_of(self, blade: Wiper) -> jax.Array:
         """Shares of the ranges where ``blade`` is, (n,)."""
-        at = jnp.array([named.value(blade, name) for name in self.names])
+        at = jnp.array([numbers.value(blade, name) for name in self.names])
         return (at - self.low) / (self.high - self.low)
 
     def starts(self, blade: Wiper, count: int, seed: int) -> jax.Array:
@@ -50,7 +51,7 @@ class Box(eqx.Module):
         """Return ``blade`` with its numbers at ``share`` of the ranges."""
         for i, name in enumerate(self.names):
             number = self.low[i] + share[i] * (self.high[i] - self.low[i])
-            blade = named.replaced(blade, name, number)
+            blade = numbers.replaced(blade, name, number)
         return blade
 
     def columns(self, shares) -> dict[str, tuple[str, np.ndarray]]:

@@ -7,17 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from .. import checks, named
-from ..bifurcations import same_word
-from ..cycles import Cycle, Found, close, find_cycle
-from ..labels import label
-from ..ranges import NON_NEGATIVE, POSITIVE, Range
-from ..results import Regime
-from ..return_map import Lost
-from ..schema import LABELS
-from ..spectrum import dominant_frequency
-from ..trajectory import simulate
-from ..wiper import Wiper
+from ..blade import numbers
+from ..blade.wiper import Wiper
+from ..cycles.cycle import Cycle, Found, close, find_cycle, same_word
+from ..cycles.return_map import Lost
+from ..noise.classes import label
+from ..noise.spectrum import dominant_frequency
+from ..runs.simulate import simulate
+from ..vocabulary import checks
+from ..vocabulary.codes import LABELS, Regime
+from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, Range
 from .gradient import MEASURES, sensitivities
 
 
@@ -59,14 +58,14 @@ def descend(
     if cycle.shooting is None or cycle.found != Found.FOUND:
         raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
     low, high = (np.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
-    at = np.array([named.value(cycle.system, name) for name in bounds])
+    at = np.array([numbers.value(cycle.system, name) for name in bounds])
     if np.any(at < low) or np.any(at > high):
         worst = list(bounds)[int(np.argmax((at < low) | (at > high)))]
         raise ValueError(f"bounds must hold the blade as it is, but {worst} lies outside")
     x = (at - low) / (high - low)
     rows = [_row(cycle, bounds, measure, True)]
     varied = tuple(dict.fromkeys((*cycle.shooting.varied, *bounds)))
-    end, system = f"{most} steps", named.traceable(cycle.system, *varied)
+    end, system = f"{most} steps", numbers.traceable(cycle.system, *varied)
     cycle = replace(cycle, system=system, shooting=replace(cycle.shooting, varied=varied))
     for _ in range(most):
         slope = sensitivities(cycle, bounds, measure)["buys"].values
@@ -77,7 +76,7 @@ def descend(
             break
         x = np.clip(x + step * downhill / np.linalg.norm(downhill), 0.0, 1.0)
         for name, value in zip(bounds, low + x * (high - low), strict=True):
-            system = named.replaced(system, name, value)
+            system = numbers.replaced(system, name, value)
         following = _tracked(cycle, system)
         if following is None:  # the cycle ends here; is there another motion?
             following = _settled(cycle, system, settle)
@@ -117,7 +116,7 @@ def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycl
 
 
 def _row(cycle: Cycle, bounds, measure: str, same: bool) -> dict[str, Any]:
-    row: dict[str, Any] = {name: named.value(cycle.system, name) for name in bounds}
+    row: dict[str, Any] = {name: numbers.value(cycle.system, name) for name in bounds}
     noise = getattr(cycle, measure)
     rests = cycle.found == Found.AT_REST and measure == "velocity_rms"
     return row | {

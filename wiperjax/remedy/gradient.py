@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .. import checks, named
-from ..cycles import Cycle, Found
-from ..shooting import chart, stretch
+from ..blade import numbers
+from ..cycles.chart import chart
+from ..cycles.cycle import Cycle, Found
+from ..cycles.shooting import stretch
+from ..vocabulary import checks
 
 MEASURES = ("velocity_rms", "stick_fraction", "maximum", "period")
 
@@ -41,13 +43,13 @@ def sensitivities(
     checks.choice("measure", measure, MEASURES)
     bounds = names if isinstance(names, Mapping) else None
     every = tuple(dict.fromkeys((*shooting.varied, *names)))
-    system = named.traceable(cycle.system, *every)
+    system = numbers.traceable(cycle.system, *every)
     where = chart(
         system, state, cycle.phase * cycle.period, cycle.regime, shooting.scale, shooting.section
     )
     slopes, value = [], getattr(cycle, measure)
     for name in names:
-        along = named.direction(system, name, *every)
+        along = numbers.direction(system, name, *every)
         m = stretch(
             system,
             along,
@@ -63,7 +65,7 @@ def sensitivities(
         period_slope = 0.0
         if shooting.clock is not None:
             _, period_slope = replace(shooting, system=system, over=name).driven_period(
-                named.value(system, name)
+                numbers.value(system, name)
             )
             right = right + period_slope * where.read(m.by_period)
         change = np.linalg.solve(matrix, -right)
@@ -73,7 +75,7 @@ def sensitivities(
         moved = np.concatenate([where.basis @ change[:d], [period_slope, 1.0]])
         slopes.append(_slope(cycle, m, moved, measure))
     slope = np.array(slopes)
-    at = np.array([named.value(system, name) for name in names])
+    at = np.array([numbers.value(system, name) for name in names])
     words = measure.replace("_", " ")
     variables: dict[str, Any] = {
         "derivative": ("parameter", slope, {"long_name": f"derivative of {words}"}),

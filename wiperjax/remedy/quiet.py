@@ -9,11 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .. import checks, named
-from ..ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range
-from ..results import Result
-from ..solve import solve
-from ..wiper import Wiper
+from ..blade import numbers
+from ..blade.wiper import Wiper
+from ..engine.solve import solve
+from ..vocabulary import checks
+from ..vocabulary.codes import Result
+from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range
 from .box import Box, check_search, search
 
 _FLOOR = 1e-6  # of the belt's speed: the level of a tip at rest, whose root has no derivative
@@ -60,7 +61,7 @@ def quieten(
     effort = checks.number("effort", effort, NON_NEGATIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
     check_search(starts, seed, most)
-    box, system = Box.of(bounds), named.traceable(blade, *bounds)
+    box, system = Box.of(bounds), numbers.traceable(blade, *bounds)
     given = box.shares_of(blade)
     angles = box.starts(blade, starts, seed)
     times = jnp.array([duration, window]), jnp.asarray(rtol, float)

@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from .. import checks, named
-from ..belts import SteadyBelt
-from ..ranges import FINITE
-from ..stability import equilibria
-from ..wiper import Wiper
+from ..blade import numbers
+from ..blade.belts import SteadyBelt
+from ..blade.steady_slip import equilibria
+from ..blade.wiper import Wiper
+from ..vocabulary import checks
+from ..vocabulary.ranges import FINITE
 from .box import Box, check_search, search
 
 
@@ -44,7 +45,7 @@ def stabilise(
     checks.instance("blade", blade, Wiper, "a Wiper")
     margin = checks.number("margin", margin, FINITE)
     check_search(starts, seed)
-    box, system = Box.of(bounds), named.traceable(blade, *bounds)
+    box, system = Box.of(bounds), numbers.traceable(blade, *bounds)
     given = box.shares_of(blade)
     angles = box.starts(blade, starts, seed)
     shares, rate = _stabilise(system, box, given, angles, jnp.asarray(margin, float))

@@ -16,7 +16,7 @@ def _serve(connection, make: Callable[[], Any], reduce: Callable[[Any], Any]) ->
     """Answer ``warm`` and ``run`` until the other end closes."""
     flags = os.environ.get("XLA_FLAGS", "")  # the caller's, with a device for each of its cores
     os.environ["XLA_FLAGS"] = re.sub(r"--xla_force_host_platform_device_count=\d+", "", flags)
-    from wiperjax.launch import configure
+    from wiperjax.machine.jax_settings import configure
 
     configure(1)
     call = make()

@@ -8,12 +8,13 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
-from wiperjax.barrier import keep
-from wiperjax.control import error_norm, rounding_share, step_factor
-from wiperjax.stages import rk_step
-from wiperjax.state import TERM, vector_field
-from wiperjax.step import flow as advance
-from wiperjax.step import jump as change
+from wiperjax.contact.regimes import vector_field
+from wiperjax.engine.carry.state import TERM
+from wiperjax.engine.step import flow as advance
+from wiperjax.engine.step import jump as change
+from wiperjax.engine.trial.step_control import error_norm, rounding_share, step_factor
+from wiperjax.numerics.fusion_barrier import keep
+from wiperjax.numerics.runge_kutta import rk_step
 
 
 def _local(problem, state):

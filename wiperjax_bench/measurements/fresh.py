@@ -10,13 +10,13 @@ import time
 
 def compile_() -> dict[str, float]:
     """Return seconds from the start of the first block of a small sweep to its end, and again."""
-    from wiperjax.launch import configure
+    from wiperjax.machine.jax_settings import configure
 
     configure(1)
     import numpy as np
 
-    from wiperjax import cells
-    from wiperjax.spec import parse_sweep
+    from wiperjax.maps.cells import batch
+    from wiperjax.specs.load import parse_sweep
 
     spec = parse_sweep(
         {
@@ -32,19 +32,19 @@ def compile_() -> dict[str, float]:
     times = []
     for _ in range(2):
         started = time.perf_counter()
-        cells.evaluate(spec, np.arange(128))
+        batch.evaluate(spec, np.arange(128))
         times.append(time.perf_counter() - started)
     return {"compile": times[0], "block": times[1]}
 
 
 def memory(count: int = 1_000_000) -> dict[str, float]:
     """Return the largest resident memory of a batch of ``count`` very short trajectories."""
-    from wiperjax.launch import configure
+    from wiperjax.machine.jax_settings import configure
 
     configure(1)
     import diffrax
 
-    from wiperjax.memory import peak_memory
+    from wiperjax.machine.memory import peak_memory
 
     from ..rivals.engine import Engine
     from ..scenes.families import workload

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from wiperjax import cells
-from wiperjax.results import Result
-from wiperjax.scene import build_wiper
-from wiperjax.spec import parse_sweep
-from wiperjax.work import evaluate_block
+from wiperjax.blade.build import build_wiper
+from wiperjax.maps.block import evaluate_block
+from wiperjax.maps.cells import batch
+from wiperjax.specs.load import parse_sweep
+from wiperjax.vocabulary.codes import Result
 
 from ..harness import measure
 from ..harness.keep import Parts
@@ -49,7 +49,7 @@ QUICK_REFERENCES = ("scalar", {"rtol": 1e-10}), ("scalar", {"rtol": 1e-9})  # co
 
 
 def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = None) -> dict:
-    """Return the columns of cells as `wiperjax.cells.evaluate` does, by the scalar loop."""
+    """Return the columns of cells as `cells.batch.evaluate` does, by the scalar loop."""
     wiper = build_wiper(spec.cells(index), spec.belt.kind)
     full = lambda x: np.broadcast_to(np.asarray(x, float), index.shape).copy()
     start = np.zeros((len(index), 4))
@@ -87,7 +87,7 @@ def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = 
 def evaluate(code: str, changes: dict, index: np.ndarray) -> dict:
     """Return the columns with class, frequency, and trial steps (``attempts``)."""
     spec = parse_sweep(SWEEP | {"run": SWEEP["run"] | changes}, "bench maps")
-    how = cells.evaluate if code == "engine" else scalar_evaluate
+    how = batch.evaluate if code == "engine" else scalar_evaluate
     columns, _ = evaluate_block(spec, index, how)
     return columns | {"attempts": columns["steps"] + columns["rejected_steps"]}
 

@@ -16,10 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from wiperjax.cells import LANES
-from wiperjax.lanes import Pool, flows_per_jump, run_pool
-from wiperjax.start import initial_state
-from wiperjax.step import flow, jump
+from wiperjax.engine.carry.start import initial_state
+from wiperjax.engine.lanes import Pool, flows_per_jump, run_pool
+from wiperjax.engine.step import flow, jump
+from wiperjax.maps.cells.devices import LANES
 
 from ..harness import measure
 from ..rivals import engine

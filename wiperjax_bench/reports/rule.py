@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from wiperjax import accuracy
-from wiperjax.scene import SOLVERS
+from wiperjax.maps import accuracy
+from wiperjax.numerics.runge_kutta import SOLVERS
 
 SCENES = ("squeal", "chatter", "reversal", "zeno", "batch")  # blades; grazing is no sweep's norm
 WRONG = 0.02  # share of cells with another sequence of events, at most

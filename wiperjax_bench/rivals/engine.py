@@ -12,11 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from wiperjax import Result, Wiper
-from wiperjax.cells import lane_count
-from wiperjax.dealing import dearest_first
-from wiperjax.lanes import Pool, run_pool
-from wiperjax.solve import begin, make_problem, solution
-from wiperjax.solve import run as run_one
+from wiperjax.engine.lanes import Pool, run_pool
+from wiperjax.engine.solve import begin, make_problem, solution
+from wiperjax.engine.solve import run as run_one
+from wiperjax.maps.cells.devices import dearest_first, lane_count
 
 from ..harness.interface import Answer
 from ..scenes.scene import Scene, blade_fields

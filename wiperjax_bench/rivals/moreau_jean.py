@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from wiperjax.system import AbstractSystem
+from wiperjax.contact.system import AbstractSystem
 
 from ..harness.batching import absent, arrays, at_samples, over_cells
 from ..harness.interface import Answer

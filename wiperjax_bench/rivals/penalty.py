@@ -10,7 +10,8 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from wiperjax.system import AbstractSystem, contact, rates
+from wiperjax.contact.space import contact
+from wiperjax.contact.system import AbstractSystem, rates
 
 Smoothing = Literal["tanh", "root"]
 LEAST_RESTITUTION = 0.002  # a dashpot reaches e = 0 only as it grows without bound

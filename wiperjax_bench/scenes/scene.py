@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 
 from wiperjax import Wiper
-from wiperjax.wiper import ENGINE_FIELDS
+from wiperjax.blade.wiper import ENGINE_FIELDS
 
 
 @dataclass(frozen=True)

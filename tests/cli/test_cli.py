@@ -1,0 +1,443 @@
+"""Command line: what it hands on, what it refuses before any work, and what it says.
+
+The pieces (`jax_settings`, `driver`, `scene`, `plots`) are stubs that write down their
+calls.
+"""
+
+import importlib.metadata
+import re
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from wiperjax.cli import main
+from wiperjax.machine import files as storage
+from wiperjax.store import whole
+
+SWEEP = """
+title = "two cells"
+[axes]
+attack_angle = { values = [-30, 5] }
+[run]
+transient = 0.1
+window = 0.1
+"""
+SCENE = "[blade]\nattack_angle = 5\n[run]\nduration = 0.1\n"
+
+
+def small_map():
+    label = xr.DataArray(
+        np.array([2, 1], dtype=np.int8),
+        dims="attack_angle",
+        attrs={
+            "flag_values": np.array([0, 1, 2], dtype=np.int8),
+            "flag_meanings": "quiet squeal chattering",
+        },
+    )
+    coords = {"attack_angle": [-30.0, 5.0]}
+    attrs = {"title": "two cells", "specification_text": "[axes]\n[run]"}
+    return xr.Dataset({"label": label}, coords=coords, attrs=attrs)
+
+
+class Stubs:
+    """Stand-ins for the pieces behind the commands; `calls` is what they were asked, in order."""
+
+    def __init__(self, monkeypatch):
+        self.calls = []
+        self.error = None
+        self.report = types.SimpleNamespace(
+            cells=2,
+            columns=3,
+            tolerance=1e-9,
+            passed=True,
+            identical=True,
+            same_versions=True,
+            largest={},
+            differing=(),
+        )
+        pieces = {
+            "machine.jax_settings": {"configure": self.configure},
+            "maps.driver": {"run": self.run},
+            "maps.verify": {"verify": self.verify},
+            "runs.scene": {"run": self.simulate},
+            "plots": {"plot_file": self.plot_file, "plot_all": self.plot_all},
+        }
+        for name, contents in pieces.items():
+            module = types.ModuleType(f"wiperjax.{name}")
+            vars(module).update(contents)
+            monkeypatch.setitem(sys.modules, f"wiperjax.{name}", module)
+
+    @property
+    def names(self):
+        return [call[0] for call in self.calls]
+
+    def configure(self, cores=None):
+        self.calls.append(("configure", cores))
+
+    def run(self, spec, output, **options):
+        self.calls.append(("run", spec, output, options))
+        if self.error:
+            raise self.error
+        whole.write_dataset(small_map(), output, options["force"] or options["resume"])
+        return small_map()
+
+    def verify(self, path, cells, seed):
+        self.calls.append(("verify", path, cells, seed))
+        return self.report
+
+    def simulate(self, spec):
+        self.calls.append(("simulate", spec))
+        if self.error:
+            raise self.error
+        return xr.Dataset({"position": (("time", "axis"), np.zeros((3, 2)))})
+
+    def plot_all(self, path, output, **options):
+        self.calls.append(("plot_all", path, output, options))
+        return [output]
+
+    def plot_file(self, path, output, **options):
+        self.calls.append(("plot_file", path, output, options))
+        if self.error:
+            raise self.error
+        output.write_bytes(b"picture")
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    return Stubs(monkeypatch)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("s.toml").write_text(SWEEP)
+    Path("scene.toml").write_text(SCENE)
+    return tmp_path
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def failed(capsys, status, expected_status=1):
+    """The one line that was said."""
+    printed = capsys.readouterr()
+    assert status == expected_status
+    assert printed.err.count("\n") == 1 and "Traceback" not in printed.err
+    return printed.err.strip()
+
+
+# --- commands -------------------------------------------------------------------------------------
+
+
+def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
+    assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0
+    assert stubs.names == ["configure", "run", "plot_file"]
+    _, spec, output, options = stubs.calls[1]
+    assert spec.title == "two cells" and output == Path("m.h5")
+    assert options == {
+        "resume": False,
+        "force": False,
+        "command": "wiperjax sweep s.toml -o m.h5",
+    }
+    assert files(folder) == ["m.h5", "m.png", "s.toml", "scene.toml"]
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert "attack_angle      -30 ... 5 degrees (2 values)" in printed.out
+    assert re.search(r"^cells {13}2 of 0\.2 s, 0\.\d+ kB, about 15 s on ", printed.out, re.M)
+    assert "squeal              1    50.0%" in printed.out
+    assert re.search(
+        r"^map      m\.h5: [\d.]+ MB, 0:00:\d\d, \d\.\d\d GB of memory", printed.out, re.M
+    )
+    assert "m.png" in printed.out
+
+
+def test_model_of_the_command_line_wins(folder, stubs, capsys):
+    assert main("sweep s.toml -o m.h5 --no-picture --model block".split()) == 0
+    _, spec, _, options = stubs.calls[1]
+    assert spec.model == "block"
+    assert options["command"] == "wiperjax sweep s.toml -o m.h5 --no-picture --model block"
+    assert main("simulate scene.toml -o run.h5 --model bar".split()) == 0
+    assert stubs.calls[-1][1].model == "bar"
+    capsys.readouterr()
+    said = failed(capsys, main("simulate scene.toml -o other.h5 --model beam".split()))
+    assert said == ("wiperjax: scene.toml: model: must be 'block', 'bar' or 'lip', was 'beam'")
+
+
+def test_ladder_is_refused_before_any_work(folder, stubs, capsys):
+    Path("bad.toml").write_text("[run]\nduration = 0\n")
+    said = failed(capsys, main("ladder scene.toml bad.toml".split()))
+    assert said == "wiperjax: bad.toml: run.duration: must lie inside [1e-09, 100000] s, was 0"
+    assert "must end in .md" in failed(capsys, main("ladder scene.toml -o table.txt".split()))
+    Path("table.md").write_text("kept")
+    assert "table.md" in failed(capsys, main("ladder scene.toml -o table.md".split()))
+    assert stubs.names == [] and Path("table.md").read_text() == "kept"
+
+
+def test_sweep_hands_on_its_options(folder, stubs):
+    words = "sweep s.toml -o m.h5 --resume --no-picture --workers 3 --block 64"
+    assert main(words.split()) == 0
+    assert stubs.calls[0] == ("configure", 3)
+    options = stubs.calls[1][3]
+    assert options["resume"] and not options["force"] and options["block"] == 64
+    assert options["command"] == "wiperjax sweep s.toml -o m.h5 --no-picture --workers 3"
+    assert "plot_file" not in stubs.names and not Path("m.png").exists()
+
+
+def test_settings_precede_the_modules_that_import_jax(folder, stubs, monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        sys.modules["wiperjax.machine.jax_settings"],
+        "configure",
+        lambda cores=None: seen.append("wiperjax.maps.cells" in sys.modules),
+    )
+    monkeypatch.delitem(sys.modules, "wiperjax.maps.cells", raising=False)
+    assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0
+    assert seen == [False]
+
+
+def test_small_angles_are_noted(folder, stubs, capsys):
+    Path("s.toml").write_text(SWEEP.replace("[-30, 5]", "[-0.5, 0.5]"))
+    assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0
+    note = "note: axes.attack_angle reaches 0.5 degrees only; it is not in radians"
+    assert capsys.readouterr().err.strip() == note
+
+
+def test_ctrl_c_says_how_to_resume(folder, stubs, capsys):
+    stubs.error = KeyboardInterrupt("interrupted: 1 of 2 cells are kept")
+    line = failed(capsys, main(["sweep", "s.toml", "-o", "m.h5"]), 130)
+    assert line == "wiperjax: interrupted: 1 of 2 cells are kept"
+    assert files(folder) == ["s.toml", "scene.toml"]
+
+
+def test_simulate(folder, stubs, capsys):
+    assert main(["simulate", "scene.toml", "-o", "r.h5"]) == 0
+    assert stubs.calls[0] == ("configure", 1)
+    assert stubs.calls[1][1].run.duration == 0.1
+    assert "r.h5: 3 time, 2 axis" in capsys.readouterr().out
+    with whole.open_map("r.h5") as run:
+        assert run.position.shape == (3, 2)
+
+
+def test_ctrl_c_in_simulate(folder, stubs, capsys):
+    stubs.error = KeyboardInterrupt()
+    line = failed(capsys, main(["simulate", "scene.toml", "-o", "r.h5"]), 130)
+    assert line == "wiperjax: interrupted, nothing was written"
+
+
+def test_plot_needs_neither_jax_nor_its_settings(folder, stubs):
+    whole.write_dataset(small_map(), "m.h5")
+    assert main(["plot", "m.h5", "-o", "p.png"]) == 0
+    options = {"picture": None, "force": False, "dpi": 150}
+    assert stubs.calls == [("plot_file", Path("m.h5"), Path("p.png"), options)]
+    assert Path("p.png").read_bytes() == b"picture"
+
+
+def test_plot_hands_on_its_options(folder, stubs):
+    whole.write_dataset(small_map(), "m.h5")
+    words = (
+        "plot m.h5 -o p.svg --picture line --x belt_speed --at normal_load=15 --at restitution=0"
+    )
+    assert main([*words.split(), "--dpi", "90", "--from", "0.1", "--to", "0.2"]) == 0
+    assert stubs.calls[0][3] == {
+        "picture": "line",
+        "force": False,
+        "dpi": 90,
+        "x": "belt_speed",
+        "at": {"normal_load": 15.0, "restitution": 0.0},
+        "start": 0.1,
+        "stop": 0.2,
+    }
+    assert main("plot m.h5 -o p.png --all --seconds 2".split()) == 0
+    assert stubs.calls[1] == (
+        "plot_all", Path("m.h5"), Path("p.png"), {"force": False, "dpi": 150, "seconds": 2.0},
+    )  # fmt: skip
+
+
+def test_help_of_plot_names_every_picture(capsys):
+    from wiperjax.plots import PICTURES
+
+    assert main(["plot", "--help"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    for kind, pictures in PICTURES.items():
+        told = printed.split(f"Pictures of a {kind}: ")[1].split(".")[0]
+        assert all(name in told for name in pictures)
+
+
+def test_plot_that_fails(folder, stubs, capsys):
+    whole.write_dataset(small_map(), "m.h5")
+    stubs.error = ValueError("no label in m.h5")
+    status = main(["plot", "m.h5", "-o", "p.png"])
+    assert failed(capsys, status) == "wiperjax: no label in m.h5"
+
+
+def test_info(folder, capsys):
+    whole.write_dataset(small_map(), "m.h5")
+    assert main(["info", "m.h5"]) == 0
+    printed = capsys.readouterr().out
+    assert "attack_angle 2" in printed and "title: two cells" in printed
+    assert "specification_text:\n    [axes]\n    [run]\n" in printed
+    assert "chattering          1    50.0%" in printed
+
+
+def test_verify(folder, stubs, capsys):
+    whole.write_dataset(small_map(), "m.h5")
+    assert main(["verify", "m.h5", "--cells", "5", "--seed", "7"]) == 0
+    assert stubs.calls[1] == ("verify", Path("m.h5"), 5, 7)
+    assert "2 cells computed again, 3 columns compared: identical" in capsys.readouterr().out
+    stubs.report.passed, stubs.report.identical = False, False
+    stubs.report.differing, stubs.report.largest = (1,), {"steps": 0.25}
+    assert main(["verify", "m.h5"]) == 1
+    printed = capsys.readouterr().out
+    assert "1 of 2 cells differ, the first: 1" in printed
+    assert "steps: largest relative difference 0.25" in printed
+
+
+def test_version_and_help(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("wiperjax ")
+    assert main(["--help"]) == 0
+    printed = capsys.readouterr().out
+    for command in ("sweep", "simulate", "plot", "listen", "info", "verify"):
+        assert command in printed
+    assert main([]) == 0
+    assert capsys.readouterr().out == printed
+
+
+def test_python_m_wiperjax(tmp_path):
+    ran = subprocess.run(
+        [sys.executable, "-m", "wiperjax", "sweep", "missing.toml", "-o", str(tmp_path / "m.h5")],
+        capture_output=True,
+        text=True,
+    )
+    assert ran.returncode == 1
+    assert ran.stderr == "wiperjax: missing.toml: cannot be read: No such file or directory\n"
+
+
+def test_the_command_line_alone_imports_nothing_heavy():
+    code = """if True:
+        import sys, types
+        package = types.ModuleType("wiperjax")  # in place of __init__, which may import anything
+        package.__path__ = [sys.argv[1]]
+        sys.modules["wiperjax"] = package
+        import wiperjax.cli
+        heavy = {"jax", "matplotlib", "xarray", "numpy", "h5py"} & set(sys.modules)
+        sys.exit(", ".join(heavy) or 0)
+    """
+    package = Path(__file__).parents[2] / "wiperjax"
+    subprocess.run([sys.executable, "-c", code, str(package)], check=True)
+
+
+# --- refused before any work ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "words, line",
+    [
+        ("sweep s.toml -o no/m.h5", "no/m.h5: cannot be written: no is not an existing folder"),
+        ("sweep s.toml -o m.png", "m.png: must end in .h5 or .hdf5 or .nc"),
+        ("sweep s.toml -o there.h5", "there.h5: exists already; use --force to replace it"),
+        ("sweep s.toml -o drawn.h5", "drawn.png: exists already; use --force to replace it"),
+        ("sweep s.toml -o folder.h5", "folder.h5: cannot be written: it is a folder"),
+        ("sweep s.toml -o m.h5 --force --resume", "--force starts anew and --resume continues"),
+        ("sweep none.toml -o m.h5", "none.toml: cannot be read: No such file or directory"),
+        ("sweep typo.toml -o m.h5", "typo.toml: blade.mu_statik: unknown key; did you mean"),
+        ("simulate s.toml -o r.h5", "s.toml: has [axes], so it is a sweep"),
+        ("simulate scene.toml -o there.h5", "there.h5: exists already; use --force"),
+        ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
+        ("plot there.h5 -o drawn.png", "drawn.png: exists already; use --force"),
+        ("plot there.h5 -o p.h5", "p.h5: must end in .png or .pdf or .svg"),
+        ("plot there.h5 -o p.gif --all", "p.gif: must end in .png or .pdf or .svg"),
+        ("plot there.h5 -o p.png --all -p phase", "--all draws every picture and --picture one"),
+        ("plot there.h5 -o p.png --at load", "--at must be AXIS=NUMBER, such as normal_load=15"),
+        ("plot half.h5 -o p.png", "half.h5: is not finished; name half.h5.parts to look at what"),
+        ("listen there.h5 -o drawn.png", "drawn.png: must end in .wav"),
+        ("plot none.h5 -o p.png", "none.h5: No such file or directory"),
+        ("info none.h5", "none.h5: does not exist"),
+        ("info s.toml", "s.toml: is not a readable map"),
+        ("verify none.h5", "none.h5: No such file or directory"),
+    ],
+)
+def test_refused_before_any_work(words, line, folder, stubs, capsys):
+    Path("typo.toml").write_text("[blade]\nmu_statik = 1\n" + SWEEP)
+    Path("there.h5").write_bytes(b"precious")
+    Path("drawn.png").write_bytes(b"precious")
+    Path("folder.h5").mkdir()
+    Path("half.h5.parts").mkdir()
+    before = files(folder)
+    assert failed(capsys, main(words.split())).startswith(f"wiperjax: {line}")
+    assert stubs.calls == [] and files(folder) == before
+    assert Path("there.h5").read_bytes() == b"precious"
+
+
+def test_the_input_is_never_the_output(folder, stubs, capsys):
+    Path("s.h5").write_text(SWEEP)
+    line = failed(capsys, main(["sweep", "s.h5", "-o", "./s.h5", "--force"]))
+    assert line == "wiperjax: s.h5: must be another file than the input"
+    assert Path("s.h5").read_text() == SWEEP and stubs.calls == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["sweep s.toml", "sweep s.toml -o m.h5 --nope", "bogus", "sweep s.toml -o m.h5 --block 0"],
+)
+def test_wrong_command_lines(words, folder, stubs, capsys):
+    assert failed(capsys, main(words.split()), 2).endswith("try 'wiperjax --help'")
+    assert stubs.calls == []
+
+
+def test_force_replaces(folder, stubs):
+    Path("m.h5").write_bytes(b"old")
+    Path("m.png").write_bytes(b"old")
+    assert main(["sweep", "s.toml", "-o", "m.h5", "--force"]) == 0
+    assert stubs.calls[1][3]["force"] and stubs.calls[2][3]["force"]
+    assert Path("m.png").read_bytes() == b"picture"
+
+
+# --- failures during the work ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "error, line",
+    [
+        (storage.StoreError("m.h5.parts: is in use"), "wiperjax: m.h5.parts: is in use"),
+        (ValueError("first line\nsecond line"), "wiperjax: first line"),
+        (OSError(28, "No space left on device", "m.h5"), "wiperjax: m.h5: No space left on device"),
+    ],
+)
+def test_errors_of_the_work_are_one_line(error, line, folder, stubs, capsys):
+    stubs.error = error
+    assert failed(capsys, main(["sweep", "s.toml", "-o", "m.h5"])) == line
+
+
+def test_bugs_keep_their_traceback(folder, stubs, monkeypatch, capsys):
+    stubs.error = KeyError("bug")
+    with pytest.raises(KeyError):
+        main(["sweep", "s.toml", "-o", "m.h5"])
+    stubs.error = ValueError("odd")
+    monkeypatch.setenv("WIPERJAX_TRACEBACK", "1")
+    assert main(["sweep", "s.toml", "-o", "m.h5"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_version_is_that_of_the_package():
+    try:
+        version = importlib.metadata.version("wiperjax")
+    except importlib.metadata.PackageNotFoundError:
+        pytest.skip("wiperjax is not installed here")
+    import wiperjax
+
+    assert wiperjax.__version__ == version
+
+
+def test_memory_is_that_of_this_process_alone():
+    """The peak that the system hands out begins with that of the process that started this one."""
+    held = np.ones(2**27)  # 1 GiB
+    code = "from wiperjax.machine.memory import peak_memory; print(peak_memory())"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 5e7 < int(ran.stdout) < 0.8 * held.nbytes

@@ -1,0 +1,178 @@
+"""Branches at corners and doublings: taken up on the other side, never walked back."""
+
+import math
+from typing import ClassVar
+
+import numpy as np
+import pytest
+import scipy.optimize
+from problems import StopOscillator
+from test_cycle import Ring, turn
+from test_known_answers import periodic_impacts
+
+from wiperjax import AbstractSystem, Stribeck
+from wiperjax.cycles.branch import walk
+from wiperjax.cycles.branch.follow import follow
+from wiperjax.cycles.cycle import Found, find_cycle
+
+FOLD, HOPF = 0.271789042763, 0.190616072954
+
+
+class StribeckOscillator(AbstractSystem):
+    """m x'' + c x' + k x = friction of a belt, unit normal force.
+
+    Its stick-slip cycle meets, where stick ends, the unstable slip cycle on which stick begins
+    (belt at ``FOLD``); that one comes out of steady slip at ``HOPF``. Both to all digits by an
+    independent code.
+    """
+
+    unilateral: ClassVar[bool] = False
+    belt: float = 0.2
+    mass: float = 0.538
+    damping: float = 5.746
+    stiffness: float = 6957.0
+
+    def free_acceleration(self, t, q, v):
+        return ((-self.damping * v[0] - self.stiffness * q[0]) / self.mass,)
+
+    def directions(self, t, q):
+        return (1 / self.mass,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0] - self.belt
+
+    @property
+    def law(self):
+        return Stribeck(6.0, 2.0, 0.1, 1.0, 0.2)
+
+
+@pytest.fixture(scope="module")
+def stick_slip():
+    cycles = {}
+
+    def at(belt):
+        if belt not in cycles:
+            start = ((0.0,), (belt,))
+            cycles[belt] = find_cycle(
+                StribeckOscillator(belt=belt), settle=1.0, initial_state=start, over="belt"
+            )
+        return cycles[belt]
+
+    return at
+
+
+def runs():
+    """Starts, ranges and steps; four of them in every run of the tests."""
+    every = [
+        (belt, low, high, step)
+        for belt in (0.15, 0.2, 0.25)
+        for low, high in ((0.1, 0.4), (0.12, 0.35), (0.1, 0.3), (0.05, 0.5))
+        for step in (0.02, 0.03)
+    ]
+    quick = every[:4]
+    return [run if run in quick else pytest.param(*run, marks=pytest.mark.slow) for run in every]
+
+
+def no_gaps(branch, step):
+    """Neighbours no further apart than steps are long, extremes and period in the measure."""
+    return np.max(np.diff(branch.arclength)) < 2 * step
+
+
+@pytest.mark.parametrize(("belt", "low", "high", "step"), runs())
+def test_branch_turns_at_the_fold_and_comes_to_the_hopf_point(stick_slip, belt, low, high, step):
+    branch = follow(stick_slip(belt), low, high, step=step)
+    assert [s.kind for s in branch.special] == ["grazing_sliding_fold", "hopf"]
+    fold, hopf = branch.special
+    assert fold.detail == "-capture -release"
+    assert fold.parameter == pytest.approx(FOLD, abs=1e-7 * (high - low) / step)
+    assert hopf.parameter == pytest.approx(HOPF, abs=2e-8)
+    assert branch.ends == ("the end of the range", "a Hopf point")
+    stable = [cycle.stable for cycle in branch.cycles]
+    assert all(stable[: fold.index + 1]) and not any(stable[fold.index + 1 :])
+    assert no_gaps(branch, step)
+
+
+class Isola(Ring):
+    """Circles with a^2 + a + b r^2 + c r^4 = const: an oval of two folds, at a = -1 and 0."""
+
+    offset: float = 1.0
+
+    def free_acceleration(self, t, q, v):
+        r2 = q[0] ** 2 + v[0] ** 2
+        damping = self.offset + self.a + self.a**2 + self.b * r2 + self.c * r2**2
+        return (-damping * v[0] - q[0],)
+
+
+def test_closed_branch_is_walked_once():
+    system = Isola(a=-0.5, b=-2.0, c=1.0, offset=1.0)
+    cycle = find_cycle(system, settle=60.0, initial_state=((1.3,), (0.0,)), over="a")
+    branch = follow(cycle, -1.5, 0.5, step=0.1)
+    assert branch.ends == ("the branch is closed",) * 2
+    assert [s.kind for s in branch.special] == ["fold", "fold"]
+    assert [s.parameter for s in branch.special] == pytest.approx([0.0, -1.0], abs=1e-8)
+    r2 = np.array([c.maximum**2 for c in branch.cycles])
+    a = branch.parameters
+    np.testing.assert_allclose(a**2 + a + (r2 - 1) ** 2, 0.0, atol=1e-8)
+    assert no_gaps(branch, 0.1)
+    assert branch.cycles[-1].maximum == pytest.approx(branch.cycles[0].maximum, abs=1e-5)
+
+
+@pytest.fixture(scope="module")
+def two_impacts():
+    """The period-doubled cycle of V8, beyond its doubling over the frequency."""
+    cycle = find_cycle(
+        StopOscillator(amplitude=1.0, frequency=2.66, restitution=0.8, side=-1.0),
+        settle=1200.0,
+        initial_state=((-0.5,), (0.0,)),
+        period=turn,
+        over="frequency",
+    )
+    assert cycle.word == "impact impact"
+    return cycle
+
+
+def test_doubled_branch_ends_where_its_halves_are_alike(two_impacts):
+    """Beyond, the halves have changed places: the same cycles again."""
+    e = 0.8
+    branch = follow(two_impacts, 2.6, 2.7, step=0.1)
+
+    def one_more_than_trace(w):
+        psi, speed = periodic_impacts(w, e)
+        period = 2 * math.pi / w
+        bend = (1 + e) * math.cos(psi) / speed
+        return 1 - 2 * e * math.cos(period) + bend * math.sin(period) + e * e
+
+    exact = scipy.optimize.brentq(one_more_than_trace, 2.5, 2.8)
+    (special,) = branch.special
+    assert special.kind == "period_doubling" and special.index == 0
+    assert special.parameter == pytest.approx(exact, abs=1e-6)
+    assert branch.ends == ("a period doubling: half of the cycle is one", "the end of the range")
+    assert np.all(np.diff(branch.parameters) > 0)
+
+
+def test_a_walk_that_comes_back_on_itself_says_so(two_impacts, monkeypatch):
+    """A doubling that is not noticed: the walk goes over it, to cycles that it has passed."""
+    monkeypatch.setattr(walk, "doubled", lambda cycle: False)
+    branch = follow(two_impacts, 2.6, 2.7, step=0.1)
+    assert branch.ends[0] == "the walk came back on itself: a smaller step may go on"
+    assert branch.parameters[0] < 2.655  # a few steps at most, where cycles are close together
+
+
+def test_branch_goes_on_beyond_a_grazing_impact():
+    """Free vibrations reach the stop at an amplitude |1 - w^2|; with impacts the branch turns."""
+    w, e = 1.3, 0.8
+    graze = abs(1 - w * w)
+    system = StopOscillator(load=-1.0, amplitude=0.9 * graze, frequency=w, restitution=e)
+    start = ((0.1,), (0.0,))  # on the free vibration: nothing damps
+    cycle = find_cycle(system, settle=5.0, initial_state=start, period=turn, over="amplitude")
+    assert cycle.found == Found.FOUND and cycle.word == ""
+    branch = follow(cycle, 0.5 * graze, 1.5 * graze, step=0.1)
+    (special,) = branch.special
+    assert (special.kind, special.detail) == ("grazing_fold", "+impact")
+    assert special.parameter == pytest.approx(graze, abs=1e-6)
+    words = {c.word for c in branch.cycles[special.index + 1 :]}
+    assert words == {"impact"} and branch.ends[1] == "the end of the range"
+    assert no_gaps(branch, 0.1)

@@ -1,0 +1,356 @@
+"""Limit cycles, their multipliers and branches, against closed forms."""
+
+import math
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.optimize
+import xarray as xr
+from problems import Block, StopOscillator
+from test_known_answers import CASES_V8, periodic_impacts
+
+import wiperjax
+from wiperjax import AbstractSystem
+from wiperjax.blade.steady_slip import steady_slip
+from wiperjax.cycles import chart
+from wiperjax.cycles.branch.dataset import branch_dataset
+from wiperjax.cycles.branch.follow import follow
+from wiperjax.cycles.branch.up_and_down import repeat_time, up_and_down
+from wiperjax.cycles.cycle import Found, find_cycle
+
+
+class Ring(AbstractSystem):
+    """x'' + (a + b r^2 + c r^4) x' + x = drive cos(w t), r^2 = x^2 + x'^2.
+
+    Without a drive its cycles are circles: a + b r^2 + c r^4 = 0, period 2 pi, multiplier
+    exp(-2 pi r^2 (b + 2 c r^2)) by Liouville's formula. b = -1, c = 1: a subcritical Hopf point at
+    a = 0 and a fold of cycles at a = 1/4, r^2 = 1/2.
+    """
+
+    unilateral: ClassVar[bool] = False
+    a: float = 0.1
+    b: float = -1.0
+    c: float = 1.0
+    drive: float = 0.0
+    frequency: float = 1.7
+
+    def free_acceleration(self, t, q, v):
+        r2 = q[0] ** 2 + v[0] ** 2
+        damping = self.a + self.b * r2 + self.c * r2**2
+        return (self.drive * jnp.cos(self.frequency * t) - damping * v[0] - q[0],)
+
+    def directions(self, t, q):
+        return (0.0,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def output(self, t, q, v):
+        return v[0]
+
+
+def turn(system):
+    """Period of what drives a system."""
+    return 2 * jnp.pi / system.frequency
+
+
+@pytest.fixture(scope="module")
+def ring():
+    cycle = find_cycle(Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a")
+    return cycle, follow(cycle, -0.1, 0.3, step=0.1)
+
+
+def test_circle_from_a_simulation(ring):
+    cycle, _ = ring
+    r2 = 0.5 + math.sqrt(0.25 - 0.1)
+    assert cycle.found == Found.FOUND and cycle.stable and cycle.residual < 1e-9
+    assert cycle.period == pytest.approx(2 * math.pi, rel=1e-9)
+    assert cycle.maximum == pytest.approx(math.sqrt(r2), rel=1e-9)
+    assert cycle.minimum == pytest.approx(-math.sqrt(r2), rel=1e-7)
+    assert cycle.velocity_rms == pytest.approx(math.sqrt(r2 / 2), rel=1e-9)
+    assert cycle.multipliers == pytest.approx(
+        [math.exp(-2 * math.pi * r2 * (2 * r2 - 1))], rel=1e-7
+    )
+    assert cycle.trivial_error < 1e-8
+    assert cycle.word == ""
+
+
+def test_branch_of_circles_with_fold_and_hopf(ring):
+    _, branch = ring
+    assert branch.ends == ("the end of the range", "a Hopf point")
+    assert [s.kind for s in branch.special] == ["fold", "hopf"]
+    fold, hopf = branch.special
+    assert fold.parameter == pytest.approx(0.25, abs=1e-8)
+    assert branch.cycles[fold.index].maximum == pytest.approx(math.sqrt(0.5), abs=1e-4)
+    assert hopf.parameter == pytest.approx(0.0, abs=1e-6)
+    for a, cycle in zip(branch.parameters, branch.cycles, strict=True):
+        r2 = cycle.maximum**2
+        assert a == pytest.approx(r2 - r2**2, abs=1e-9)
+        exact = math.exp(-2 * math.pi * r2 * (2 * r2 - 1))
+        assert cycle.multipliers[0].real == pytest.approx(exact, rel=1e-6)
+    unstable = [not cycle.stable for cycle in branch.cycles]
+    assert unstable[-1] and not unstable[0]
+
+
+def test_branch_as_a_dataset_survives_a_file(ring, tmp_path):
+    ds = branch_dataset(ring[1])
+    ds.to_netcdf(tmp_path / "branch.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "branch.nc", engine="h5netcdf") as back:
+        xr.testing.assert_equal(back.load(), ds)
+    assert list(ds.special_kind.values) == ["fold", "hopf"]
+
+
+def test_pictures_of_a_branch_file(ring, tmp_path):
+    from wiperjax import plots
+    from wiperjax.datasets.branch_dataset import rest, simulations, with_rest, with_simulations
+    from wiperjax.store.whole import open_map, write_dataset
+
+    values = np.array([0.0, 0.1, 0.2])
+    brute = xr.Dataset(
+        {
+            "maximum": (("way", "a", "peak"), np.full((2, 3, 2), 0.9)),
+            "velocity_rms": (("way", "a"), np.full((2, 3), 0.6)),
+        },
+        coords={"way": ["up", "down"], "a": values},
+        attrs={"over": "a", "settle": 600.0, "window": 20.0},
+    )
+    ds = with_simulations(branch_dataset(ring[1]), brute)
+    ds = with_rest(ds, values, np.zeros(3), values > 0)
+    write_dataset(ds, tmp_path / "branch.h5")
+    with open_map(tmp_path / "branch.h5") as back:
+        xr.testing.assert_equal(simulations(back.load()), brute)
+        assert list(rest(back)[2]) == [False, True, True]
+    made = plots.plot_all(tmp_path / "branch.h5", tmp_path / "p.png", dpi=40)
+    assert [path.name for path in made] == [f"p-{n}.png" for n in plots.PICTURES["branch"]]
+    cycles = {"picture": "cycles", "force": True}
+    plots.plot_file(tmp_path / "branch.h5", made[1], quantity="velocity_rms", **cycles)
+    with pytest.raises(ValueError, match="'loudness' is not in this branch; it holds a, period"):
+        plots.plot_file(tmp_path / "branch.h5", made[1], quantity="loudness", **cycles)
+
+
+def test_up_and_down_shows_what_coexists():
+    values = np.linspace(-0.38, 0.32, 8)
+    ds = up_and_down(
+        Ring(), "a", values, settle=600.0, window=20.0, initial_state=((0.0,), (0.0,)), samples=4096
+    )
+    high = ds.maximum.max("peak")
+    circle = np.sqrt(0.5 + np.sqrt(np.maximum(0.25 - values, 0)))
+    circle[values > 0.25] = 0.0
+    np.testing.assert_allclose(high.sel(way="up"), circle, atol=3e-6)
+    circle[values > 0] = 0.0
+    np.testing.assert_allclose(high.sel(way="down"), circle, atol=3e-6)
+
+
+def test_simulated_means_are_those_of_whole_periods():
+    """A window of 6.3 periods at one value, 5.7 at another: the shares are the exact ones of V5.
+
+    On the way down: on the way up the block is left in slip, where it swings for ever.
+    """
+    m, k, fs, fd = 1.0, 100.0, 0.4, 0.25
+    speeds = np.array([0.05, 0.07, 0.1])
+    ds = up_and_down(
+        Block(fs, fd, m, k, belt=0.05), "belt", speeds,
+        settle=5.0, window=4.0, initial_state=((0.0,), (0.1,)),
+    ).sel(way="down")  # fmt: skip
+    a, w = (fs - fd) / k, math.sqrt(k / m)
+    period = (2 / w) * (math.pi - np.arctan(w * a / speeds)) + 2 * a / speeds
+    assert np.all(np.abs(4.0 / period - np.round(4.0 / period)) > 0.05)
+    np.testing.assert_allclose(ds.stick_fraction, 2 * a / speeds / period, rtol=2e-4)
+    # the mean velocity is zero over a period, and the kinetic energy has a closed form
+    reach = np.sqrt(a**2 + (speeds / w) ** 2)
+    half = np.pi - np.arctan(w * a / speeds)  # of the arc that slip is, in angle
+    slip = reach**2 * w * (half + 0.5 * np.sin(2 * half))
+    square = (speeds**2 * 2 * a / speeds + slip) / period
+    np.testing.assert_allclose(ds.velocity_rms, np.sqrt(square), rtol=2e-4)
+
+
+def test_time_of_a_motion_that_comes_back_and_of_one_that_does_not():
+    t = np.linspace(0, 7.3, 1000)[:, None]
+    wave = np.hstack([np.sin(2 * np.pi * t + 0.4), 0 * t, np.cos(2 * np.pi * t + 0.4), 1e-18 * t])
+    assert float(repeat_time(jnp.asarray(wave), 7.3)) == pytest.approx(7.0, abs=1e-4)
+    doubled = wave * (1 + 0.1 * np.cos(np.pi * t + 0.2))
+    assert float(repeat_time(jnp.asarray(doubled), 7.3)) == pytest.approx(6.0, abs=1e-3)
+    for other in (wave * np.exp(-t), 0 * wave):  # dying, at rest
+        assert float(repeat_time(jnp.asarray(other), 7.3)) == 7.3
+
+
+def test_neimark_sacker_of_a_driven_oscillator():
+    # multipliers of x'' + a x' + x = cos(w t) are exp(-a T/2 +- i ...): on the circle at a = 0
+    system = Ring(a=0.2, b=0.0, c=0.0, drive=1.0)
+    cycle = find_cycle(system, settle=60.0, initial_state=((0.1,), (0.0,)), period=turn, over="a")
+    assert cycle.found == Found.FOUND
+    period = 2 * math.pi / 1.7
+    np.testing.assert_allclose(np.abs(cycle.multipliers), math.exp(-0.1 * period), rtol=1e-8)
+    # as a cycle of a hundred periods it swings between its samples, as high all the same
+    long = find_cycle(system, settle=60.0, initial_state=((0.1,), (0.0,)), period=100 * period)
+    exact = 1 / math.hypot(1 - 1.7**2, 1.7 * 0.2)
+    assert (long.maximum, long.minimum) == pytest.approx((exact, -exact), rel=1e-7)
+    branch = follow(cycle, -0.1, 0.3, step=0.1)
+    (special,) = branch.special
+    assert special.kind == "neimark_sacker"
+    assert special.parameter == pytest.approx(0.0, abs=1e-8)
+    response = 1 / np.hypot(1 - 1.7**2, 1.7 * branch.parameters)
+    np.testing.assert_allclose([c.maximum for c in branch.cycles], response, rtol=1e-6)
+
+
+def test_v5_stick_slip_over_the_belt_speed():
+    m, k, fs, fd, v = 1.0, 100.0, 0.4, 0.25, 0.05
+    start = ((0.0,), (v,))
+    cycle = find_cycle(Block(fs, fd, m, k, belt=v), settle=5.0, initial_state=start, over="belt")
+    assert cycle.word == "capture release"
+    assert cycle.stable and np.all(np.abs(cycle.multipliers) < 1e-9)  # stick forgets
+    assert cycle.maximum == pytest.approx(0.00772015325445528, rel=1e-9)
+    assert cycle.stick_fraction == pytest.approx(0.06 / 0.630027171822385, rel=1e-8)
+    branch = follow(cycle, 0.02, 0.3, step=0.2)
+    assert branch.special == [] and branch.parameters[[0, -1]] == pytest.approx([0.02, 0.3])
+    a, w, speed = (fs - fd) / k, math.sqrt(k / m), branch.parameters
+    period = (2 / w) * (math.pi - np.arctan(w * a / speed)) + 2 * a / speed
+    np.testing.assert_allclose([c.period for c in branch.cycles], period, rtol=1e-8)
+    highest = fd / k + np.sqrt(a**2 + (speed / w) ** 2)
+    np.testing.assert_allclose([c.maximum for c in branch.cycles], highest, rtol=1e-8)
+
+
+def test_v8_multipliers_and_period_doubling_over_the_frequency():
+    e = 0.8
+    system = StopOscillator(amplitude=1.0, frequency=2.5, restitution=e, side=-1.0)
+    cycle = find_cycle(
+        system, settle=300.0, initial_state=((-0.5,), (0.0,)), period=turn, over="frequency"
+    )
+    assert cycle.word == "impact" and cycle.minimum == pytest.approx(-0.800586609, abs=1e-8)
+    (pair,) = CASES_V8[0][-1]
+    assert np.min(np.abs(cycle.multipliers - pair)) < 1e-7
+    branch = follow(cycle, 2.45, 2.8, step=0.1)
+    assert branch.ends == ("the end of the range",) * 2
+    last = branch.cycles[-1]
+    assert branch.parameters[-1] == pytest.approx(2.8)
+    for exact in CASES_V8[1][-1]:
+        assert np.min(np.abs(last.multipliers - exact)) < 1e-6
+    for c in branch.cycles:
+        assert np.prod(c.multipliers).real == pytest.approx(e * e, rel=1e-7)
+
+    def trace(w):
+        """Of rotation times saltation: [[-e, 0], [(1 + e) a / v, -e]], a at the impact."""
+        psi, speed = periodic_impacts(w, e)
+        period = 2 * math.pi / w
+        bend = (1 + e) * math.cos(psi) / speed
+        return -2 * e * math.cos(period) + bend * math.sin(period)
+
+    assert trace(2.5) == pytest.approx(2 * pair.real, rel=1e-7)
+    exact = scipy.optimize.brentq(lambda w: 1 + trace(w) + e * e, 2.5, 2.8)
+    (special,) = branch.special
+    assert special.kind == "period_doubling"
+    assert special.parameter == pytest.approx(exact, abs=1e-7)
+
+
+@pytest.mark.slow
+def test_squeal_and_the_unstable_cycle_that_bounds_it():
+    """Subcritical Hopf at the speed of V11; squeal ends where stick does, on the same branch."""
+    blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(1.35))
+    upright = ((0.0, 0.0), (0.0, 0.0))
+    squeal = find_cycle(blade, settle=0.05, initial_state=upright, over="belt_speed")
+    assert squeal.found == Found.FOUND and squeal.stable
+    assert "capture" in squeal.word and "release" in squeal.word
+    branch = follow(squeal, 1.3, 1.6, step=0.1)
+    (end,) = [s for s in branch.special if s.kind == "grazing_sliding_fold"]
+    assert "-capture -release" in end.detail
+    # at its end the unstable cycle touches v_t = 0, and its stick-slip partner has lost its stick
+    at, beyond = branch.cycles[end.index], branch.cycles[end.index + 1]
+    assert at.stick_fraction < 1e-3
+    assert beyond.stick_fraction == 0 and 0 < beyond.slip_margin < 1e-3 and not beyond.stable
+    # a simulation on either side of it
+    for factor, squeals in ((0.99, True), (1.01, False)):
+        belt = wiperjax.SteadyBelt(factor * end.parameter)
+        start = (tuple(at.state[:2]), tuple(at.state[2:]))
+        lifted = ((start[0][0] * (1 + 1e-4), 0.0), start[1])
+        run = wiperjax.simulate(wiperjax.Wiper(belt=belt), 0.15, initial_state=lifted)
+        late = run.velocity.sel(axis="x").isel(time=slice(-200, None))
+        assert (float(late.std()) > 0.5) == squeals
+
+
+@pytest.mark.slow
+def test_cycles_grow_out_of_the_hopf_point_of_v11():
+    from wiperjax.blade import numbers
+    from wiperjax.cycles import cycle as cycles
+    from wiperjax.cycles import return_map
+
+    speed = 0.4511
+    blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(speed * 1.05))
+    rest = steady_slip(blade)
+    system = numbers.traceable(blade, "belt_speed")
+    scale = np.array([1e-4, 1e-4, 0.5, 0.5])
+    section = chart.turning_point
+    family = return_map.Shooting(system, "belt_speed", None, section, 1, scale, 1.0, 1.0)
+    state = np.array([float(rest.x) + 4e-5, 0.0, 0.0, 0.0])
+    small = cycles.close(family, state, wiperjax.Regime.SLIP_NEG, 1 / float(rest.frequency))
+    assert small.found == Found.FOUND and not small.stable and small.word == ""
+    assert small.trivial_error < 1e-8
+    branch = follow(small, 0.4, 0.5, step=0.1)
+    (hopf,) = [s for s in branch.special if s.kind == "hopf"]
+    assert hopf.parameter == pytest.approx(speed, abs=1e-4)
+
+
+def test_motions_without_a_cycle_say_so():
+    quiet = find_cycle(Ring(a=0.3), settle=200.0, initial_state=((1.0,), (0.0,)), over="a")
+    assert quiet.found == Found.AT_REST and math.isnan(quiet.period)
+    with pytest.raises(ValueError, match="parameter must be a number of Ring .*but was 'mass'"):
+        find_cycle(Ring(), settle=1.0, initial_state=((1.0,), (0.0,)), over="mass")
+    with pytest.raises(ValueError, match="cycle must be a found one, but was at_rest"):
+        follow(quiet, 0.0, 1.0)
+    with pytest.raises(ValueError, match="settle must be a finite number > 0, but was -1"):
+        find_cycle(Ring(), settle=-1)
+
+
+@pytest.mark.slow
+def test_smallest_change_that_makes_steady_slip_stable():
+    from wiperjax import remedy
+
+    blade = wiperjax.Wiper(attack_angle=math.radians(5.0))
+    bounds = {"support_damping": (0.5, 12.0), "mu_static": (0.35, 1.0)}
+    found = remedy.stabilise(blade, bounds, margin=50.0, starts=3)
+    best = found.parameters.isel(start=0)
+    growth = float(steady_slip(found.blade).growth_rate)
+    assert -60 < growth < 0  # the border of the demand, not beyond it
+    assert float(best.growth_rate) == pytest.approx(growth, rel=1e-6)
+    for name, (low, high) in bounds.items():
+        assert low <= float(best[name]) <= high
+    # no cheaper one on a grid
+    low, high = np.array(list(bounds.values())).T
+    share = np.linspace(0.0, 1.0, 41)
+    c, mu = np.meshgrid(low[0] + share * (high - low)[0], low[1] + share * (high - low)[1])
+    every = wiperjax.Wiper(attack_angle=math.radians(5.0), support_damping=c, mu_static=mu)
+    stable = np.asarray(steady_slip(every).growth_rate) < -50
+    given = (np.array([1.0, 1.0]) - low) / (high - low)
+    cost = (share[None, :] - given[0]) ** 2 + (share[:, None] - given[1]) ** 2
+    assert float(best.cost) < np.min(cost[stable])
+
+
+@pytest.mark.slow
+def test_least_noise_from_several_starts():
+    """Each search ends lower than where it began, and what it reports is what a run shows."""
+    from wiperjax import remedy
+
+    blade = wiperjax.Wiper(attack_angle=math.radians(5.0))
+    bounds = {"support_damping": (0.5, 12.0), "mu_static": (0.35, 1.0)}
+    times = {"duration": 0.04, "window": 0.02}
+    found = remedy.quieten(blade, bounds, starts=3, most=12, **times)
+    before = found.parameters.attrs["velocity_rms_before"]
+    late = wiperjax.simulate(blade, 0.04, sample_interval=1e-5, rtol=1e-7).isel(
+        time=slice(-2000, None)
+    )
+    assert before == pytest.approx(float(late["velocity"].sel(axis="x").std()), rel=1e-2)
+    for name, (low, high) in bounds.items():
+        values = found.parameters[name].values
+        assert np.all((values >= low) & (values <= high))
+    assert np.all(found.parameters["velocity_rms"] < 0.02 * before)
+    assert remedy.verdict(blade)["label"] == "squeal"
+    assert remedy.verdict(found.blade)["label"] == "quiet"
+    steep = wiperjax.Wiper(attack_angle=math.radians(80.0), normal_load=200.0)
+    assert int(wiperjax.solve(steep, 0.04, max_events=0).result) == wiperjax.Result.COLLAPSED
+    with pytest.raises(ValueError, match="blade must be one whose simulation finishes"):
+        remedy.quieten(steep, bounds, starts=3, most=12, **times)
+    with pytest.raises(ValueError, match=r"bounds of mu_static must be \(low, high\), but were"):
+        remedy.quieten(blade, {"mu_static": (1.0, 0.5)})
+    with pytest.raises(ValueError, match=r"window must lie in \(0, duration = 0.1\] s, but was 1"):
+        remedy.quieten(blade, bounds, duration=0.1, window=1.0)

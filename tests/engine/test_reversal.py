@@ -1,0 +1,55 @@
+"""Statistics around V = 0: exact wherever steps end."""
+
+import equinox as eqx
+import numpy as np
+import pytest
+
+import wiperjax
+from wiperjax import Result, TrapezoidBelt, Wiper, WipingBelt
+from wiperjax.engine.observers.reversal import ReversalTotals
+
+DURATION, WINDOW, FREQUENCY = 0.4, 0.02, 4.0  # V = 0 at 0.125 s, 0.25 s, ...
+BELTS = {
+    "wiping": WipingBelt(0.8, FREQUENCY),
+    "trapezoid": TrapezoidBelt(0.8, FREQUENCY, 0.02),
+}
+
+
+@eqx.filter_jit
+def totals(belt, max_step):
+    # quiet but for the turn itself, so that steps are long
+    calm = dict(lip_length=6.5e-3, support_stiffness=2e4, mu_static=0.7, mu_minimum=0.5)
+    wiper = Wiper(belt=belt, **calm)
+    watching = ReversalTotals(0.0, WINDOW)
+    return wiperjax.solve(wiper, DURATION, rtol=1e-8, observer=watching, max_step=max_step)
+
+
+@pytest.fixture(scope="module", params=BELTS)
+def both(request):
+    """Long steps and short ones."""
+    belt = BELTS[request.param]
+    found = [totals(belt, max_step) for max_step in (np.inf, 1e-4)]
+    assert all(run.result == Result.FINISHED for run in found)
+    assert found[1].steps > 1.5 * found[0].steps  # else the test says nothing
+    return [run.statistics for run in found]
+
+
+def test_times_within_the_window_are_exact(both):
+    # at the start, around three passages, and none at the end
+    for record in both:
+        assert float(record.stroke_time) == pytest.approx(DURATION - 7 * WINDOW, rel=1e-10)
+        assert float(record.vibration_time) == pytest.approx(4 * WINDOW, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("name", "accuracy"),
+    [
+        ("force_max_reversal", 1e-5),
+        ("force_integral_stroke", 1e-6),
+        ("stick_time_stroke", 1e-5),
+        ("vibration_integral", 1e-5),
+    ],
+)
+def test_they_do_not_depend_on_the_steps(both, name, accuracy):
+    long, short = (float(getattr(record, name)) for record in both)
+    assert long == pytest.approx(short, rel=accuracy)

@@ -1,0 +1,284 @@
+"""Blocks as tasks of `dask.distributed`: the same map bit for bit, also when a worker is killed.
+
+The workers are processes of their own. Most tests use a stub engine; the last one the real one.
+"""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import test_storage as stub
+import xarray as xr
+
+from wiperjax.maps import block, cluster, driver
+from wiperjax.store.manifest import parts_of
+from wiperjax.store.whole import open_map
+
+pytestmark = [
+    pytest.mark.slow,
+    # of dask and of sockets that a killed worker leaves
+    pytest.mark.filterwarnings("default"),
+]
+
+
+@pytest.fixture(scope="module")
+def workers():
+    with cluster.connect(local=2) as found:
+        yield found
+
+
+def slow(spec, index, *look):
+    time.sleep(0.1)
+    return stub.evaluate(spec, index, *look) | {"normal_force_max": np.sin(index)}
+
+
+def sweep(spec, path, workers, **options):
+    with driver.run(
+        spec, path, workers=workers, evaluate=slow, block=stub.BLOCK, progress=False, **options
+    ) as ds:
+        return ds.load()
+
+
+def pids(workers):
+    return list(workers._client.run(os.getpid).values())
+
+
+def test_a_cluster_makes_the_same_map(tmp_path, workers):
+    spec, path = stub.make_spec(), tmp_path / "map.h5"
+    ds = sweep(spec, path, workers)
+    stub.assert_same_map(path, spec)
+    assert ds.attrs["host"] and ds.attrs["wall_time"] >= 8 * 0.1
+    in_memory = driver.run(spec, None, workers=workers, evaluate=slow, block=33, progress=False)
+    xr.testing.assert_identical(stub.data_of(in_memory), stub.data_of(stub.whole(spec)))
+
+
+def test_a_killed_worker_costs_a_retry(tmp_path, workers):
+    spec, path = stub.make_spec(angles=28), tmp_path / "map.h5"
+    before = pids(workers)
+    killed, over = [], threading.Event()
+
+    def kill():
+        while len(killed) < 2 and not over.wait(0.35):
+            with contextlib.suppress(OSError):  # the one that was killed may still be asked
+                fresh = [pid for pid in pids(workers) if pid not in killed]
+                os.kill(fresh[0], signal.SIGKILL)
+                killed.append(fresh[0])
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    sweep(spec, path, workers)
+    over.set()
+    thread.join()
+    stub.assert_same_map(path, spec)
+    assert killed and killed[0] in before  # two, unless the machine is very busy
+
+
+def test_a_block_that_kills_its_workers_is_named_and_the_rest_is_kept(tmp_path, workers):
+    spec, path = stub.make_spec(), tmp_path / "map.h5"
+
+    def deadly(spec, index, *look):
+        if index[0] == 5 * stub.BLOCK:
+            time.sleep(0.5)  # dask gives a worker up that dies while it starts
+            os.kill(os.getpid(), signal.SIGKILL)
+        return stub.evaluate(spec, index, *look)
+
+    with pytest.raises(cluster.ClusterError, match="^block 5 was lost with its worker 4 times"):
+        driver.run(spec, path, workers=workers, evaluate=deadly, block=stub.BLOCK, progress=False)
+    assert len(stub.block_files(path)) >= 1
+    sweep(spec, path, workers, resume=True)
+    stub.assert_same_map(path, spec)
+
+
+def test_an_error_in_a_worker_is_the_error_of_the_sweep(tmp_path, workers):
+    def wrong(spec, index):
+        raise ValueError("wrong in a worker")
+
+    with pytest.raises(ValueError, match="wrong in a worker"):
+        driver.run(stub.make_spec(), tmp_path / "map.h5", workers=workers, evaluate=wrong)
+
+
+def test_a_worker_of_another_version_is_refused(tmp_path, workers, monkeypatch):
+    monkeypatch.setattr(block, "made_by", lambda spec: {"jax": "0.1"})
+    with pytest.raises(cluster.ClusterError, match=r"a worker differs.*jax is [\d.]+, not 0.1"):
+        sweep(stub.make_spec(), tmp_path / "map.h5", workers)
+    assert not parts_of(tmp_path / "map.h5").exists()
+
+
+def test_no_scheduler_is_one_line():
+    import dask
+
+    with dask.config.set({"distributed.comm.timeouts.connect": "200ms"}):
+        with pytest.raises(cluster.ClusterError, match="^tcp://127.0.0.1:9: no scheduler answers"):
+            with cluster.connect("tcp://127.0.0.1:9"):
+                pass
+
+
+def claim(folder, **environment):
+    """Process that claims an accelerator and holds it, and what it got or was told."""
+    read, write = os.pipe()
+
+    def work():
+        os.environ.update(environment)
+        try:
+            said = str(cluster.claim_accelerator(folder))
+        except RuntimeError as error:
+            said = str(error)
+        os.write(write, said.encode())
+        signal.pause()
+
+    process = stub.fork(block)
+    said = os.read(read, 1000).decode()
+    os.close(read)
+    os.close(write)
+    return process, said
+
+
+def end(process):
+    os.kill(process, signal.SIGKILL)
+    os.waitpid(process, 0)
+
+
+def test_every_worker_takes_an_accelerator_of_its_own(tmp_path, monkeypatch):
+    for name in ("nvidia0", "nvidia1", "nvidiactl", "null"):
+        (tmp_path / name).touch()
+    monkeypatch.setenv("SLURM_JOB_ID", f"test-{os.getpid()}")
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+    held = [claim(tmp_path) for _ in range(3)]
+    held += [claim(tmp_path, CUDA_VISIBLE_DEVICES=devices) for devices in ("1", "1,7")]
+    said = [text for _, text in held]
+    assert said[:2] == ["0", "1"] and "more workers than accelerators (2)" in said[2]
+    assert said[3:] == ["None", "7"]
+    end(held.pop(1)[0])
+    held.append(claim(tmp_path))  # free again, once its holder has died
+    assert held[-1][1] == "1"
+    for process, _ in held:
+        end(process)
+
+
+def test_one_process_deals_a_block_to_all_its_accelerators():
+    """Devices of the host stand in for them; what each would compute is only written down."""
+    code = """
+        import threading
+        import jax, numpy as np
+        from wiperjax import cells, dealing
+        from wiperjax.spec import parse_sweep
+
+        class Enough(Exception):
+            pass
+
+        def note(wiper, position, velocity, count, max_steps, settings):
+            (device,) = position[0].devices()
+            speeds = np.asarray(wiper.belt.speed)[: int(count)]
+            seen.append((device.id, np.round(speeds, 3).tolist()))
+            together.wait(60)  # the first to raise must not stop the others
+            raise Enough
+
+        seen, together = [], threading.Barrier(3)
+
+        cells._compute, dealing.devices = note, jax.devices
+        axis = {"start": 0.1, "stop": 0.7, "num": 7}
+        spec = parse_sweep({"axes": {"belt_speed": axis}, "run": {"transient": 0, "window": 1}})
+        try:
+            cells.evaluate(spec, np.arange(7))
+        except Enough:
+            print(sorted(seen))
+    """
+    flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=3", "JAX_PLATFORMS": "cpu"}
+    ran = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        capture_output=True,
+        text=True,
+        env=stub.environment() | flags,
+    )
+    assert ran.stdout.strip() == "[(0, [0.1, 0.4, 0.7]), (1, [0.2, 0.5]), (2, [0.3, 0.6])]", ran
+
+
+SWEEP = """
+[axes]
+attack_angle = { start = -40, stop = 40, num = 14 }
+belt_speed = { start = 0.1, stop = 1.0, num = 10, spacing = "geometric" }
+[run]
+transient = 0.01
+window = 0.02
+samples = 128
+raster = 20
+event_log = 6
+"""
+
+
+def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
+    """One core in one block (more cells than lanes), two cores in blocks of 90, two processes in
+    blocks of 40: the same bits. The last two have lanes of one shape: with a cache they are
+    compiled once.
+    """
+    cache = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path / "cache")}
+    calm = {"TF_CPP_MIN_LOG_LEVEL": "3"}  # XLA complains of compilations over two minutes
+    (tmp_path / "s.toml").write_text(textwrap.dedent(SWEEP))
+    ways = {
+        "one": ["--workers", "1"],
+        "two": ["--workers", "2", "--block", "90"],
+        "cluster": ["--local-cluster", "2", "--block", "40"],
+    }
+    found = {}
+    for name, options in ways.items():
+        path = tmp_path / f"{name}.h5"
+        words = ["sweep", tmp_path / "s.toml", "-o", path, "--no-picture", *options]
+        ran = subprocess.run(
+            [sys.executable, "-m", "wiperjax", *map(str, words)],
+            capture_output=True,
+            text=True,
+            env=cache | stub.environment() | calm,
+            cwd=Path(__file__).parent,
+        )
+        assert ran.returncode == 0, ran.stderr
+        assert ran.stderr == ""
+        with open_map(path) as ds:
+            found[name] = stub.data_of(ds)
+    assert found["one"].event_overflow.values.any() and not found["one"].event_overflow.values.all()
+    assert found["one"].regime_raster.shape == (14, 10, 20)
+    assert set(np.unique(found["one"].regime_raster)) <= {0, 1, 2, 3, 255}
+    xr.testing.assert_identical(found["two"], found["one"])
+    xr.testing.assert_identical(found["cluster"], found["one"])
+
+
+def test_a_sweep_without_workers_stops_with_a_word():
+    """dask itself would wait for one for ever."""
+
+    def never(seconds):
+        raise TimeoutError
+
+    class Deserted:
+        class _client:
+            @staticmethod
+            def nthreads():
+                return {}
+
+    with pytest.raises(cluster.ClusterError, match="^no worker was left for 0 s; finished blocks"):
+        cluster.Workers._result(Deserted(), never, "a block", alone=0.0)  # type: ignore[arg-type]
+
+
+def test_a_sweep_whose_local_workers_are_lost_before_its_first_task_stops_with_a_word(
+    tmp_path, monkeypatch
+):
+    """A scheduler may have a queue of jobs; on this machine no other worker will come."""
+    monkeypatch.setattr(cluster, "ALONE", 1)
+    with cluster.connect(local=1) as workers:
+        workers._client.retire_workers()
+        with pytest.raises(cluster.ClusterError, match="^no worker was left for 1 s"):
+            sweep(stub.make_spec(), tmp_path / "map.h5", workers)
+    assert not parts_of(tmp_path / "map.h5").exists()
+
+
+def test_a_local_cluster_without_workers_is_one_line(monkeypatch):
+    monkeypatch.setattr(cluster, "ALONE", 1)
+    with pytest.raises(cluster.ClusterError, match="^no worker of this machine started within 1 s"):
+        with cluster.connect(local=0):
+            pass

@@ -1,0 +1,211 @@
+"""Dominant frequency: waveforms whose repetition rate is known, and a zero-padded periodogram of
+scipy.
+"""
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from wiperjax.noise.spectrum import dominant_frequency, strongest_lines
+
+WINDOW = 0.2
+SAMPLES = 2048
+TIME = np.arange(SAMPLES) * WINDOW / SAMPLES
+INTERVAL = WINDOW / SAMPLES
+
+
+def waves(shape, frequencies):
+    """Signals (frequencies, samples) of `shape(phase in [0, 1))`, each with a phase of its own."""
+    offset = np.random.default_rng(0).random(len(frequencies))
+    return shape((TIME * np.asarray(frequencies)[:, None] + offset[:, None]) % 1)
+
+
+def sine(phase):
+    return np.sin(2 * np.pi * phase)
+
+
+def stick_slip(phase, duty=0.2, speed=0.3):
+    """Stick at belt speed, then a half-sine slip back; no net displacement."""
+    slip = (phase - (1 - duty)) / duty
+    return np.where(slip < 0, speed, speed - speed / duty * np.pi / 2 * np.sin(np.pi * slip))
+
+
+def asymmetric(phase, duty=0.3):
+    """Stick, then a slip that starts steeply and dies slowly."""
+    slip = (phase - (1 - duty)) / duty
+    return np.where(slip < 0, 0.3, 0.3 - 2 * np.exp(-4 * slip) * (1 - np.exp(-30 * slip)))
+
+
+def pulses(phase, duty=0.2):
+    return (phase < duty).astype(float)
+
+
+@pytest.mark.parametrize("shape", [sine, stick_slip, asymmetric, pulses])
+def test_few_cycles_in_the_window(shape):
+    exact = np.linspace(26, 60, 201)  # 28.2 Hz: 5.6 cycles
+    found = dominant_frequency(waves(shape, exact), INTERVAL)
+    worst = np.max(np.abs(found / exact - 1))
+    assert worst < {sine: 2e-4, stick_slip: 2e-4, asymmetric: 5e-4, pulses: 2e-3}[shape]
+
+
+def test_two_cycles_are_the_least_that_can_be_told():
+    exact = np.linspace(11, 16, 51)
+    assert dominant_frequency(waves(sine, exact), INTERVAL) == pytest.approx(exact, rel=0.02)
+
+
+@pytest.mark.parametrize("shape", [sine, stick_slip])
+def test_squeal_to_a_tenth_of_a_hertz(shape):
+    exact = np.array([674.4, 780.8, 906.5])
+    found = dominant_frequency(waves(shape, exact), INTERVAL)
+    assert np.max(np.abs(found - exact)) < (1e-5 if shape is sine else 0.1)
+
+
+def test_narrow_pulses_between_bins_do_not_turn_into_their_harmonics():
+    exact = np.arange(12.3, 16.1, 0.1) / WINDOW  # through all places between two bins
+    found = dominant_frequency(waves(lambda phase: pulses(phase, 0.1), exact), INTERVAL)
+    assert found == pytest.approx(exact, rel=3e-3)
+
+
+def test_noise():
+    exact = np.full(100, 674.4)
+    noise = np.random.default_rng(1).standard_normal((100, SAMPLES))
+    found = dominant_frequency(waves(sine, exact) + 0.5 * noise, INTERVAL)
+    assert np.abs(found - exact).max() < 0.3  # Cramer-Rao bound: 0.04 Hz standard deviation or so
+    found = dominant_frequency(waves(stick_slip, exact) + 0.1 * noise, INTERVAL)
+    assert np.abs(found - exact).max() < 0.3
+
+
+def test_small_oscillation_on_a_large_mean():
+    found = dominant_frequency(0.3 + 1e-9 * waves(sine, [123.4]), INTERVAL)
+    assert found == pytest.approx([123.4], rel=1e-4)
+
+
+def test_strongest_line_wins_in_a_period_doubled_motion():
+    time = TIME[None]
+    main, half = np.sin(2 * np.pi * 80 * time), np.sin(2 * np.pi * 40 * time + 1)
+    assert dominant_frequency(main + 0.3 * half, INTERVAL) == pytest.approx([80], rel=1e-3)
+    assert dominant_frequency(0.3 * main + half, INTERVAL) == pytest.approx([40], rel=1e-3)
+
+
+def test_two_close_lines_are_not_averaged():
+    signal = np.sin(2 * np.pi * 300 * TIME) + 0.8 * np.sin(2 * np.pi * 330 * TIME)
+    assert dominant_frequency(signal, INTERVAL) == pytest.approx(300, rel=2e-3)
+
+
+def test_agrees_with_a_zero_padded_periodogram():
+    random = np.random.default_rng(2)
+    exact = random.uniform(60, 2000, 40)
+    signals = waves(asymmetric, exact) + 0.05 * random.standard_normal((40, SAMPLES))
+    grid, power = scipy.signal.periodogram(
+        signals, 1 / INTERVAL, window="hann", nfft=128 * SAMPLES, detrend="constant"
+    )
+    found = dominant_frequency(signals, INTERVAL)
+    assert np.abs(found - grid[np.argmax(power, axis=1)]).max() < 0.15
+
+
+def test_constant_and_non_finite_signals_have_no_line():
+    signals = np.stack(
+        [np.full(SAMPLES, 0.3), np.zeros(SAMPLES), sine(TIME * 500 % 1), sine(TIME * 500 % 1)]
+    )
+    signals[2, 7] = np.nan
+    found = dominant_frequency(signals.astype(np.float32), INTERVAL)
+    assert np.isnan(found[:3]).all() and found[3] == pytest.approx(500, rel=1e-5)
+
+
+def test_each_signal_is_alone_and_shapes_are_kept():
+    signals = waves(stick_slip, np.linspace(30, 900, 130))
+    together = dominant_frequency(signals.reshape(10, 13, SAMPLES), INTERVAL)
+    assert together.shape == (10, 13)
+    alone = np.array([dominant_frequency(signal, INTERVAL) for signal in signals])
+    # To rounding only: the FFT handles several rows at once, which moves the start of the
+    # refinement.
+    np.testing.assert_allclose(together.ravel(), alone, rtol=1e-13)
+    assert dominant_frequency(np.zeros((0, SAMPLES)), INTERVAL).shape == (0,)
+
+
+def test_slow_drift_is_no_line_of_high_frequency():
+    assert dominant_frequency(np.exp(-TIME / 0.1), INTERVAL) < 3 / WINDOW
+
+
+def test_bad_arguments():
+    with pytest.raises(ValueError, match="at least 8 samples"):
+        dominant_frequency(np.zeros((3, 4)), INTERVAL)
+    with pytest.raises(ValueError, match="sample_interval must be > 0"):
+        dominant_frequency(np.zeros(100), 0.0)
+
+
+def test_repetition_rate_of_narrow_pulses_whose_harmonics_are_higher():
+    # slow stick-slip: 4 % of the period, and a weak second pulse half a period later, which lifts
+    # the even harmonics to 1.3 and lowers the odd lines to 0.7
+    exact = np.array([23.7, 53.1, 61.4, 110.3])
+    phase = (exact[:, None] * TIME) % 1.0
+    second = (phase + 0.5) % 1.0
+    pulse = np.where(phase < 0.04, np.sin(np.pi * phase / 0.04), 0.0)
+    pulse += 0.3 * np.where(second < 0.04, np.sin(np.pi * second / 0.04), 0.0)
+    assert dominant_frequency(pulse, INTERVAL) == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize(("spacing", "duty"), [(5.7, 0.02), (7.9, 0.04), (10.0, 0.046)])
+def test_a_flat_comb_repeats_at_its_spacing_however_high_its_strongest_line(spacing, duty):
+    """Slip pulses of a slow belt: the strongest line is the eleventh or so, by a few per cent."""
+    samples, window = 2048, 0.8
+    time = np.arange(samples) * window / samples
+    phase = (spacing * time + 0.3) % 1.0
+    pulse = np.where(phase < duty, np.sin(2 * np.pi * phase / duty), 0.0)  # no mean: a high comb
+    power = np.abs(np.fft.rfft(pulse * np.hanning(samples)))
+    assert np.argmax(power) / window > 7 * spacing  # else the test says nothing
+    pulse += np.where(phase < 4 * duty, 0.5 * np.sin(np.pi * phase / duty / 4), 0.0)
+    assert dominant_frequency(pulse, window / samples) == pytest.approx(spacing, rel=0.02)
+
+
+def test_two_lines_far_apart_are_no_comb():
+    signal = np.sin(2 * np.pi * 700 * TIME) + 0.6 * np.sin(2 * np.pi * 70 * TIME)
+    assert dominant_frequency(signal, INTERVAL) == pytest.approx(700, rel=1e-4)
+
+
+RATE = SAMPLES / WINDOW  # 10240 Hz
+
+
+def means(*lines):
+    """Means over each sample and mean variance inside, of sines (frequency, size), both exact."""
+    edges = np.append(TIME, WINDOW)[None]
+    omega, size = (np.array(column)[:, None] for column in zip(*lines, strict=True))
+    omega = 2 * np.pi * omega
+    place = np.sum(-size / omega * np.cos(omega * edges + size), axis=0)
+    mean = np.diff(place) / INTERVAL
+    return mean, max(np.sum(size**2) / 2 - np.var(mean), 0.0)
+
+
+@pytest.mark.parametrize("frequency", np.linspace(0.01, 0.48, 25) * RATE)
+def test_a_line_below_half_the_sampling_rate_is_told(frequency):
+    mean, inner = means((frequency, 1.0))
+    found = strongest_lines(mean, INTERVAL, averaged=True, inner=[inner])
+    assert found.told and found.frequency == pytest.approx(frequency, rel=1e-4)
+
+
+@pytest.mark.parametrize("frequency", np.r_[0.51:0.99:30j, 1.03:3.9:31j] * RATE)
+def test_a_folded_line_is_not_taken_for_what_it_seems(frequency):
+    mean, inner = means((frequency, 1.0))
+    found = strongest_lines(mean, INTERVAL, averaged=True, inner=[inner])
+    assert not found.told
+
+
+@pytest.mark.parametrize(("size", "told"), [(0.2, True), (0.5, True), (1.0, False), (2.0, False)])
+def test_a_hidden_line_matters_when_it_may_be_the_stronger(size, told):
+    mean, inner = means((700.0, 1.0), (1.25 * RATE + 33, size))
+    found = strongest_lines(mean, INTERVAL, averaged=True, inner=[inner])
+    assert found.told == told
+
+
+def test_means_weaken_lines_and_that_is_undone():
+    """The higher of two lines stays the strongest, though its mean comes down to 0.81."""
+    mean, inner = means((400.0, 0.9), (0.35 * RATE, 1.0))
+    assert abs(np.sinc(0.35)) < 0.9 < 1.0
+    found = strongest_lines(mean, INTERVAL, averaged=True, inner=[inner])
+    assert found.frequency == pytest.approx(0.35 * RATE, rel=1e-4)
+
+
+def test_of_values_at_instants_nothing_more_is_known():
+    folded = np.sin(2 * np.pi * 0.7 * RATE * TIME)
+    found = strongest_lines(folded, INTERVAL)
+    assert found.told and found.frequency == pytest.approx(0.3 * RATE, rel=1e-4)

@@ -1,0 +1,494 @@
+"""Pictures of maps: they show what they must, in colours that can be told apart, and refuse what
+they cannot draw.
+"""
+
+import matplotlib
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+
+from wiperjax.noise import class_counts
+from wiperjax.vocabulary import cf, codes
+
+matplotlib.use("Agg")
+
+from wiperjax import plots
+from wiperjax.datasets import map_dataset
+from wiperjax.noise import classes
+from wiperjax.plots.maps import categories, planes
+from wiperjax.plots.style import axes as plot_axes  # noqa: E402
+from wiperjax.plots.style import palette  # noqa: E402
+from wiperjax.specs.load import parse_sweep  # noqa: E402
+from wiperjax.store import map_file
+from wiperjax.vocabulary import schema  # noqa: E402
+from wiperjax.vocabulary.codes import RESULTS  # noqa: E402
+
+
+def reference_spec(angles: int = 41, loads: int = 11, speeds: int = 21):
+    """The reference sweep, coarser on request."""
+    axes = {
+        "attack_angle": {"start": -40, "stop": 40, "num": angles},
+        "normal_load": {"start": 5, "stop": 30, "num": loads},
+        "belt_speed": {"start": 0.02, "stop": 1.0, "num": speeds, "spacing": "geometric"},
+    }
+    return parse_sweep(
+        {"title": "Reference blade", "axes": axes, "run": {"transient": 0.2, "window": 0.2}}
+    )
+
+
+def steady_slip(angle, load, speed):
+    """Angle, growth rate (1/s) and frequency (Hz) of steady slip, branch of largest phi
+    (VERIFICATION.md V11).
+
+    The reference blade; angles in radians; no root on the grid gives NaN.
+    """
+    m, length, k, c, k1, k2, bend = 2.4e-3, 6e-3, 2000.0, 1.0, 0.05, 2.0, 0.6
+    mu = 0.3 + 0.7 * np.exp(-speed / 0.1) + 0.02 * speed
+    slope = -7.0 * np.exp(-speed / 0.1) + 0.02
+    phi = np.linspace(-1.5, 1.5, 6001)[:, None]
+    force = load + k * length * (np.cos(phi) - np.cos(angle))
+    theta = phi - angle
+    moment = k1 * theta + (k2 - k1) * (np.maximum(theta - bend, 0) + np.minimum(theta + bend, 0))
+    excess = moment - length * force * (np.sin(phi) + mu * np.cos(phi))
+    up = (excess[:-1] < 0) & (excess[1:] >= 0)
+    row = len(phi) - 2 - np.argmax(up[::-1], axis=0)
+    found = up.any(axis=0)
+    root = np.where(found, phi[row, 0], np.nan)
+    tau, force = np.tan(root), load + k * length * (np.cos(root) - np.cos(angle))
+    stiff = np.where(np.abs(root - angle) > bend, k2, k1) / (length * np.cos(root)) ** 2
+    damping = c * tau * (tau + mu) + slope * force
+    stiffness = stiff + k * tau * (tau + mu) + force * (mu * tau - 1) / (length * np.cos(root))
+    return root, -damping / (2 * m), np.sqrt(np.maximum(stiffness, 0) / m) / (2 * np.pi)
+
+
+def realistic_columns(spec, seed: int = 0):
+    """Columns of a map that looks like the real one: analytic where that is known, drawn by hand
+    where not.
+    """
+    cells = spec.cells(np.arange(spec.size))
+    angle, load, speed = (cells[name] for name in ("attack_angle", "normal_load", "belt_speed"))
+    _, growth, frequency = steady_slip(angle, load, speed)
+    random = np.random.default_rng(seed)
+    loud = (growth > -60) & (speed < 1.4)
+    leading = (angle < np.radians(-14)) & (speed < 0.1 + 0.02 * load)
+    stick = np.where(leading, 0.8 - 0.5 * speed, np.where(loud, np.clip(0.6 - speed, 0, 1), 0.0))
+    flight = np.where(leading & (load < 9), 0.06, 0.0)
+    result = np.zeros(spec.size, dtype=int)
+    result[(angle < np.radians(-37)) & (load > 26)] = RESULTS["collapsed"]
+    result[random.random(spec.size) < 0.003] = RESULTS["step_budget_spent"]
+    shaking = loud | leading
+    return {
+        "result": result,
+        "stick_fraction": stick,
+        "flight_fraction": flight,
+        "slip_fraction": 1 - stick - flight,
+        "dominant_frequency": np.where(
+            leading, 12 + 90 * speed / (0.1 + 0.02 * load), np.maximum(frequency, 110)
+        ),
+        "velocity_rms": np.where(shaking, 0.7 * speed + 0.02, 1e-7),
+        "belt_speed_rms": speed,
+        "growth_rate": growth,
+        "linear_frequency": frequency,
+        "steps": np.full(spec.size, 1000),
+    }
+
+
+def realistic_map(**size) -> xr.Dataset:
+    """Map with labels."""
+    spec = reference_spec(**size)
+    columns = realistic_columns(spec)
+    columns["label"] = classes.label(columns, spec.classes)
+    return map_dataset.assemble(spec, columns)
+
+
+@pytest.fixture(scope="module")
+def small_map():
+    return realistic_map(angles=17, loads=3, speeds=9)
+
+
+def test_overview_shows_every_class_the_boundary_and_physical_axes(small_map):
+    figure = plots.map_overview(small_map)
+    texts = [text.get_text() for legend in _legends(figure) for text in legend.get_texts()]
+    present = [name for name, count, _ in class_counts.class_table(small_map) if count]
+    assert {"quiet", "squeal", "chattering", "other"} <= set(present)
+    assert all(any(text.startswith(name) for text in texts) for name in present)
+    assert any("linear" in text for text in texts)
+    words = [ax.get_xlabel() for ax in figure.axes] + [ax.get_ylabel() for ax in figure.axes]
+    assert "attack angle (deg)" in words and "belt speed (m/s)" in words
+    assert figure.axes[0].get_yscale() == "log" and figure.axes[0].get_xscale() == "linear"
+
+
+def _legends(figure):
+    return [*figure.legends, *(legend for part in figure.subfigs for legend in part.legends)]
+
+
+def _texts(figure):
+    return [text.get_text() for legend in _legends(figure) for text in legend.get_texts()]
+
+
+def _shares(cells, variable="label"):
+    return {
+        f"{palette.readable(name)} ({share:.1%})"
+        for name, count, share in class_counts.class_table(cells, variable)
+        if share >= 0.001
+    }
+
+
+def inside_the_page(figure):
+    """Draws a figure; returns the texts of headings, axes and legends that reach beyond it."""
+    figure.draw_without_rendering()
+    width, height = figure.bbox.size
+    axes = [*figure.axes, *(child for ax in figure.axes for child in ax.child_axes)]
+    words = [
+        *(text for ax in axes for text in (ax.xaxis.label, ax.yaxis.label, ax.title)),
+        *(
+            text
+            for legend in _legends(figure)
+            for text in (*legend.get_texts(), legend.get_title())
+        ),
+        *([figure._suptitle] if figure._suptitle else []),
+    ]
+    boxes = {text: text.get_window_extent() for text in words if text.get_text()}
+    return [
+        text.get_text()
+        for text, box in boxes.items()
+        if box.x0 < -1 or box.y0 < -1 or box.x1 > width + 1 or box.y1 > height + 1
+    ]
+
+
+def test_shares_are_those_of_the_cells_shown(small_map):
+    low = {"normal_load": 5.0}
+    slices = {
+        (1,): small_map.sel(normal_load=[5.0]),
+        (2,): small_map.sel(normal_load=[5.0, 30.0]),
+        (3,): small_map,
+    }
+    assert len({frozenset(_shares(cells)) for cells in slices.values()}) == 3
+    for shape, options in (((1,), {"at": low}), ((2,), {"panels": 2}), ((3,), {})):
+        axes = plots.class_map(small_map, **options)
+        figure, cells = axes[0].figure, slices[shape]
+        assert axes.shape == shape and _shares(cells) <= set(_texts(figure))
+        said = f"shares of the {cells['label'].size:,} cells shown, of 459" in " ".join(
+            figure.legends[0].get_title().get_text().split()
+        )
+        assert said == (cells["label"].size < 459)
+        assert ("normal load 5 N/m" in figure.get_suptitle()) == (options.get("at") == low)
+    for at, cells in ((low, slices[1,]), (None, small_map)):
+        figure = plots.map_overview(small_map, at=at)
+        bars = next(ax for ax in figure.axes if "cells" in ax.get_title())
+        assert bars.get_title().startswith(f"share of {cells['label'].size} cells")
+        numbers = {text.get_text().split()[0] for text in bars.texts}
+        found = {f"{share:.1%}" for _, count, share in class_counts.class_table(cells) if count}
+        assert numbers == found
+        assert not any("%" in text for text in _texts(figure))  # one statement of the shares
+
+
+def test_nothing_reaches_beyond_a_page_of_a_map(small_map):
+    long = small_map["growth_rate"].assign_attrs(
+        long_name="derivative of standard deviation of the tip velocity by shoulder stiffness",
+        units="(m/s)/(N m/rad/m)",
+    )
+    names = list(palette.MECHANISMS)
+    codes = xr.zeros_like(small_map["label"])
+    codes[:] = np.arange(codes.size).reshape(codes.shape) % len(names)
+    codes.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
+    ds = small_map.assign(mechanism=codes, d_velocity_rms_d_shoulder_stiffness=long)
+    at = {"normal_load": 5.0}
+    for drawn in (
+        plots.mechanism_map(ds, at=at)[0].figure,
+        plots.mechanism_map(ds)[0].figure,
+        plots.regime_map(ds, at=at)[0].figure,
+        plots.map_overview(ds),
+        plots.value_map(ds, "d_velocity_rms_d_shoulder_stiffness").figure,
+        plots.along_axis(ds)[0].figure,
+    ):
+        assert inside_the_page(drawn) == []
+
+
+def test_signed_numbers_have_colours_that_part_at_zero(small_map):
+    def drawn(values, name="d_gap_max_d_normal_load"):
+        column = small_map["growth_rate"].copy(data=np.broadcast_to(values, (17, 3, 9)))
+        mesh = plots.value_map(small_map.assign({name: column}), name).collections[0]
+        return mesh.norm, mesh.cmap.name
+
+    ramp = np.linspace(-1.0, 3.0, 9)
+    for name in ("d_gap_max_d_normal_load", "growth_rate"):
+        norm, colours = drawn(ramp, name)
+        assert (norm.vmin, norm.vmax) == (-3.0, 3.0) and norm(0.0) == 0.5
+        assert colours == planes.SIGNED
+    # of one sign by chance, a derivative says so; a level does not pretend to have a sign
+    assert drawn(ramp + 2)[0](0.0) == 0.5 and drawn(ramp + 2)[1] == planes.SIGNED
+    assert drawn(ramp + 2, "velocity_rms")[1] == "viridis"
+    # one cell of a thousand times the size of the others does not leave these white
+    norm, _ = drawn(np.where(np.arange(9) == 4, 1e3, ramp))
+    assert norm(0.0) == 0.5 and norm(1.0) > 0.55 and norm(-1.0) < 0.45
+    assert drawn(np.zeros(9))[0](0.0) == 0.5
+
+
+def test_a_scale_says_that_something_lies_below_it(small_map):
+    speed = small_map["velocity_rms"]
+    for lowest, extends in ((1e-9, "min"), (0.01, "neither")):
+        level = speed.copy(data=np.geomspace(lowest, 1.0, speed.size).reshape(speed.shape))
+        mesh = plots.value_map(small_map.assign(velocity_rms=level), "velocity_rms").collections[0]
+        assert mesh.colorbar.extend == extends
+        # what quiet cells leave by rounding does not take the scale from the others
+        assert mesh.norm.vmin >= 0.99e-4 * mesh.norm.vmax
+
+
+def test_codes_are_drawn_as_what_they_mean(small_map):
+    names = list(codes.BANDS)
+    drawn = xr.zeros_like(small_map["label"])
+    drawn[:] = np.arange(drawn.size).reshape(drawn.shape) % 5
+    drawn.attrs = schema.SCHEMA["band"].attributes()
+    picture = plots.PICTURES["map"]["value"]
+    axes = picture.draw(small_map.assign(band=drawn), quantity="band")
+    figure = axes[0].figure
+    assert {text.split(" (")[0] for text in _texts(figure)} >= set(names)
+    assert "band of the dominant frequency" in figure.get_suptitle()
+    with pytest.raises(ValueError, match="'impact' is not in this map; it holds label"):
+        picture.draw(small_map, quantity="impact")
+
+
+@pytest.mark.parametrize("low", [12.0, 60.0, 120.0, 450.0, 501.0, 999.0])
+@pytest.mark.parametrize("ratio", [1.05, 1.3, 1.9, 4.0, 30.0, 1e3])
+def test_a_logarithmic_scale_has_marks_however_narrow(low, ratio):
+    ax = Figure().subplots()
+    plot_axes.plain_log(ax, "y")
+    ax.set_ylim(low, low * ratio)
+    marks = ax.yaxis.get_major_locator()()
+    shown = [mark for mark in marks if low <= mark <= low * ratio]
+    assert 3 <= len(shown) <= 12
+    words = [ax.yaxis.get_major_formatter()(mark) for mark in shown]
+    assert len(set(words)) == len(words)  # no two marks read the same
+
+
+def test_boundary_is_where_the_growth_rate_vanishes(small_map):
+    ax = Figure().subplots()
+    plots.class_map(small_map.isel(normal_load=[1]), ax)
+    lines = [c for c in ax.collections if hasattr(c, "levels")]
+    assert lines
+    points = np.concatenate([path.vertices for path in lines[-1].get_paths()])
+    load = float(small_map.normal_load[1])
+    inside = np.abs(points[:, 0]) < 30
+    _, growth, _ = steady_slip(np.radians(points[inside, 0]), load, points[inside, 1])
+    # On a coarse grid the line is within a tenth of a cell or so: its growth rate is small beside
+    # the range.
+    assert np.nanmedian(np.abs(growth)) < 0.02 * np.nanmax(np.abs(small_map.growth_rate))
+
+
+def test_failed_and_collapsed_cells_are_hatched(small_map):
+    ax = Figure().subplots()
+    broken = small_map.copy(deep=True)
+    broken["label"][:3, :, :3] = codes.LABELS["failed"]
+    broken["label"][-3:, :, :3] = codes.LABELS["collapsed"]
+    plots.class_map(broken, ax)
+    hatches = {c.get_hatch() for c in ax.collections if c.get_hatch()}
+    assert hatches == {palette.HATCHES["failed"][0], palette.HATCHES["collapsed"][0]}
+    assert sum(len(c.get_paths()) for c in ax.collections if c.get_hatch()) == 6  # rows, not cells
+
+
+def test_class_map_draws_small_multiples_over_the_third_axis(small_map):
+    assert plots.class_map(small_map).shape == (3,)
+    assert plots.class_map(small_map, panels=2).shape == (2,)
+    assert plots.class_map(small_map, x="normal_load", y="attack_angle").shape == (6,)
+    assert plots.class_map(small_map.isel(normal_load=[0])).shape == (1,)
+    with pytest.raises(
+        ValueError, match="'belt_speed' is an axis of the picture and cannot number"
+    ):
+        plots.class_map(small_map, panel="belt_speed")
+    with pytest.raises(ValueError, match="two axes"):
+        plots.class_map(small_map.isel(normal_load=[0], attack_angle=[0]))
+
+
+def test_maps_without_a_number_anywhere_are_still_drawn(small_map):
+    empty = small_map.copy(deep=True)
+    for name in ("dominant_frequency", "velocity_rms", "growth_rate"):
+        empty[name][:] = np.nan
+    empty["label"][:] = codes.LABELS["failed"]
+    plots.map_overview(empty).savefig("/dev/null", format="png")
+
+
+def test_edges_enclose_values_on_both_kinds_of_axis():
+    for values in (
+        np.linspace(-40, 40, 41),
+        np.geomspace(0.02, 1, 21),
+        np.array([3.0]),
+        np.array([1.0, 2.0]),
+    ):
+        border = plot_axes.edges(values)
+        assert border.size == values.size + 1
+        assert (border[:-1] < values).all() and (values < border[1:]).all()
+    assert plot_axes.is_geometric(np.geomspace(0.02, 1, 21))
+    assert not plot_axes.is_geometric(np.linspace(0.02, 1, 21))
+    assert not plot_axes.is_geometric(np.linspace(-40, 40, 41))
+
+
+def test_regime_map_names_what_occurs_in_the_motion(small_map):
+    shares = {
+        "steady_slip": (0.0, 0.0, 1e-9),
+        "slip_only": (0.0, 0.0, 0.2),
+        "stick_and_slip": (0.5, 0.0, 0.2),
+        "stick_slip_and_flight": (0.5, 0.1, 0.2),
+        "slip_and_flight": (0.0, 0.1, 0.2),
+        "stick_only": (1.0, 0.0, 1e-9),
+    }
+    cells = small_map.isel(attack_angle=slice(0, len(shares)), normal_load=[0], belt_speed=[0, 1])
+    cells = cells.copy(deep=True)
+    cells["label"][:] = codes.LABELS["other"]
+    for k, (stick, flight, speed) in enumerate(shares.values()):
+        cells["stick_fraction"][k], cells["flight_fraction"][k] = stick, flight
+        cells["velocity_rms"][k] = speed * cells["belt_speed"].values
+    found = plots.motion(cells)
+    names = cf.flag_names(found)
+    assert [names[int(code)] for code in found[:, 0, 0]] == list(shares)
+    cells["label"][0], cells["label"][1] = codes.LABELS["failed"], codes.LABELS["collapsed"]
+    found = plots.motion(cells)
+    assert [names[int(code)] for code in found[:2, 0, 1]] == ["failed", "collapsed"]
+    assert plots.regime_map(cells).shape == (1,)
+
+
+def test_mechanism_map_shows_also_what_failed(small_map):
+    names = list(palette.MECHANISMS)
+    codes = xr.zeros_like(small_map["label"])
+    codes[:] = np.arange(codes.size).reshape(codes.shape) % len(names)
+    codes.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
+    ds = small_map.assign(mechanism=codes)
+    ds["label"] = ds["label"].copy(deep=True)
+    ds["label"][0] = codes.LABELS["failed"]
+    axes = plots.mechanism_map(ds)
+    texts = [text.get_text() for text in axes[0].figure.legends[0].get_texts()]
+    share = float((ds["label"] == codes.LABELS["failed"]).mean())
+    assert f"failed ({share:.1%})" in texts
+    assert any(text.startswith("self-excited slip (") for text in texts)
+    assert any(text.startswith("quiet (") for text in texts)
+
+
+def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
+    at = {"attack_angle": 5.0, "normal_load": 17.5}
+    axes = plots.along_axis(small_map, at=at)
+    cells = small_map.sel(at)
+    loud = cells["label"].values != codes.LABELS["quiet"]
+    offsets = np.concatenate([c.get_offsets() for c in axes[0].collections if _is_marks(c)])
+    drawn = offsets[np.isfinite(offsets[:, 1].filled(np.nan))]
+    assert drawn.shape[0] == loud.sum() > 0
+    expected = cells["dominant_frequency"].values[loud]
+    np.testing.assert_allclose(sorted(drawn[:, 1]), sorted(expected))
+    assert axes[2].get_ylim() == (0, 1) and axes[2].get_xlabel() == "belt speed (m/s)"
+    title = axes[0].figure.get_suptitle()
+    assert "attack angle 5°" in title and "normal load 17.5 N/m" in title
+    assert axes[0].figure.legends[0].get_texts()
+    other = plots.along_axis(small_map, along="attack_angle")
+    assert other[2].get_xlabel() == "attack angle (deg)"
+
+
+def _is_marks(collection):
+    return type(collection).__name__ == "PathCollection"
+
+
+def test_raster_shows_the_regime_over_time(small_map):
+    times = np.arange(4) * 0.01
+    codes = np.arange(small_map["label"].size * 4).reshape(*small_map["label"].shape, 4) % 4
+    raster = schema.SCHEMA["regime_raster"]
+    dims = (*small_map["label"].dims, "raster_time")
+    ds = small_map.assign_coords(raster_time=("raster_time", times))
+    ds["regime_raster"] = (dims, codes.astype(np.uint8), raster.attributes())
+    ds["regime_raster"][0] = 255  # ended before
+    ax = plots.regime_raster(ds, along="attack_angle")
+    values = ax.collections[0].get_array()
+    assert values.shape == (17, 4) and values.mask[0].all() and not values.mask[1:].any()
+    np.testing.assert_array_equal(values[1:], codes[1:, 1, 4])
+    assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
+    with pytest.raises(ValueError, match="no regime over time"):
+        plots.regime_raster(small_map)
+
+
+def test_cuts_are_at_the_nearest_cell_and_said(small_map):
+    plane, where = planes.cut(small_map, ("attack_angle", "belt_speed"), {"normal_load": 6.0})
+    assert float(plane.normal_load) == 5.0 and where == "normal load 5 N/m"
+    for at, line_ in (
+        ({"normal_load": 90.0}, "normal_load must lie inside 5 ... 30, was 90"),
+        ({"lip_length": 1.0}, "'lip_length' is no axis of this map; it has attack_angle"),
+        ({"belt_speed": 0.1}, "'belt_speed' is an axis of the picture"),
+    ):
+        with pytest.raises(ValueError, match=line_):
+            planes.cut(small_map, ("attack_angle", "belt_speed"), at)
+    with pytest.raises(ValueError, match="'impact' is not in this map; it holds label"):
+        plots.value_map(small_map, "impact")
+
+
+def test_speckled_maps_are_not_hatched_cell_by_cell():
+    ax = Figure().subplots()
+    speckle = (np.indices((300, 300)).sum(axis=0) % 2).astype(bool)
+    categories._hatch(ax, np.arange(301.0), np.arange(301.0), speckle, "xxxx", "#000000")
+    assert not ax.collections
+    categories._hatch(ax, np.arange(301.0), np.arange(301.0), ~speckle | True, "xxxx", "#000000")
+    assert len(ax.collections[0].get_paths()) == 300
+
+
+def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypatch):
+    partial = small_map.copy(deep=True)
+    codes = partial["label"].attrs["flag_values"]
+    partial["label"].attrs["flag_values"] = np.append(codes, np.int8(-1))
+    partial["label"].attrs["flag_meanings"] += " not_computed"
+    partial["label"][8:] = codes.NOT_COMPUTED
+    partial.attrs |= {"cells": 459, "cells_done": 216}
+    parts = tmp_path / "map.h5.parts"
+    parts.mkdir()
+    monkeypatch.setattr(map_file, "open_partial", lambda path, variables: partial)
+    for picture in ("overview", "regimes"):
+        plots.plot_file(parts, tmp_path / f"{picture}.png", picture=picture, dpi=30)
+    texts = [entry.get_label() for entry in categories.category_legend(partial)]
+    assert "not computed" in texts
+    assert "unfinished sweep: 216 of 459 cells" in plots.class_map(partial)[0].figure.get_suptitle()
+
+
+# Machado, Oliveira and Fernandes 2009, severity 1, on linear RGB.
+SIGHT = {
+    "usual": np.eye(3),
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "tritanopia": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.303900],
+    ],
+}
+
+
+def _lab(colour, sight):
+    """CIELAB of an sRGB colour as it is seen."""
+    rgb = np.array(matplotlib.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    to_xyz = np.array(
+        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750],
+         [0.0193339, 0.1191920, 0.9503041]]
+    )  # fmt: skip
+    seen = np.clip(np.asarray(sight) @ linear, 0, 1)
+    xyz = to_xyz @ seen / [0.95047, 1.0, 1.08883]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS", "SPARE"])
+def test_colours_are_told_apart_by_everybody(name, sight):
+    """A difference of 2 is just seen side by side; 15 is another colour. Hatched cells have their
+    pattern too.
+    """
+    every = getattr(palette, name)
+    every = every if isinstance(every, dict) else dict(enumerate(every))
+    colours = {k: v for k, v in every.items() if k not in palette.HATCHES}
+    seen = {key: _lab(colour, SIGHT[sight]) for key, colour in colours.items()}
+    pairs = [(a, b) for a in seen for b in seen if a < b]
+    near = {pair: float(np.linalg.norm(seen[pair[0]] - seen[pair[1]])) for pair in pairs}
+    closest = min(near, key=lambda pair: near[pair])
+    assert near[closest] > 15, (closest, near[closest])

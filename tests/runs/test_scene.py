@@ -1,0 +1,248 @@
+"""Scene files: the wiper, belt and start they state, and the run they make."""
+
+import json
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+import wiperjax
+from wiperjax import plots
+from wiperjax.blade import build
+from wiperjax.blade.steady_slip import steady_slip
+from wiperjax.datasets import run_dataset
+from wiperjax.noise.run_class import assess, words
+from wiperjax.runs import scene
+from wiperjax.specs.load import load_scene, parse_scene, parse_sweep
+from wiperjax.specs.tables import Start
+from wiperjax.store import whole
+from wiperjax.vocabulary.codes import RESULTS, Event, Regime
+from wiperjax.vocabulary.parameters import PARAMETERS
+from wiperjax.vocabulary.thresholds import Thresholds
+
+SCENES = Path(__file__).parents[2] / "sweeps" / "scenes"
+
+
+# --- from parameters to wiper and start -----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("belt", "made"),
+    [
+        ({"kind": "steady", "speed": -0.2}, wiperjax.SteadyBelt(-0.2)),
+        (
+            {"kind": "wiping", "amplitude": 0.8, "frequency": 0.7, "phase": 90},
+            wiperjax.WipingBelt(0.8, 0.7, float(np.radians(90))),
+        ),
+        (
+            {"kind": "trapezoid", "speed": 0.8, "frequency": 0.7, "ramp": 0.05},
+            wiperjax.TrapezoidBelt(0.8, 0.7, 0.05, 0.0),
+        ),
+    ],
+)
+def test_wiper_of_a_scene(belt, made):
+    blade = {"attack_angle": -30, "tip_mass": 3e-3, "hinge_mass": 1e-3}
+    spec = parse_scene({"blade": blade, "belt": belt, "run": {"duration": 0.1}})
+    wiper = build.build_wiper(spec.parameters(), spec.belt.kind)
+    assert wiper.belt == made
+    assert wiper == wiperjax.Wiper(
+        belt=made, attack_angle=float(np.radians(-30)), tip_mass=3e-3, hinge_mass=1e-3
+    )
+
+
+def test_wipers_of_cells_keep_arrays_and_plain_zeros():
+    axes = {"restitution": {"values": [0.0, 0.5]}, "belt_speed": {"values": [0.1, 0.2, 0.3]}}
+    spec = parse_sweep({"axes": axes, "run": {"transient": 0.1, "window": 0.1}})
+    wiper = build.build_wiper(spec.cells(np.arange(6)), "steady")
+    np.testing.assert_array_equal(wiper.restitution, [0, 0, 0, 0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(wiper.belt.speed, [0.1, 0.2, 0.3] * 2)
+    assert not wiper.coupled and wiper.hinge_mass == 0 and isinstance(wiper.hinge_mass, float)
+    position, velocity = build.start_state(wiper, Start())
+    assert all(part.shape == (6,) for part in (*position, *velocity))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "kind", "text"),
+    [
+        ({"tip_mas": 1.0}, "steady", "parameters must suit belt_kind 'steady', but had 'tip_mas'"),
+        ({"belt_ramp": 1.0}, "wiping", "must suit belt_kind 'wiping', but had 'belt_ramp'"),
+        ({}, "still", "belt_kind must be one of steady, wiping, trapezoid, but was 'still'"),
+        (
+            {"tip_mass": np.array([1e-3, -1e-3])},
+            "steady",
+            "tip_mass must lie inside [1e-06, 1] kg/m, but was -0.001",
+        ),
+        ({"restitution": np.array([0.5, 1.5])}, "steady", "restitution must lie inside [0, 1]"),
+    ],
+)
+def test_impossible_wipers_are_refused(parameters, kind, text):
+    with pytest.raises(ValueError) as refused:
+        build.build_wiper(parameters, kind)
+    assert text in str(refused.value)
+
+
+BLADE = [entry for entry in PARAMETERS.values() if entry.table == "blade"]
+
+
+@pytest.mark.parametrize("entry", BLADE, ids=lambda entry: entry.name)
+def test_files_allow_what_the_wiper_allows(entry):
+    """At both ends of each range: else a file passes its check and fails later, without a name."""
+    allowed = entry.range
+    assert entry.problem(allowed.low) is None or allowed.low_open or entry.never_small
+    for end, refused in ((allowed.low, allowed.low_open), (allowed.high, allowed.high_open)):
+        value = {entry.name: float(entry.to_si(end))}
+        if refused:
+            with pytest.raises(ValueError, match=f"^{entry.name} must"):
+                build.build_wiper(value, "steady")
+        else:
+            build.build_wiper(value, "steady")
+
+
+def test_starts():
+    wiper = wiperjax.Wiper(
+        attack_angle=np.radians([-30.0, 10.0]), lip_length=np.array([6e-3, 5e-3])
+    )
+    length, none = wiper.lip_length, np.zeros(2)
+
+    def start(**keys):
+        return build.start_state(wiper, Start(**keys))
+
+    at_rest = (none, none)
+    slip = steady_slip(wiper).x
+    expected = {
+        "default": (start(), (length * np.sin(wiper.attack_angle), none), at_rest),
+        "angle": (start(angle=20.0), (length * np.sin(np.radians(20)), none), at_rest),
+        "equilibrium": (start(equilibrium=1e-3), (slip + 1e-3 * length, none), at_rest),
+        "state": (start(position=(1e-3, 2e-4)), ([1e-3] * 2, [2e-4] * 2), at_rest),
+        "moving": (
+            start(position=(1e-3, 2e-4), velocity=(0.3, -0.1)),
+            ([1e-3] * 2, [2e-4] * 2),
+            ([0.3] * 2, [-0.1] * 2),
+        ),
+    }
+    for (position, velocity), *expected_parts in expected.values():
+        for part, values in zip((position, velocity), expected_parts, strict=True):
+            np.testing.assert_allclose(np.stack(part), np.stack(values), rtol=1e-15)
+
+
+def test_no_steady_slip_to_start_from():
+    keys = {"run": {"duration": 0.1}, "start": {"equilibrium": 1e-6}}
+    spec = parse_scene({"blade": {"attack_angle": 60}} | keys)
+    with pytest.raises(ValueError, match="start.equilibrium .* no steady slip exists"):
+        scene.run(spec)
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+def test_run_carries_the_file(squeal):
+    text = (SCENES / "squeal.toml").read_text()
+    attrs = squeal.attrs
+    assert attrs["title"] == "Squeal at 5 degrees" and attrs["specification_text"] == text
+    assert attrs["attack_angle"] == pytest.approx(5.0, rel=1e-15)
+    assert attrs["collapse_angle"] == pytest.approx(89.0)
+    assert attrs["parameter_units"].count("degrees") == 3 and "rad;" not in attrs["parameter_units"]
+    assert (attrs["belt_kind"], attrs["belt_speed"]) == ("steady", 0.3)
+    assert attrs["start"] == "touching at the attack angle, at rest"
+    again = parse_scene(json.loads(attrs["specification"]))
+    assert again.parameters() == load_scene(SCENES / "squeal.toml").parameters()
+    assert (attrs["rtol"], attrs["sample_interval"], attrs["duration"]) == (1e-8, 2e-5, 0.2)
+
+
+def test_squeal_file_squeals(squeal):
+    kinds, times = squeal.event_kind.values, squeal.event_time.values
+    releases = times[(kinds == Event.RELEASE) & (times > 0.1)]
+    assert 1 / np.diff(releases).mean() == pytest.approx(780.8, abs=0.1)
+
+
+def test_class_of_a_run(squeal):
+    found = assess(squeal)
+    said = {"label": "squeal", "mechanism": "stick_slip", "band": "squeal", "settled": "yes"}
+    assert words(found) == said
+    assert float(found.dominant_frequency) == pytest.approx(780.8, abs=0.2)
+    assert float(found.velocity_rms) == pytest.approx(0.357, abs=0.001)  # SCENES.md 1
+    kinds, times = squeal.event_kind.values, squeal.event_time.values
+    release = times[(kinds == Event.RELEASE) & (times > 0.1)]
+    capture = times[(kinds == Event.CAPTURE) & (times > release[0])]
+    slips = capture[:50] - release[:50]  # the events say the same
+    assert float(found.stick_fraction) == pytest.approx(1 - slips.mean() * 780.8, abs=5e-3)
+    assert float(found.normal_force_mean) == pytest.approx(12.2, abs=0.05)
+    assert words(assess(squeal, Thresholds(squeal_band=(800.0, 900.0))))["label"] == "other"
+
+
+def test_a_run_that_is_carried_sticks_for_all_of_the_time(squeal):
+    """However many stays its shoulder cuts it into: their lengths add up to the whole itself."""
+    names = ("regime_before", "regime_after")
+    run = squeal.assign({name: squeal[name] * 0 + int(Regime.STICK) for name in names})
+    for transient in np.linspace(0.01, 0.15, 15):
+        found = assess(run, transient=transient)
+        assert float(found.stick_fraction) == 1.0
+        assert words(found)["mechanism"] == "carried"
+
+
+def test_class_of_a_run_that_cannot_be_told(squeal):
+    cut = squeal.assign(result=squeal.result * 0 + RESULTS["non_finite"])
+    assert words(assess(cut))["label"] == "failed"
+    with pytest.raises(ValueError, match="64 samples after the transient, but had 51"):
+        assess(squeal, transient=0.199)
+    with pytest.raises(ValueError, match="run of a scene file"):
+        assess(squeal.drop_attrs())
+
+
+def test_run_is_stored_and_drawn(squeal, tmp_path):
+    whole.write_dataset(squeal, tmp_path / "run.h5")
+    plots.plot_file(tmp_path / "run.h5", tmp_path / "run.png", dpi=40)
+    assert (tmp_path / "run.png").stat().st_size > 1000
+
+
+def test_start_from_steady_slip_stays_there():
+    keys = {"run": {"duration": 0.02}, "start": {"equilibrium": 1e-6}}
+    run = scene.run(parse_scene({"blade": {"attack_angle": 40}} | keys))
+    slip = jax.tree.map(float, steady_slip(wiperjax.Wiper(attack_angle=np.radians(40.0))))
+    assert run.sizes["event"] == 0 and np.all(run.regime == Regime.SLIP_NEG)
+    assert float(abs(run.position.sel(axis="x") - slip.x).max()) < 1.01e-6 * 6e-3
+    assert float(run.normal_force[-1]) == pytest.approx(slip.normal_force, rel=1e-6)
+    assert json.loads(run.attrs["start"]) == {"equilibrium": 1e-6}
+
+
+@pytest.mark.slow
+def test_reversal_file_has_its_pulse():
+    """SCENES.md 4: 15.0 N/m 13.0 ms after V = 0, ratio 4.08, no flight, no squeal between."""
+    spec = load_scene(SCENES / "reversal.toml")
+    run = scene.run(spec)
+    turns = run.event_time[run.event_kind == Event.BELT_REVERSAL].values
+    np.testing.assert_allclose(turns, [0.25 / 0.7, 0.75 / 0.7], rtol=1e-12)
+    assert not np.any(run.regime == Regime.FLIGHT)
+    late = run.sel(time=slice(0.2, None))
+    force, since = late.normal_force, late.time.values[:, None] - turns
+    near = np.any(np.abs(since) <= 0.025, axis=1)
+    assert float(force.max()) == pytest.approx(15.0, abs=0.05)
+    peak = float(force.time[int(force.argmax("time"))])
+    assert np.min(np.abs(peak - turns - 13.0e-3)) < 0.2e-3
+    assert float(force.max() / force[~near].mean()) == pytest.approx(4.08, abs=0.03)
+    assert float(late.velocity.sel(axis="x", time=slice(0.25, 0.33)).std()) < 1e-5
+    found = assess(run)
+    assert words(found)["label"] == "reversal"
+    assert words(found)["mechanism"] == "reversal_pulse" and found.stick_fraction_stroke == 0
+    assert float(found.normal_force_max_reversal) == pytest.approx(15.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("interval", "frequency"), [(2e-4, None), (5e-5, 3200.7)])
+def test_a_run_sampled_too_coarsely_does_not_say_what_it_seems(interval, frequency):
+    """At 5 kHz the samples look like 1800 Hz."""
+    data = {
+        "blade": {"attack_angle": 40, "normal_load": 20},
+        "belt": {"speed": 0.2091},
+        "run": {"duration": 0.1, "sample_interval": interval, "rtol": 1e-6},
+    }
+    run = scene.run(parse_scene(data))
+    found = assess(run)
+    said = words(found)
+    if frequency is None:
+        assert np.isnan(found["dominant_frequency"]) and np.isnan(run_dataset.pitch(run))
+        assert (said["label"], said["band"], said["settled"]) == ("other", "none", "unknown")
+    else:
+        assert float(found["dominant_frequency"]) == pytest.approx(frequency, rel=2e-3)
+        assert run_dataset.pitch(run) == pytest.approx(frequency, rel=2e-3)
+        assert (said["label"], said["band"], said["settled"]) == ("other", "high", "yes")

@@ -1,0 +1,97 @@
+"""The rung `bar`: a lip without mass of its own."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ..contact.friction import AbstractFriction
+from ..contact.system import AbstractSystem
+from .belts import AbstractBelt
+from .block import LEAST_LOAD
+from .wiper import Wiper
+
+
+class Bar(AbstractSystem):
+    """The lip held on the glass, y = 0: MODEL.md section 3 with lambda_n = F + m g for any sign.
+
+    m x'' = f_t + lambda_t with the moment, support force and friction of ``lip``. As long as the
+    normal force stays positive this is the lip's own motion, not an approximation to it. Where the
+    lip would lift off the bar is pressed by `LEAST_LOAD` of N0, that is, slides freely.
+    """
+
+    unilateral: ClassVar[bool] = False
+    lip: Wiper
+
+    @property
+    def belt(self) -> AbstractBelt:
+        return self.lip.belt
+
+    @property
+    def law(self) -> AbstractFriction:
+        return self.lip.law
+
+    def _free(self, t, q, v):
+        """Accelerations of the lip's tip (x, y) on the glass without contact force."""
+        return self.lip.free_acceleration(t, (q[0], 0.0 * q[0]), (v[0], 0.0 * v[0]))
+
+    def free_acceleration(self, t, q, v):
+        return (self._free(t, q, v)[0],)
+
+    def directions(self, t, q):
+        return (1 / self.lip.tip_mass,), (0.0,)
+
+    def constraint_force(self, t, q, v):
+        """Force [N/m] that keeps the tip on the glass; below 0 where the lip would lift off."""
+        return -self.lip.tip_mass * self._free(t, q, v)[1]
+
+    def normal_force(self, t, q, v):
+        least = LEAST_LOAD * self.lip.normal_load
+        return jnp.maximum(self.constraint_force(t, q, v), least)
+
+    def slip_speed(self, t, q, v):
+        return v[0]
+
+    def rates(self, t, q, v):
+        return self.lip.rates(t, q, (v[0], 0.0))[:1]
+
+    def from_rates(self, t, q, rates):
+        return self.lip.from_rates(t, q, (rates[0], 0.0))[:1]
+
+    def switches(self, t, q, v):
+        # the force's own corner is stepped onto like the shoulder
+        least = LEAST_LOAD * self.lip.normal_load
+        pressing = self.constraint_force(t, q, v) / self.lip.normal_load - least
+        return (*self.lip.switches(t, q, v), pressing)
+
+    def ends(self, t, q, v):
+        return (*self.lip.ends(t, (q[0], 0.0), (v[0], 0.0)), False)
+
+    def break_time(self, piece):
+        return self.belt.break_time(piece)
+
+    def first_piece(self, t):
+        return self.belt.first_piece(t)
+
+    def reverses(self, piece):
+        return self.belt.reverses(piece)
+
+    def on_piece(self, piece):
+        return Bar(self.lip.on_piece(piece))
+
+    def on_sides(self, sides):
+        # the last side is that of the pressing force, which is not the lip's
+        return Bar(self.lip.on_sides(sides[:-1]))
+
+    def prepared(self):
+        return Bar(self.lip.prepared())
+
+    def default_state(self):
+        (x, _), (u, _) = self.lip.default_state()
+        return (x,), (u,)
+
+    def scales(self, n):
+        (length, _), (speed, _) = self.lip.scales(2)
+        return (length,), (speed,)
+
+    def output(self, t, q, v):
+        return self.rates(t, q, v)[0]

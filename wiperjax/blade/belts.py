@@ -1,0 +1,201 @@
+"""Prescribed motion of the glass (MODEL.md section 8), piece by smooth piece.
+
+A belt is smooth between its breaks (corners and reversals). Breaks are known in advance, so the
+engine steps exactly onto them; piece ``k`` ends at ``break_time(k)``. ``velocity(t, k)`` is the
+formula of piece ``k``, continued smoothly past its ends, so that no stage of a step ever sees
+the other side of a corner.
+"""
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ..numerics.types import Scalar
+from ..vocabulary import checks
+from ..vocabulary.parameters import BELTS, longest_ramp
+
+TURN = 6.283185307179586
+
+
+class AbstractBelt(eqx.Module):
+    """Belt velocity V(t) [m/s] along +x."""
+
+    kind: ClassVar[str] = ""  # its name in files (`parameters.BELTS`), if it has one
+
+    def __check_init__(self):
+        names = BELTS.get(self.kind, {})
+        checks.parameters({key: getattr(self, key) for key in names}, names)
+
+    @abstractmethod
+    def velocity(self, time, piece):
+        """V [m/s] at ``time`` [s] by the formula of piece ``piece``."""
+
+    def motion(self, time, piece):
+        """V [m/s] and V' [m/s^2] at ``time`` [s] by the formula of piece ``piece``."""
+
+        def velocity(t):
+            return jnp.broadcast_to(jnp.asarray(self.velocity(t, piece)), jnp.shape(t))
+
+        return jax.jvp(velocity, (time,), (jnp.ones_like(time),))
+
+    @abstractmethod
+    def break_time(self, piece):
+        """Time [s] at which piece ``piece`` ends; inf if never."""
+
+    @abstractmethod
+    def first_piece(self, time):
+        """Index of the piece that holds just after ``time``."""
+
+    @abstractmethod
+    def reverses(self, piece):
+        """True where the break that ends ``piece`` is a passage of V through zero."""
+
+    def since_reversal(self, time):
+        """Time [s] since the nearest passage of V through zero (negative: until it)."""
+        return jnp.full_like(time, jnp.inf)
+
+    @property
+    def wiping_frequency(self) -> Any:
+        """Frequency [Hz] of the belt's motion; 0 if it is steady."""
+        return 0.0
+
+    @property
+    @abstractmethod
+    def peak(self) -> Any:
+        """Largest belt speed [m/s]: the scale of velocities."""
+
+    @property
+    @abstractmethod
+    def rms(self) -> Any:
+        """Root mean square of V [m/s] over a period."""
+
+
+class SteadyBelt(AbstractBelt):
+    """Constant velocity ``speed`` [m/s]."""
+
+    kind = "steady"
+    speed: float = 0.3
+
+    def velocity(self, time, piece):
+        return self.speed
+
+    def break_time(self, piece):
+        return jnp.inf
+
+    def first_piece(self, time):
+        return 0
+
+    def reverses(self, piece):
+        return False
+
+    @property
+    def peak(self):
+        return jnp.abs(self.speed)
+
+    @property
+    def rms(self):
+        return jnp.abs(self.speed)
+
+
+class WipingBelt(AbstractBelt):
+    """``amplitude sin(2 pi frequency t + phase)``; amplitude [m/s], frequency [Hz], phase [rad]."""
+
+    kind = "wiping"
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+
+    @property
+    def wiping_frequency(self):
+        return self.frequency
+
+    def velocity(self, time, piece):
+        return self.amplitude * jnp.sin(TURN * self.frequency * time + self.phase)
+
+    def break_time(self, piece):
+        return (0.5 * piece - self.phase / TURN) / self.frequency
+
+    def first_piece(self, time):
+        guess = jnp.floor(2 * (self.frequency * time + self.phase / TURN)).astype(int)
+        return guess + (self.break_time(guess) <= time) + (self.break_time(guess + 1) <= time)
+
+    def reverses(self, piece):
+        return True
+
+    def since_reversal(self, time):
+        halves = 2 * (self.frequency * time + self.phase / TURN)
+        return (halves - jnp.round(halves)) / (2 * self.frequency)
+
+    @property
+    def peak(self):
+        return jnp.abs(self.amplitude)
+
+    @property
+    def rms(self):
+        return jnp.abs(self.amplitude) / jnp.sqrt(2.0)
+
+
+class TrapezoidBelt(AbstractBelt):
+    """Plateaus of +-``speed`` joined by linear ramps of duration ``ramp`` [s] centred on V = 0.
+
+    With s = frequency t + phase / (2 pi), V rises through 0 at integer s and falls through 0 at
+    s = 1/2 (MODEL.md section 8). Every half period j has three breaks: start of the ramp, V = 0
+    (s = j/2) and end of the ramp; pieces are numbered 3 j + (0: plateau, 1 and 2: ramp).
+    """
+
+    kind = "trapezoid"
+    speed: float
+    frequency: float
+    ramp: float
+    phase: float = 0.0
+
+    def __check_init__(self):
+        super().__check_init__()  # equinox calls it too, but after this one
+        checks.at_most("ramp", self.ramp, longest_ramp(self.frequency), "half a period")
+
+    @property
+    def wiping_frequency(self):
+        return self.frequency
+
+    def _zero(self, half):
+        return (0.5 * half - self.phase / TURN) / self.frequency
+
+    def velocity(self, time, piece):
+        half, part = piece // 3, piece % 3
+        rising = 1.0 - 2.0 * (half % 2)
+        slope = 2.0 * self.speed / self.ramp
+        on_ramp = slope * (time - self._zero(half))
+        return rising * jnp.where(part == 0, -self.speed, on_ramp)
+
+    def break_time(self, piece):
+        return self._zero(piece // 3) + 0.5 * self.ramp * (piece % 3 - 1)
+
+    def first_piece(self, time):
+        half = jnp.floor(2 * (self.frequency * time + self.phase / TURN)).astype(int)
+        start = 3 * half
+        passed = [self.break_time(start + i) <= time for i in range(6)]
+        return start + sum(p.astype(int) for p in passed)
+
+    def reverses(self, piece):
+        return piece % 3 == 1
+
+    def since_reversal(self, time):
+        halves = 2 * (self.frequency * time + self.phase / TURN)
+        return (halves - jnp.round(halves)) / (2 * self.frequency)
+
+    @property
+    def peak(self):
+        return jnp.abs(self.speed)
+
+    @property
+    def rms(self):
+        # a ramp holds a third of the plateau's mean square
+        return jnp.abs(self.speed) * jnp.sqrt(1 - 2 * self.frequency * self.ramp * 2 / 3)
+
+
+def operating_speed(belt: AbstractBelt) -> Scalar:
+    """Belt speed V [m/s] at which a motion is linearised: its own if steady, else its peak."""
+    return belt.speed if isinstance(belt, SteadyBelt) else belt.peak

@@ -1,0 +1,153 @@
+"""The rung `block`: a block on a spring in the direction of the belt."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import root_scalar
+
+from ..contact.friction import AbstractFriction, Stribeck
+from ..contact.system import AbstractSystem
+from ..numerics.types import Scalar
+from .belts import AbstractBelt, operating_speed
+from .steady_slip import steady_slip
+from .wiper import Wiper
+
+LEAST_LOAD = 1e-6  # of N0: what presses a bar that would lift off
+
+
+class Block(AbstractSystem):
+    """Block on a belt: m x'' + damping x' + stiffness (x - centre) = lambda_t, pressed by ``load``.
+
+    Per metre of blade. With the Stribeck law it is the squeal oscillator, with mu_minimum <
+    mu_static and a tiny stribeck_speed the classic stick-slip block (VERIFICATION.md V5).
+    """
+
+    unilateral: ClassVar[bool] = False
+    belt: AbstractBelt
+    friction: AbstractFriction
+    mass: Scalar  # kg/m
+    damping: Scalar  # N s/m per m; may be negative (leading side)
+    stiffness: Scalar  # N/m per m; may be negative (leading side)
+    centre: Scalar  # m, where the spring is relaxed
+    load: Scalar  # N/m
+    reach: Scalar  # m, |x| at which the lip that it stands for lies flat: COLLAPSED
+    piece: Scalar = 0
+
+    @property
+    def law(self) -> AbstractFriction:
+        return self.friction
+
+    def free_acceleration(self, t, q, v):
+        speed = self.rates(t, q, v)[0]
+        force = -self.damping * speed - self.stiffness * (q[0] - self.centre)
+        return (force / self.mass - self.belt.motion(t, self.piece)[1],)
+
+    def directions(self, t, q):
+        return (1 / self.mass,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return self.load
+
+    def slip_speed(self, t, q, v):
+        return v[0]
+
+    # as in the wiper, the velocity inside is x' - V
+    def rates(self, t, q, v):
+        return (v[0] + self.belt.motion(t, self.piece)[0],)
+
+    def from_rates(self, t, q, rates):
+        return (rates[0] - self.belt.motion(t, self.piece)[0],)
+
+    def switches(self, t, q, v):
+        return ((1 - q[0] / self.reach) * (1 + q[0] / self.reach),)
+
+    def ends(self, t, q, v):
+        return (True,)
+
+    def break_time(self, piece):
+        return self.belt.break_time(piece)
+
+    def first_piece(self, t):
+        return self.belt.first_piece(t)
+
+    def reverses(self, piece):
+        return self.belt.reverses(piece)
+
+    def on_piece(self, piece):
+        return eqx.tree_at(lambda b: b.piece, self, piece)
+
+    def default_state(self):
+        """At rest where the spring is relaxed."""
+        return (self.centre,), (0.0 * self.centre,)
+
+    def scales(self, n):
+        speed = jnp.maximum(self.belt.peak, 1e-4 * jnp.sqrt(self.load * self.reach / self.mass))
+        return (self.reach,), (speed,)
+
+    def output(self, t, q, v):
+        return self.rates(t, q, v)[0]
+
+
+def block_of(wiper: Wiper) -> Block:
+    """Return the block that equals ``wiper`` to first order about its steady slip.
+
+    With phi the angle of steady slip at V (`operating_speed`; the branch that leans farthest along
+    the belt's motion), tau = tan(phi), s = sign(V), N the normal force there and mu = mu(|V|),
+    VERIFICATION.md V11 gives the tip m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 with
+
+        c_b = c tau (tau + s mu) + c_phi/(L cos phi)^2
+        k_b = M'(theta)/(L cos phi)^2 + k tau (tau + s mu) + N (s mu tau - 1)/(L cos phi)
+
+    so m, c_b, k_b, the load N, the wiper's own friction law and the centre x - s mu N/k_b make a
+    block with that steady slip and that linearisation. NaN where there is no steady slip. The load
+    is that of one branch: on a belt that reverses, the block stays on the branch of V > 0.
+    """
+    speed = operating_speed(wiper.belt)
+    slip = steady_slip(wiper, speed)
+    law, sign = wiper.law, jnp.sign(speed)
+    mu, tau = law.coefficient(jnp.abs(speed)), jnp.tan(slip.phi)
+    arm = wiper.lip_length * jnp.cos(slip.phi)
+    return Block(
+        belt=wiper.belt,
+        friction=law,
+        mass=wiper.tip_mass,
+        damping=wiper.support_damping * tau * (tau + sign * mu) + wiper.hinge_damping / arm**2,
+        stiffness=slip.k_eff,
+        centre=slip.x - sign * mu * slip.normal_force / slip.k_eff,
+        load=slip.normal_force,
+        reach=wiper.lip_length * jnp.sin(wiper.collapse_angle),
+    )
+
+
+def unstable_speeds(block: Block) -> tuple[float, float]:
+    """Belt speeds (low, high) [m/s] between which steady slip of ``block`` is unstable.
+
+    Lyapunov's first method: m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 grows where mu'(V) is below
+    -c_b/N. The Stribeck curve is steepest at v_s ((delta - 1)/delta)^(1/delta), so that
+    the speeds form one interval; for delta = 1 it begins at rest and ends at
+    v_s ln((mu_s - mu_m) N/(v_s (c_b + beta N))). (nan, nan) if no speed is unstable; high is inf if
+    none is stable. The load is held at its value, as the block does.
+    """
+    law = block.friction
+    if not isinstance(law, Stribeck):
+        raise ValueError(f"block must have Stribeck friction, but had {type(law).__name__}")
+    scale, shape = float(law.stribeck_speed), float(law.shape)
+    fall = float(law.static - law.minimum) / scale
+    allowed = float(law.viscous_slope + block.damping / block.load)
+
+    def excess(u):  # -mu' of the falling part, less what damping and viscosity allow; u = V/v_s
+        return fall * shape * u ** (shape - 1) * np.exp(-(u**shape)) - allowed
+
+    top = ((shape - 1) / shape) ** (1 / shape)
+    if not excess(top) > 0:
+        return np.nan, np.nan
+    low = 0.0 if excess(0.0) > 0 else root_scalar(excess, bracket=(0.0, top), xtol=1e-15).root
+    if allowed <= 0:
+        return scale * low, np.inf
+    far = top + 1.0
+    while excess(far) > 0:
+        far *= 2
+    high = root_scalar(excess, bracket=(top, far), xtol=1e-15).root
+    return scale * low, scale * high

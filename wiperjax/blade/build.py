@@ -1,0 +1,58 @@
+"""A wiper and its start from the parameters of one cell."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..specs.tables import Start
+from ..vocabulary.parameters import BELTS, PARAMETERS
+from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
+from .steady_slip import map_shape, steady_slip
+from .wiper import Wiper
+
+_BELTS = {belt.kind: belt for belt in (SteadyBelt, WipingBelt, TrapezoidBelt)}
+
+
+def build_wiper(parameters: Mapping[str, Any], belt_kind: str) -> Wiper:
+    """Return the wiper of ``parameters`` (SI units, radians) on a belt of ``belt_kind``.
+
+    **Arguments:** ``parameters``, name -> value as `SweepSpec.cells` and `SceneSpec.parameters`
+    give them: floats, or arrays with one entry a cell; left out: the reference value. They are
+    kept as they are, so a float 0.0 (of ``hinge_mass``, say) stays one and its terms are skipped.
+
+    Raises ValueError for an unknown kind or name, and for impossible values.
+    """
+    if belt_kind not in BELTS:
+        raise ValueError(f"belt_kind must be one of {', '.join(BELTS)}, but was {belt_kind!r}")
+    keys = BELTS[belt_kind]
+    blade = {name for name, entry in PARAMETERS.items() if entry.table == "blade"}
+    if strange := sorted(set(parameters) - blade - set(keys.values())):
+        raise ValueError(f"parameters must suit belt_kind {belt_kind!r}, but had {strange[0]!r}")
+    belt = {key: parameters[name] for key, name in keys.items() if name in parameters}
+    return Wiper(
+        belt=_BELTS[belt_kind](**belt),
+        **{name: value for name, value in parameters.items() if name in blade},
+    )
+
+
+def start_state(wiper: Wiper, start: Start):
+    """Return ((x, y), (x', y')) [m, m/s] of a `Start`, each shaped as the wiper's parameters.
+
+    An ``equilibrium`` start rests at steady slip (the branch that leans farthest along the belt's
+    motion, for V at t = 0) plus that fraction of the lip length; NaN where there is no steady slip.
+    """
+    length, shape = wiper.lip_length, map_shape(wiper)
+    position, velocity = wiper.default_state()
+    if start.kind == "angle" and start.angle is not None:
+        position = (length * np.sin(np.radians(start.angle)), 0.0)
+    elif start.kind == "equilibrium" and start.equilibrium is not None:
+        position = (steady_slip(wiper).x + start.equilibrium * length, 0.0)
+    elif start.kind == "state" and start.position is not None:
+        position, velocity = start.position, start.velocity or (0.0, 0.0)
+
+    def full(pair):
+        return tuple(jnp.broadcast_to(jnp.asarray(x, float), shape) for x in pair)
+
+    return full(position), full(velocity)

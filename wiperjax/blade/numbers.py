@@ -1,0 +1,129 @@
+"""Numbers of a system by name: read one, replace one, or a direction to differentiate along.
+
+A name is the path of a field, ``belt.speed`` or ``attack_angle``; for a `Wiper` the names of sweep
+files (``belt_speed``) hold as well.
+"""
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..contact.system import AbstractSystem
+from ..vocabulary.parameters import BELTS, PARAMETERS
+from ..vocabulary.wording import shown
+from .wiper import ENGINE_FIELDS, Wiper
+
+
+def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
+    """Return the fields that lead to the number ``name`` of ``system``.
+
+    Raises ValueError, listing the names there are, if it has no such number.
+    """
+    names = _names(system)
+    if isinstance(system, Wiper):
+        keys = BELTS.get(system.belt.kind, {})
+        names |= {parameter: ("belt", key) for key, parameter in keys.items()}
+    if not isinstance(name, str) or name not in names:
+        raise ValueError(
+            f"parameter must be a number of {type(system).__name__} ({', '.join(sorted(names))}), "
+            f"but was {shown(name)}"
+        )
+    return names[name]
+
+
+def value(system: AbstractSystem, name: str) -> float:
+    """Return the number ``name`` of ``system``."""
+    return float(np.asarray(_at(path(system, name))(system)))
+
+
+def replaced(system: AbstractSystem, name: str, number) -> AbstractSystem:
+    """Return ``system`` with the number ``name`` replaced."""
+    return eqx.tree_at(_at(path(system, name)), system, jnp.asarray(number, float))
+
+
+def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
+    """Return ``system`` with its numbers as arrays: one compiled program serves all their values.
+
+    A Python zero stays one, so that its terms (a hinge mass, say) are not computed at all, unless
+    it is among ``names``.
+    """
+
+    def leaf(x):
+        if isinstance(x, np.ndarray) or (isinstance(x, float | np.floating) and x != 0):
+            return jnp.asarray(x, float)
+        return x
+
+    system = jax.tree.map(leaf, system)
+    for name in names:
+        system = replaced(system, name, _at(path(system, name))(system))
+    return system
+
+
+def direction(system: AbstractSystem, name: str | None, *others: str):
+    """Return the tangent of ``system`` along the number ``name`` (or zero): 1 there.
+
+    It is 0 at ``others`` and None elsewhere: what it does not hold is not differentiated at all. So
+    one compiled program serves every direction among the same names. ``system`` must be
+    `traceable` for all of them.
+    """
+    tangent = jax.tree.map(lambda x: None, system)
+    for each in (*others, name):
+        if each is not None:
+            where = _at(path(system, each))
+            size = jnp.ones_like if each == name else jnp.zeros_like
+            tangent = eqx.tree_at(where, tangent, size(where(system)), is_leaf=_is_none)
+    return tangent
+
+
+def _is_none(x) -> bool:
+    return x is None
+
+
+def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Callable]:
+    """Return how the number ``name`` is called in files, its attributes, and SI -> unit of files.
+
+    The parameters of a `Wiper` have the names and units of sweep files (angles in degrees).
+    """
+    route = path(system, name)
+    if isinstance(system, Wiper):
+        keys = BELTS.get(system.belt.kind, {})
+        entry = PARAMETERS.get(keys.get(route[-1], "") if route[0] == "belt" else route[-1])
+        if entry is not None:
+            attrs = {"long_name": entry.long_name, "units": entry.edge_unit}
+            return entry.name, attrs, entry.to_edge
+    return "_".join(route), {"long_name": ".".join(route)}, lambda x: x
+
+
+def words(system: AbstractSystem) -> dict[str, str]:
+    """Return what the first coordinate and the output of ``system`` are called: ``position`` and
+    ``velocity``."""
+    if isinstance(system, Wiper):
+        return {"position": "tip position along the glass", "velocity": "tip velocity"}
+    return {"position": "first coordinate", "velocity": "output velocity"}
+
+
+def _at(route: tuple[str, ...]) -> Callable[[Any], Any]:
+    def where(tree: Any) -> Any:
+        for key in route:
+            tree = getattr(tree, key)
+        return tree
+
+    return where
+
+
+def _names(module: eqx.Module, before: tuple[str, ...] = ()) -> dict[str, tuple[str, ...]]:
+    found: dict[str, tuple[str, ...]] = {}
+    for field in fields(module):  # type: ignore[arg-type]
+        inner = getattr(module, field.name)
+        route = (*before, field.name)
+        if isinstance(inner, eqx.Module):
+            found |= _names(inner, route)
+        elif field.name not in ENGINE_FIELDS and np.ndim(inner) == 0:
+            if not isinstance(inner, bool | str | type(None)):
+                found[".".join(route)] = route
+    return found

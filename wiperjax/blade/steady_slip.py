@@ -1,0 +1,206 @@
+"""Steady slip of the wiper over whole maps: where the lip leans, and whether it stays there.
+
+Nothing is typed in by hand: the equilibrium is a root of the engine's own slip acceleration, and
+the linearisation is its derivative by forward differentiation. VERIFICATION.md V11 holds the
+closed forms this is tested against.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+
+from ..contact.regimes import forces, friction_coefficient, slip_forces, slip_sign, vector_field
+from ..contact.space import contact
+from ..numerics.types import Scalar
+from ..vocabulary.codes import Regime
+from .belts import SteadyBelt
+from .wiper import Wiper
+
+GRID = 513  # angles on which roots are bracketed: two that lie within 0.35 degrees are not seen
+MOST_BRANCHES = 5  # three occur (one on each shoulder, a saddle on the neck)
+_LANES = 2048  # cells at a time: bounds the memory of a large map
+_FEWEST = 64
+_FINDER = optx.Bisection(rtol=1e-15, atol=1e-15, flip=False)
+
+
+class SteadySlip(NamedTuple):
+    """Steady slip and its linearisation ``m x'' + c_eff x' + k_eff x = 0`` in the tip coordinate.
+
+    Each field has the shape of the map. Where no steady slip exists, ``exists`` is False and
+    every other field is NaN.
+    """
+
+    x: Scalar  # of the tip [m]
+    phi: Scalar  # [rad]
+    normal_force: Scalar  # [N/m]
+    growth_rate: Scalar  # largest real part of the eigenvalues [1/s]
+    frequency: Scalar  # of the linear oscillation [Hz]; 0 where both eigenvalues are real
+    c_eff: Scalar  # [N s/m per m]; below 0: oscillations grow
+    k_eff: Scalar  # [N/m per m]; below 0: divergence
+    mass: Scalar  # m, with hinge_mass the inertia that friction and kinematics leave [kg/m]
+    exists: Scalar
+
+
+def steady_slip(wiper: Wiper, belt_speed=None) -> SteadySlip:
+    """Return steady slip on the branch that leans farthest along the belt's motion.
+
+    For V > 0 that is the equilibrium of largest phi (MODEL.md section 10), for V < 0 its mirror
+    image.
+
+    **Arguments:** ``wiper``, any of whose parameters may be arrays; ``belt_speed`` [m/s], constant,
+    any shape (default: that of the wiper's belt at t = 0). Shapes are broadcast together.
+
+    **Returns** a `SteadySlip` of that shape. A belt at rest has no steady slip.
+    """
+    return jax.tree.map(lambda x: x[..., 0], _over_map(wiper, belt_speed, 1))
+
+
+def steady_slip_branches(wiper: Wiper, belt_speed=None) -> SteadySlip:
+    """Return all branches of steady slip; see `steady_slip`.
+
+    The fields have one more axis, last, of length `MOST_BRANCHES`: the branches from the farthest
+    along the belt's motion on, then NaN.
+    """
+    return _over_map(wiper, belt_speed, MOST_BRANCHES)
+
+
+def map_shape(*trees) -> tuple[int, ...]:
+    """Common shape of all numbers in some pytrees. Raises ValueError if there is none."""
+    return np.broadcast_shapes(*(np.shape(leaf) for leaf in jax.tree.leaves(trees)))
+
+
+def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
+    if belt_speed is None:
+        belt_speed = wiper.belt.velocity(0.0, wiper.belt.first_piece(jnp.asarray(0.0)))
+    # the belt's own parameters do not matter any more, nor do their shapes
+    wiper = replace(wiper, belt=SteadyBelt(1.0))
+    shape = map_shape(wiper, belt_speed)
+    size = int(np.prod(shape))
+    padded = _FEWEST if size <= _FEWEST else -(-size // _LANES) * _LANES  # few compilations
+
+    def flat(value):
+        # a zero becomes a Python zero (numpy's is traced): its terms are then not computed
+        if isinstance(value, int):
+            return value
+        if isinstance(value, float) and value == 0:
+            return 0.0
+        every = jnp.broadcast_to(jnp.asarray(value, float), shape).ravel()
+        return jnp.concatenate([every, jnp.ones(padded - size)])
+
+    speed = flat(jnp.broadcast_to(jnp.asarray(belt_speed, float), shape))
+    found = _map(jax.tree.map(flat, wiper), speed, branches)
+    return jax.tree.map(lambda x: x[:size].reshape(*shape, branches), found)
+
+
+@eqx.filter_jit
+def _map(wiper, belt_speed, branches):
+    varying, fixed = eqx.partition((wiper, belt_speed), eqx.is_array)
+
+    def one(varying):
+        wiper, speed = eqx.combine(varying, fixed)
+        return equilibria(replace(wiper, belt=SteadyBelt(speed)), branches)
+
+    return jax.lax.map(one, varying, batch_size=min(belt_speed.shape[0], _LANES))
+
+
+class _Motion(NamedTuple):
+    """Slip along the glass at one angle and tip velocity."""
+
+    acceleration: Scalar  # x'' [m/s^2]
+    normal_force: Scalar
+    mass: Scalar  # D / det W: what a force along the glass has to move
+    holds: Scalar  # pressing, and D > 0: this slip can be
+
+
+@eqx.filter_jit  # traced once for all that asks for it
+def _slip(wiper: Wiper, x, velocity, regime) -> _Motion:
+    """Return the engine's slip of ``regime`` with the tip at (x, 0) moving along the glass."""
+    t = jnp.zeros_like(x)
+    q = (x, jnp.zeros_like(x))
+    v = wiper.from_rates(t, q, (velocity, jnp.zeros_like(x)))
+    acceleration = vector_field(t, (q, v), (wiper, regime))[1][0]
+    c = contact(wiper, t, q, v)
+    normal = forces(wiper, c, regime).normal
+    sign = slip_sign(regime)
+    d = slip_forces(c, sign, friction_coefficient(wiper, c, sign), wiper.unilateral)[1]
+    mass = d / (c.w_tt * c.w_nn - c.w_tn * c.w_tn)
+    return _Motion(acceleration, normal, mass, (normal > 0) & (d > 0))
+
+
+def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
+    """Return the first ``branches`` equilibria of one wiper on a `SteadyBelt`, (branches,) each.
+
+    A pure function of the wiper's numbers: it may be mapped and differentiated.
+    """
+    speed = jnp.asarray(wiper.belt.velocity(0.0, 0), float)
+    along = jnp.where(speed < 0, -1.0, 1.0)
+    regime = jnp.where(speed < 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
+    length = wiper.lip_length
+
+    def position(lean):
+        return length * jnp.sin(along * lean)
+
+    def push(lean):
+        """Force along the glass, towards the belt's motion, over the load; finite at 90 degrees."""
+        x = position(lean)
+        motion = _slip(wiper, x, jnp.zeros_like(x), regime)
+        force = wiper.tip_mass / wiper.normal_load * motion.acceleration
+        return along * jnp.cos(lean) * force, motion.holds
+
+    # downwards from the collapse angle, so that the first bracket is the first branch
+    edge = jnp.asarray(wiper.collapse_angle, float) * (1 - 1e-9)
+    grid = edge * jnp.linspace(1.0, -1.0, GRID)
+    values, holds = jax.vmap(push)(grid)
+    rises = values >= 0
+    brackets = (rises[1:] != rises[:-1]) & holds[1:] & holds[:-1] & (speed != 0)
+    rank = jnp.cumsum(brackets)
+
+    def branch(number):
+        found = brackets & (rank == number + 1)
+        exists, at = jnp.any(found), jnp.argmax(found)
+        turned = jnp.where(rises[at + 1], -1.0, 1.0)  # bisection wants a negative lower value
+        lean = optx.root_find(
+            lambda lean, _: turned * push(lean)[0],
+            _FINDER,
+            0.5 * (grid[at] + grid[at + 1]),
+            options={"lower": grid[at + 1], "upper": grid[at]},
+            max_steps=52,  # to the last digit
+            throw=False,
+        ).value
+        x = position(lean)
+        still, one = jnp.zeros_like(x), jnp.ones_like(x)
+
+        def motion(x, v):
+            return _slip(wiper, x, v, regime)
+
+        rest, by_x = jax.jvp(motion, (x, still), (one, still))
+        by_v = jax.jvp(motion, (x, still), (still, one))[1]
+        stiff, damp = by_x.acceleration, by_v.acceleration
+        spread = damp * damp + 4 * stiff
+        # the root of a positive number in either case: that of zero has no derivative
+        root = 0.5 * jnp.sqrt(jnp.where(spread == 0, 1.0, jnp.abs(spread)))
+        growth = 0.5 * damp + jnp.where(spread > 0, root, 0.0)
+        turn = jnp.where(spread < 0, root, 0.0)
+        exists = exists & rest.holds
+
+        def known(value):
+            return jnp.where(exists, value, jnp.nan)
+
+        return SteadySlip(
+            x=known(x),
+            phi=known(along * lean),
+            normal_force=known(rest.normal_force),
+            growth_rate=known(growth),
+            frequency=known(turn / (2 * np.pi)),
+            c_eff=known(-rest.mass * damp),
+            k_eff=known(-rest.mass * stiff),
+            mass=known(rest.mass),
+            exists=exists,
+        )
+
+    return jax.vmap(branch)(jnp.arange(branches))

@@ -1,0 +1,96 @@
+"""The guards of each regime: functions that are positive inside it and vanish where it ends.
+
+Slots are the same for every regime, so that a batch of trajectories in different regimes runs the
+same arithmetic:
+
+| slot | STICK | SLIP_s | FLIGHT |
+|---|---|---|---|
+| FIRST | cone, upper side | s v_t | gap |
+| SECOND | cone, lower side | -b_n (pressing) | - |
+| JAM (coupled systems) | - | D | - |
+| one a switch | side * switch | same | same |
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..numerics.known_zeros import plus, times
+from ..numerics.types import Scalar
+from ..vocabulary.codes import Regime
+from .regimes import forces, friction_coefficient, slip_sign, stick_forces
+from .space import Contact
+from .system import AbstractSystem
+
+FIRST, SECOND, JAM = 0, 1, 2
+
+
+def contact_sizes(system: AbstractSystem, c: Contact, regime, speed) -> list[Scalar]:
+    """Sizes of the contact's guards just after an event, which their rounding errors scale with.
+
+    In stick the load on the cone, in slip the typical ``speed``; a gap or a pressing force that
+    starts from zero has none but what it grows to.
+    """
+    zero = jnp.zeros_like(c.b_t)
+    cone = zero
+    if system.law is not None:
+        cone = jnp.abs(system.law.static * stick_forces(c, True, system.unilateral).normal)
+    cone = jnp.where(regime == Regime.STICK, cone, zero)
+    first = jnp.where(slip_sign(regime) != 0, speed, cone)
+    return [first, cone] + [zero] * (first_switch(system) - 2)
+
+
+def first_switch(system: AbstractSystem) -> int:
+    """Slot of the first switching function."""
+    return 3 if system.coupled else 2
+
+
+def starting_sides(system: AbstractSystem, t, q, v) -> tuple[Scalar, ...]:
+    """Return the side (+1 or -1) of every switch on which a motion begins at (t, q, v)."""
+    pairs = zip(system.switches(t, q, v), system.ends(t, q, v), strict=True)
+    one_sided = lambda end: isinstance(end, bool | np.bool_) and bool(end)
+    return tuple(
+        jnp.where((s < 0) & (not one_sided(end)), -1.0, 1.0).astype(q[0].dtype) for s, end in pairs
+    )
+
+
+def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> tuple[Scalar, ...]:
+    """Return the value of every slot; unused slots are 1.
+
+    Lift-off is watched through the free acceleration, -b_n, not through the normal force: the
+    force has a pole where D = 0, b_n is regular there (MODEL.md section 7).
+    """
+    one = jnp.ones_like(c.b_t)
+    sign = slip_sign(regime)
+    sticking, flying = regime == Regime.STICK, regime == Regime.FLIGHT
+    law, unilateral = system.law, system.unilateral
+
+    first = one if law is None else sign * c.slip_speed
+    second = -c.b_n if unilateral else one
+    if law is not None:
+        stick = stick_forces(c, True, unilateral)
+        limit = law.static * stick.normal
+        first = jnp.where(sticking, limit - stick.tangential, first)
+        second = jnp.where(sticking, limit + stick.tangential, second)
+    if unilateral:
+        first = jnp.where(flying, c.gap, first)
+        second = jnp.where(flying, one, second)
+    slots: list[Scalar] = [first, second]
+    if system.coupled:
+        mu = friction_coefficient(system, c, sign)
+        d = plus(c.w_nn, times(c.w_tn, -sign * mu)) / c.w_nn
+        slots.append(jnp.where(sign == 0, one, d))
+    slots += [side * s for side, s in zip(sides, system.switches(t, q, v), strict=True)]
+    return tuple(jnp.broadcast_to(jnp.asarray(s, one.dtype), one.shape) for s in slots)
+
+
+def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
+    """Multiplicity of the zero of s v_t where slip starts from rest.
+
+    1 where the tip leaves with an acceleration (after a reversal, or where mu drops at once from
+    static to dynamic), 2 where the cone was reached smoothly (MODEL.md section 5).
+    """
+    f = forces(system, c, regime)
+    a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
+    size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
+    # an acceleration the wrong way is what the tolerance left of the release's own zero
+    return jnp.where(slip_sign(regime) * a_t > 1e-7 * size, 1, 2)

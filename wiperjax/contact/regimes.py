@@ -1,0 +1,144 @@
+"""Contact forces of each regime, and the regime that holds after an event.
+
+All at acceleration level with the set-valued law: no velocity threshold stands in for stick.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from ..numerics.known_zeros import absent, plus, times
+from ..numerics.types import Scalar
+from ..vocabulary.codes import Regime
+from .space import Contact, contact
+from .system import AbstractSystem, rates
+
+
+class Forces(NamedTuple):
+    tangential: Scalar
+    normal: Scalar
+
+
+def slip_sign(regime):
+    """+1 in SLIP_POS, -1 in SLIP_NEG, 0 otherwise."""
+    return jnp.where(regime == Regime.SLIP_POS, 1, jnp.where(regime == Regime.SLIP_NEG, -1, 0))
+
+
+def slip_forces(c: Contact, sign, mu, unilateral: bool) -> tuple[Forces, Scalar]:
+    """Forces of slip in direction ``sign`` and D = W_nn - sign mu W_tn (MODEL.md section 7)."""
+    if not unilateral:
+        return Forces(-sign * mu * c.load, c.load), jnp.ones_like(c.load)
+    d = plus(c.w_nn, times(c.w_tn, -sign * mu))
+    normal = -c.b_n / d
+    return Forces(-sign * mu * normal, normal), d
+
+
+def stick_forces(c: Contact, frictional: bool, unilateral: bool) -> Forces:
+    """Forces that hold both contact accelerations at zero: W lambda = -b."""
+    if not frictional:
+        normal = c.load if not unilateral else -c.b_n / c.w_nn
+        return Forces(jnp.zeros_like(normal), normal)
+    if not unilateral:
+        return Forces(-c.b_t / c.w_tt, c.load)
+    if absent(c.w_tn):
+        return Forces(-c.b_t / c.w_tt, -c.b_n / c.w_nn)
+    det = c.w_tt * c.w_nn - c.w_tn * c.w_tn
+    return Forces((c.w_tn * c.b_n - c.w_nn * c.b_t) / det, (c.w_tn * c.b_t - c.w_tt * c.b_n) / det)
+
+
+def friction_coefficient(system: AbstractSystem, c: Contact, sign) -> Scalar:
+    """mu at the slip speed of ``c``, continued smoothly through zero along ``sign``."""
+    if system.law is None:
+        return jnp.zeros_like(c.b_t)
+    return system.law.coefficient(sign * c.slip_speed)
+
+
+def forces(system: AbstractSystem, c: Contact, regime) -> Forces:
+    """Contact forces (lambda_t, lambda_n) in ``regime``."""
+    frictional, unilateral = system.law is not None, system.unilateral
+    sign = slip_sign(regime)
+    slip, _ = slip_forces(c, sign, friction_coefficient(system, c, sign), unilateral)
+    if not frictional and not unilateral:
+        return slip
+    stick = stick_forces(c, frictional, unilateral)
+    touching = regime != Regime.FLIGHT
+    pick = [
+        jnp.where(touching, jnp.where(regime == Regime.STICK, a, b), 0.0)
+        for a, b in zip(stick, slip, strict=True)
+    ]
+    return Forces(*pick)
+
+
+def acceleration(c: Contact, f: Forces):
+    """Accelerations of the coordinates under the contact forces ``f``."""
+    return tuple(
+        plus(a, times(t, f.tangential), times(n, f.normal))
+        for a, t, n in zip(c.free, c.along_t, c.along_n, strict=True)
+    )
+
+
+class Decision(NamedTuple):
+    """Outcome of `decide`: the regime, and what is special about it."""
+
+    regime: Scalar
+    jam: Scalar  # D <= 0 under load: no finite force; an impact without collision is due
+    indeterminate: Scalar  # D <= 0 with a separating free acceleration
+
+
+def decide(system: AbstractSystem, c: Contact) -> Decision:
+    """Regime of a closed contact (gap and normal speed zero) at this instant.
+
+    STICK if its forces lie in the cone; else SLIP of a sign whose friction makes s a_t > 0 with
+    lambda_n > 0 and D > 0; else FLIGHT (MODEL.md section 5).
+    """
+    unilateral = system.unilateral
+    law = system.law
+    if law is None:
+        holds = (c.b_n < 0) | (not unilateral)
+        no = jnp.zeros_like(holds)
+        return Decision(jnp.where(holds, int(Regime.SLIP_POS), int(Regime.FLIGHT)), no, no)
+
+    at_rest = c.slip_speed == 0
+    stick = stick_forces(c, True, unilateral)
+    in_cone = (stick.normal > 0) & (jnp.abs(stick.tangential) <= law.static * stick.normal)
+    sticks = at_rest & in_cone
+
+    def start_of_slip(sign):
+        f, d = slip_forces(c, sign, law.coefficient(jnp.zeros_like(c.b_t)), unilateral)
+        a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
+        return (sign * a_t >= 0) & (f.normal > 0) & (d > 0), d
+
+    pos, d_pos = start_of_slip(1.0)
+    neg, d_neg = start_of_slip(-1.0)
+    # of two possible slips the one that the free acceleration pushes
+    pos, neg = pos & (~neg | (c.b_t >= 0)), neg & (~pos | (c.b_t < 0))
+
+    sign = jnp.sign(c.slip_speed)
+    moving, d = slip_forces(c, sign, friction_coefficient(system, c, sign), unilateral)
+    slides = ~at_rest & (moving.normal > 0) & (d > 0)
+    paradox = ~at_rest & (d <= 0)
+    if not unilateral:
+        slides, paradox = ~at_rest, jnp.zeros_like(at_rest)
+
+    regime = jnp.where(
+        sticks,
+        int(Regime.STICK),
+        jnp.where(
+            (at_rest & pos) | (slides & (sign > 0)),
+            int(Regime.SLIP_POS),
+            jnp.where(
+                (at_rest & neg) | (slides & (sign < 0)), int(Regime.SLIP_NEG), int(Regime.FLIGHT)
+            ),
+        ),
+    )
+    # at rest, leaving the glass needs a separating free acceleration: otherwise nothing fits
+    stuck = at_rest & ~sticks & ~pos & ~neg & (c.b_n < 0) & ((d_pos <= 0) | (d_neg <= 0))
+    return Decision(regime, (paradox | stuck) & (c.b_n < 0), paradox & (c.b_n >= 0))
+
+
+def vector_field(t, y, args):
+    """Right-hand side of the smooth motion in a regime; the vector field of the diffrax term."""
+    system, regime = args
+    position, velocity = y
+    c = contact(system, t, position, velocity)
+    return rates(system, t, position, velocity), acceleration(c, forces(system, c, regime))

@@ -1,0 +1,146 @@
+"""What the engine needs to know of a mechanical system: n coordinates and ONE frictional contact.
+
+The engine knows nothing of wipers. A system states its free motion and its contact; everything
+else (normal and tangential accelerations, the contact inertia W with its coupling) follows by
+forward differentiation, so a bouncing ball or a block on a belt takes about twenty lines.
+
+Positions and velocities come as tuples of n scalars and go back as tuples: small systems in a
+batch are then stored one coordinate at a time, which is what vector units want.
+"""
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..numerics.types import Coordinates, Scalar
+from .friction import AbstractFriction
+
+
+class AbstractSystem(eqx.Module):
+    """n coordinates q with velocities v, one contact, SI units throughout.
+
+    Required: `free_acceleration`, `directions`, and `gap` (unilateral) or `normal_force`
+    (bilateral). Frictional systems also have `slip_speed` and a `friction` law. Set
+    ``unilateral = False`` for a contact that always touches under a prescribed normal force.
+    """
+
+    unilateral: ClassVar[bool] = True  # False: always touching, under a prescribed normal force
+
+    @property
+    def coupled(self) -> bool:
+        """Whether W_tn can differ from zero, so that Painleve's D <= 0 has to be watched."""
+        return self.unilateral and self.law is not None
+
+    @property
+    def law(self) -> AbstractFriction | None:
+        """Friction law, or None for a frictionless contact (its slip is reported as SLIP_POS)."""
+        return None
+
+    @property
+    def bounce(self) -> Scalar:
+        """Poisson coefficient of restitution e in [0, 1]."""
+        return 0.0
+
+    @abstractmethod
+    def free_acceleration(self, t: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
+        """A^-1 (f - h): acceleration without contact forces, n values."""
+
+    @abstractmethod
+    def directions(self, t: Scalar, q: Coordinates) -> tuple[Coordinates, Coordinates]:
+        """A^-1 J_t^T and A^-1 J_n^T: acceleration per unit tangential and normal contact force."""
+
+    def prepared(self) -> "AbstractSystem":
+        """Return the system with whatever does not change along a trajectory worked out once."""
+        return self
+
+    def gap(self, t: Scalar, q: Coordinates) -> Scalar:
+        """Distance of the contact points, >= 0 (unilateral contacts)."""
+        raise NotImplementedError("a unilateral system must define gap(t, q)")
+
+    def normal_force(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
+        """Prescribed normal force > 0 (bilateral contacts)."""
+        raise NotImplementedError("a bilateral system must define normal_force(t, q, v)")
+
+    def slip_speed(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
+        """Tangential velocity of the contact point relative to its partner; friction opposes it."""
+        return 0.0 * v[0]
+
+    def rates(self, t: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
+        """q' of the velocities ``v`` that the system computes with; the same unless overridden.
+
+        A system may measure velocities relative to its moving partner: the slip speed is then a
+        coordinate, without cancellation. All its functions take such ``v``; the outside sees q'.
+        """
+        return v
+
+    def from_rates(self, t: Scalar, q: Coordinates, rates: Coordinates) -> Coordinates:
+        """Inverse of `rates`."""
+        return rates
+
+    def switches(self, t: Scalar, q: Coordinates, v: Coordinates) -> tuple[Scalar, ...]:
+        """Functions whose zeros are corners of the vector field (a spring's kink), or where the
+        model ends (`ends`): smooth on either side of a zero, and of the sign that `on_sides` says.
+        """
+        return ()
+
+    def ends(self, t: Scalar, q: Coordinates, v: Coordinates) -> tuple[Scalar, ...]:
+        """Whether the model ends where a switch vanishes here, one answer a switch: if so, the
+        trajectory is COLLAPSED there, else it has passed a corner. The Python value True: at every
+        zero of the switch, which then is negative nowhere in the model.
+        """
+        return tuple(False for _ in self.switches(t, q, v))
+
+    def break_time(self, piece: Scalar) -> Scalar:
+        """Known time at which smooth piece ``piece`` of the prescribed motion ends."""
+        return jnp.inf
+
+    def first_piece(self, t: Scalar) -> Scalar:
+        """Index of the smooth piece that begins at or holds just after ``t``."""
+        return 0
+
+    def reverses(self, piece: Scalar) -> Scalar:
+        """True where the break that ends ``piece`` is a passage of the partner through rest."""
+        return False
+
+    def on_piece(self, piece: Scalar) -> "AbstractSystem":
+        """Return the system with its prescribed motion continued smoothly from ``piece``."""
+        return self
+
+    def on_sides(self, sides: tuple[Scalar, ...]) -> "AbstractSystem":
+        """Return the system continued smoothly across its switches, from where they have the signs
+        ``sides``.
+
+        Not needed for the values of forces, which are continuous there: but a stage at a corner,
+        or a hair's breadth behind it, would have the derivative of the wrong side.
+        """
+        return self
+
+    def default_state(self) -> tuple[Coordinates, Coordinates]:
+        """Return (position, velocity) of the default start."""
+        raise ValueError(
+            "this system has no default start: pass initial_state=(position, velocity)"
+        )
+
+    def scales(self, n: int) -> tuple[Coordinates, Coordinates]:
+        """Typical sizes of positions and velocities; absolute tolerances are rtol times these."""
+        return (1.0,) * n, (1.0,) * n
+
+    def output(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
+        """Velocity whose statistics and spectrum describe the motion."""
+        return self.slip_speed(t, q, v)
+
+
+def rates(system: AbstractSystem, t, q, v):
+    """Return q' in the state's dtype."""
+    return cast(system.rates(t, q, v), v)
+
+
+def like(value, model):
+    """Give a value the state's dtype and shape: a system may return a Python number, or float64."""
+    return jnp.broadcast_to(jnp.asarray(value, model.dtype), model.shape)
+
+
+def cast(values, models):
+    return tuple(like(x, y) for x, y in zip(values, models, strict=True))

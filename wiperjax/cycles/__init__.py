@@ -1,0 +1,10 @@
+"""Periodic motions, and branches of them.
+
+Read `cycle` (a periodic motion with its multipliers), `return_map`, `shooting`, `chart`, `orbit`,
+`first_guess`; then `branch`.
+"""
+
+from .branch.dataset import branch_dataset as branch_dataset
+from .branch.follow import follow as follow
+from .branch.up_and_down import up_and_down as up_and_down
+from .cycle import find_cycle as find_cycle

@@ -1,0 +1,124 @@
+"""What can happen to a cycle along a branch: multipliers that cross, and events that change.
+
+Where the events keep their order the return map is smooth, and a test function changes its sign.
+Where they change it has a corner, named by what comes or goes.
+"""
+
+from collections.abc import Callable
+from difflib import SequenceMatcher
+from typing import NamedTuple
+
+import numpy as np
+
+from ..cycle import Cycle, ring, rotations
+from .step import Step
+
+ALIKE = 1e-3  # of the range of a state: how near the two halves of a cycle are at its doubling
+
+
+class Special(NamedTuple):
+    """A special point of a branch."""
+
+    kind: str
+    detail: str  # what changes
+    parameter: float
+    index: int  # of the branch's point there
+
+
+def _crossed(step: Step) -> float:
+    """Zero where another branch crosses; at a fold alone both numbers vanish at the same rate."""
+    return step.determinant / (step.sense or np.nan)
+
+
+def _minus_one(step: Step) -> float:
+    """Zero where a multiplier is -1."""
+    values = step.cycle.multipliers
+    assert values is not None
+    return float(np.real(np.prod(1 + values)))
+
+
+def _products(step: Step) -> float:
+    """Zero where two multipliers have the product 1."""
+    values = step.cycle.multipliers
+    assert values is not None
+    pairs = [a * b - 1 for i, a in enumerate(values) for b in values[i + 1 :]]
+    return float(np.real(np.prod(pairs))) if pairs else np.nan
+
+
+def doubled(cycle: Cycle) -> bool:
+    """Whether a cycle is one of half its period, passed twice."""
+    assert cycle.motion is not None
+    states = cycle.motion.samples
+    half = states[(len(states) - 1) // 2]
+    return bool(np.all(np.abs(half - states[0]) <= ALIKE * np.ptp(states, axis=0)))
+
+
+def turning(cycle: Cycle) -> bool:
+    """Whether a complex pair lies on the unit circle."""
+    values = cycle.multipliers
+    assert values is not None
+    return bool(np.any((np.abs(np.abs(values) - 1) < 1e-4) & (np.abs(np.imag(values)) > 1e-6)))
+
+
+TESTS: tuple[tuple[str, str, Callable[[Step], float]], ...] = (
+    ("fold", "the branch turns back", lambda step: step.sense),
+    ("branch_point", "another branch crosses", _crossed),
+    ("period_doubling", "a multiplier passes -1", _minus_one),
+    ("neimark_sacker", "a complex pair passes the unit circle", _products),
+)
+
+
+def change(cycle: Cycle, word: str) -> str:
+    """Return what separates two words of events, as text: ``-kink -kink +capture``.
+
+    Empty if only the regimes between the events are others.
+    """
+    before = cycle.word.split()
+    after, codes = _compared(before, word.split())
+    parts = []
+    for a, b, c, d in codes:
+        parts += [f"-{name}" for name in before[a:b]] + [f"+{name}" for name in after[c:d]]
+    return " ".join(parts)
+
+
+def _compared(before: list[str], after: list[str]):
+    """Return ``after``, turned to agree with ``before``, and where they differ: (a, b, c, d) for
+    ``before[a:b]``, which is ``turned[c:d]`` there.
+    """
+
+    def matcher(turned):
+        return SequenceMatcher(None, before, turned, autojunk=False)
+
+    def alike(turned):
+        return sum(block.size for block in matcher(turned).get_matching_blocks())
+
+    turned = max(rotations(after), key=alike)
+    codes = matcher(turned).get_opcodes()
+    return turned, [tuple(places) for deed, *places in codes if deed != "equal"]
+
+
+def corner_kind(one: Cycle, two: Cycle) -> str:
+    """Return the name of the change between the words of two neighbouring cycles.
+
+    The four sliding bifurcations after di Bernardo, Kowalczyk and Nordmark (2002): what they call
+    sliding is stick here. ``grazing`` is a contact or an impact that begins with zero speed;
+    ``shoulder`` a smooth passage over a switching function of the system.
+    """
+    short, long = sorted((one, two), key=lambda c: len(c.word.split()))
+    extra = change(short, long.word).split()
+    names = {part[1:] for part in extra}
+    if names and names <= {"kink", "belt_kink", "belt_reversal"}:
+        return "shoulder"
+    if names & {"lift_off", "impact", "zeno", "touch"}:
+        return "grazing"
+    regimes, codes = _compared(ring(short.regimes), ring(long.regimes))
+    for _, _, c, d in codes:
+        if c == d:
+            continue
+        inner, left, right = regimes[c:d], regimes[c - 1], regimes[d % len(regimes)]
+        if "stick" in inner:
+            return "grazing_sliding" if left == right else "crossing_sliding"
+        return (
+            "switching_sliding" if "stick" in (left, right) and left != right else "adding_sliding"
+        )
+    return "grazing_sliding" if "capture" in names else "crossing_sliding"

@@ -1,0 +1,104 @@
+"""A corner of a branch, where the order of events changes: where it is, and what lies beyond it.
+
+On either side the return map is smooth, and the branch arrives and leaves with the derivatives of
+that side. It may go on, or turn back on the spot: no continuity tells which, only where cycles of
+the new word are.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ..cycle import same_word
+from ..orbit import words
+from ..return_map import Lost, Shooting
+from .bifurcations import change
+from .step import LOCATED, Step, ahead_of, centred, direction, near, place
+
+SIZES = (1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner its other side is looked for
+JOINED = 3e-3  # how near to its corner a branch begins; further away it is followed back
+SHORT = 1e-2  # of the longest step: where this one fails, the branch does not go on smoothly
+GENTLE = 0.8  # cosine of the largest turn within a step
+
+
+def smooth(shooting: Shooting, here: Step, ahead: Step | None) -> bool:
+    """Whether the branch goes on smoothly from ``here`` to ``ahead``: same word, gentle turn."""
+    if ahead is None or not same_word(here.cycle, ahead.cycle):
+        return False
+    return float(direction(shooting, here) @ direction(shooting, ahead)) > GENTLE
+
+
+def edge_of(shooting: Shooting, here: Step, length: float) -> Step:
+    """Return the last step within ``length`` that the branch comes to smoothly, by bisection."""
+    edge, low, high = here, 0.0, length
+    while high - low > LOCATED:
+        middle = 0.5 * (low + high)
+        step = ahead_of(shooting, here, middle)
+        if step is not None and smooth(shooting, here, step) and here.index * step.index >= 0:
+            edge, low = step, middle
+        else:
+            high = middle
+    return edge
+
+
+def beyond(shooting: Shooting, edge: Step, longest: float) -> list[Step] | str:
+    """Return the first steps of the branch beyond a corner, or why there are none.
+
+    A motion a little beyond, closed or not, has the new word: its derivatives give the tangent
+    there. Of its two senses that one leads away on which there are cycles of a new word and of the
+    same index. Steps are no longer than ``longest``.
+    """
+    where, phase, start = edge.point.where, edge.point.phase, edge.point.unknowns
+    d = where.basis.shape[1]
+    why = ""
+    for size in SIZES:
+        u = start + size * edge.tangent
+        period = float(u[d] * shooting.period_scale) if shooting.clock is None else math.nan
+        try:
+            parameter = float(u[-1] * shooting.parameter_scale)
+            _, jacobian, motion = shooting.returned(where, phase, u[:d], period, parameter)
+        except Lost as lost:
+            why = str(lost)
+            continue
+        word, regimes = words(motion)
+        if same_word(edge.cycle, replace(edge.cycle, word=word, regimes=regimes)):
+            why = "no cycle beyond, though no event changes"
+            continue
+        tangent = np.linalg.svd(jacobian)[2][-1]
+        aside = size * (edge.tangent - (edge.tangent @ tangent) * tangent)
+        for length in (size, 10 * size, 100 * size):  # a root needs a run-up: grazing impacts
+            for along in (tangent, -tangent):
+                step = near(shooting, edge, start + aside + length * along, along)
+                if step is None or same_word(edge.cycle, step.cycle):
+                    continue
+                way = joined(shooting, edge, step, longest)
+                if edge.index * step.index >= 0 and way:
+                    return way
+        why = f"the events change ({change(edge.cycle, word)}), no cycle beyond"
+    return why
+
+
+def joined(shooting: Shooting, edge: Step, other: Step, longest: float) -> list[Step]:
+    """Return the steps from the corner at ``edge`` to ``other``; none if it lies on another branch.
+
+    The branch is followed back from ``other``, ever nearer to the corner.
+    """
+    corner = place(shooting, edge)
+
+    def far(step: Step) -> float:
+        return float(np.linalg.norm(place(shooting, step) - corner))
+
+    way, length = [other], longest
+    while far(way[-1]) > JOINED:
+        here = centred(shooting, way[-1])
+        here = replace(here, tangent=-here.tangent, sense=-here.sense)
+        length = min(length, 0.5 * far(here))
+        ahead = ahead_of(shooting, here, length)
+        if ahead is not None and smooth(shooting, here, ahead) and far(ahead) < far(here):
+            way.append(replace(ahead, tangent=-ahead.tangent, sense=-ahead.sense))
+        elif length > SHORT * longest:
+            length *= 0.5
+        else:
+            return []
+    return way[::-1]

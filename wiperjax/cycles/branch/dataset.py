@@ -1,0 +1,89 @@
+"""A branch of cycles as a labelled dataset, which plain xarray and netCDF understand."""
+
+import numpy as np
+import xarray as xr
+
+from ...blade import numbers
+from ...blade.wiper import Wiper
+from ...machine import provenance
+from ...vocabulary import cf, checks
+from .follow import Branch
+
+_COLUMNS = {  # name: (unit for a blade, meaning)
+    "period": ("s", "period"),
+    "maximum": ("m", "largest {position}"),
+    "minimum": ("m", "smallest {position}"),
+    "amplitude": ("m", "half the range of the {position}"),
+    "velocity_rms": ("m/s", "standard deviation of the {velocity}"),
+    "stick_fraction": ("1", "share of the period in stick"),
+    "flight_fraction": ("1", "share of the period in flight"),
+    "normal_force_max": ("N/m", "largest normal force"),
+    "slip_margin": ("m/s", "smallest slip speed inside slip"),
+    "residual": ("1", "of the return map, relative to the size of the motion"),
+    "trivial_error": ("1", "by how much the trivial multiplier misses 1"),
+}
+
+
+def branch_dataset(branch: Branch) -> xr.Dataset:
+    """Return ``branch`` as a dataset with the dimensions ``point``, ``multiplier``, ``special``.
+
+    The parameter has the name and the unit of files (angles in degrees). ``special_point`` is the
+    index of the point at which, or just before which, a special point lies.
+    """
+    checks.instance("branch", branch, Branch, "a branch of follow(...)")
+    first = branch.cycles[0]
+    blade = isinstance(first.system, Wiper)
+    name, attrs, to_file = numbers.stored(first.system, branch.over)
+
+    words = numbers.words(first.system)
+
+    def about(text, units):
+        unit = {"units": units} if blade or units in "1s" else {}
+        return {"long_name": text.format(**words), **unit}
+
+    variables = {
+        name: ("point", to_file(branch.parameters), attrs),
+        **{
+            key: ("point", np.array([getattr(c, key) for c in branch.cycles]), about(text, unit))
+            for key, (unit, text) in _COLUMNS.items()
+        },
+    }
+    values = np.stack([_known(c.multipliers) for c in branch.cycles])
+    plane = ("point", "multiplier")
+    for key, part in (("real", np.real(values)), ("imag", np.imag(values))):
+        attributes = {"long_name": f"multipliers, {key}. part, largest first", "units": "1"}
+        variables[f"multiplier_{key}"] = (plane, part, attributes)
+    stable = np.array([c.stable for c in branch.cycles], np.int8)
+    variables["stable"] = ("point", stable, {"long_name": "all multipliers inside the circle"})
+    variables["state"] = (
+        ("point", "coordinate"),
+        np.stack([_known(c.state) for c in branch.cycles]),
+        {"long_name": "positions and velocities at the start of the cycle"},
+    )
+    variables["phase"] = ("point", np.array([c.phase for c in branch.cycles]))
+    for key, text in (("word", "events of a period"), ("regimes", "regimes of a period")):
+        texts = np.array([getattr(c, key) for c in branch.cycles], object)
+        variables[key] = ("point", texts, {"long_name": text})
+    special = branch.special
+    variables |= {
+        "special_kind": ("special", np.array([s.kind for s in special], object)),
+        "special_detail": ("special", np.array([s.detail for s in special], object)),
+        "special_parameter": ("special", to_file(np.array([s.parameter for s in special])), attrs),
+        "special_point": ("special", np.array([s.index for s in special], np.int32)),
+    }
+    return xr.Dataset(
+        variables,
+        coords={"arclength": ("point", branch.arclength, {"long_name": "way along the branch"})},
+        attrs={
+            "Conventions": cf.CONVENTIONS,
+            "over": name,
+            "system": type(first.system).__name__,
+            "ends": "; ".join(branch.ends),
+            "source": f"wiperjax {provenance.version('wiperjax')}",
+        },
+    )
+
+
+def _known(values) -> np.ndarray:
+    assert values is not None
+    return np.asarray(values)

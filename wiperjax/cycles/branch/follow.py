@@ -1,0 +1,95 @@
+"""A cycle followed over a parameter, through folds and changes of its events (pseudo-arclength).
+
+Between two changes of the event word the return map is smooth, and the classical method holds:
+predict along the tangent, correct at a prescribed distance. Where the word changes, the map has a
+corner, or worse: the branch may turn back on the spot (a stick-slip cycle that meets the slip cycle
+on which stick begins). There the place is closed in from the smooth side by bisection, and the
+branch taken up again on the other side with the derivatives that hold there (di Bernardo, Budd,
+Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, chapters 6 to 8).
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ...vocabulary import checks
+from ...vocabulary.ranges import FINITE, Range
+from ..cycle import Cycle
+from ..return_map import Found
+from .bifurcations import Special
+from .step import first_step, place
+from .walk import Walk
+
+MOST_POINTS = 10**6
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Cycles in order along the branch, its special points, and why either end is one."""
+
+    cycles: list[Cycle]
+    parameters: np.ndarray  # (points,)
+    arclength: np.ndarray  # (points,) from the start cycle, in scaled numbers
+    special: list[Special]
+    ends: tuple[str, str]
+    over: str
+
+
+def follow(
+    cycle: Cycle,
+    low: float,
+    high: float,
+    *,
+    step: float = 0.03,
+    most: int = 300,
+) -> Branch:
+    """Return the branch of cycles through ``cycle`` while its parameter lies in [low, high].
+
+    **Main arguments:** ``cycle`` of `find_cycle(..., over=name)`; the ends of the range of that
+    number (SI units, radians).
+
+    **Other arguments:** ``step``, largest distance of neighbouring points (1 is the range of the
+    parameter, the size of the starting cycle, or its period); ``most``, points in either direction.
+
+    **Returns** a `Branch`; stable and unstable parts alike, since Newton's method does not mind.
+
+    Raises ValueError for a cycle that was not found, or not varied over anything.
+    """
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    low, high = (checks.number(n, x, FINITE) for n, x in (("low", low), ("high", high)))
+    step = checks.number("step", step, Range(1e-6, 1))
+    most = checks.whole("most", most, Range(1, MOST_POINTS, whole=True))
+    if cycle.shooting is None or cycle.state is None or cycle.found != Found.FOUND:
+        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
+    over = cycle.shooting.over
+    if over is None:
+        raise ValueError("cycle must have been found with over=..., the number to vary")
+    if not low < high:
+        raise ValueError(f"low must be below high ({high:g}), but was {low:g}")
+    shooting = replace(cycle.shooting, parameter_scale=high - low, period_scale=cycle.period)
+    first = first_step(shooting, cycle)
+    if first is None:
+        raise ValueError("cycle could not be closed again from its own state")
+    walks = []
+    for sense in (-1.0, 1.0):
+        walk = Walk(shooting, low, high, step, most)
+        walk.run(first, sense)
+        walks.append(walk)
+        if walk.closed:  # the other way round is the same
+            break
+    back, ahead = walks[0], walks[-1]
+    size = len(back.steps) - 1
+    steps = [*reversed(back.steps), *(ahead.steps[1:] if ahead is not back else [])]
+    special = [s._replace(index=size - s.index) for s in reversed(back.special)]
+    special += [s._replace(index=size + s.index) for s in ahead.special if ahead is not back]
+    far = [np.linalg.norm(place(shooting, a) - place(shooting, b)) for a, b in pairwise(steps)]
+    arclength = np.concatenate([[0.0], np.cumsum(far)])
+    return Branch(
+        cycles=[s.cycle for s in steps],
+        parameters=np.array([s.point.parameter for s in steps]),
+        arclength=arclength - arclength[size],
+        special=special,
+        ends=(back.end, ahead.end),
+        over=over,
+    )

@@ -1,0 +1,110 @@
+"""From a scene file to a branch of its noise over one parameter: the command ``follow``."""
+
+import json
+import time
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ...blade import numbers
+from ...blade.belts import SteadyBelt
+from ...blade.build import build_wiper, start_state
+from ...blade.steady_slip import steady_slip
+from ...datasets.branch_dataset import with_rest, with_simulations
+from ...machine import provenance
+from ...specs.scene import SceneSpec
+from ...vocabulary import cf
+from ...vocabulary.cf import units_text
+from ...vocabulary.parameters import PARAMETERS
+from ..cycle import Found, find_cycle
+from .dataset import branch_dataset
+from .follow import follow
+from .up_and_down import up_and_down
+
+_ADVICE = {
+    Found.AT_REST: "its motion dies out: quiet; start where it makes a noise",
+    Found.NOT_PERIODIC: "its motion is not periodic within run.duration; make that longer",
+    Found.NOT_CONVERGED: "Newton's method found none near it; make run.duration longer",
+    Found.NOT_ISOLATED: "its cycle is at a fold; start at another value",
+    Found.TRAJECTORY_FAILED: "its motion ends early",
+}
+
+
+def run(
+    spec: SceneSpec, over: str, low: float, high: float, step: float = 0.03, simulate: int = 0
+) -> xr.Dataset:
+    """Return the branch through the motion that a scene settles on, as `branch_dataset`.
+
+    **Arguments:** ``over``, a parameter of sweep files; ``low``, ``high``, its range in their units
+    (degrees); ``step``, see `follow`; ``simulate``, number of values in the range at which motions
+    are simulated on the way up and on the way down (`up_and_down`; 0: none). The motion is taken
+    after ``run.duration`` of the scene. On a steady belt steady slip is added.
+
+    Raises ValueError if there is no such parameter, no cycle at the scene's own value, or that
+    value lies outside the range.
+    """
+    begun = time.perf_counter()
+    wiper = build_wiper(spec.parameters(), spec.belt.kind)
+    entry = PARAMETERS.get(over)
+    if entry is None:
+        raise ValueError(f"--over must be one of {', '.join(PARAMETERS)}, but was {over!r}")
+    for end in (low, high):
+        if problem := entry.problem(end):
+            raise ValueError(f"{over}: {problem}")
+    own = float(entry.to_edge(numbers.value(wiper, over)))
+    if not low <= own <= high:
+        raise ValueError(
+            f"the range of {over} must hold the scene's own value {own:g}, "
+            f"but was {low:g} to {high:g}"
+        )
+    period = None if isinstance(wiper.belt, SteadyBelt) else _stroke
+    position, velocity = start_state(wiper, spec.start)
+    cycle = find_cycle(
+        wiper,
+        settle=spec.run.duration,
+        initial_state=(np.asarray(position), np.asarray(velocity)),
+        period=period,
+        over=over,
+    )
+    if cycle.found != Found.FOUND:
+        why = f" ({cycle.why})" if cycle.why else ""
+        raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
+    branch = follow(cycle, float(entry.to_si(low)), float(entry.to_si(high)), step=step)
+    stated = {
+        name: float(PARAMETERS[name].to_edge(value))
+        for name, value in spec.parameters().items()
+        if name != over
+    }
+    attrs = {
+        "title": spec.title or f"cycles over {entry.long_name}",
+        "belt_kind": spec.belt.kind,
+        "parameter_units": units_text({name: PARAMETERS[name].edge_unit for name in stated}),
+        **stated,
+        "specification_text": spec.text,
+        "specification": json.dumps(spec.document()),
+        **provenance.record(None, time.perf_counter() - begun),
+    }
+    found = branch_dataset(branch).assign_attrs(cf.plain_attributes(attrs))
+    if simulate:
+        brute = up_and_down(
+            wiper,
+            over,
+            np.linspace(entry.to_si(low), entry.to_si(high), simulate),
+            settle=spec.run.duration,
+            window=10 * cycle.period,
+            initial_state=(np.asarray(position), np.asarray(velocity)),
+            period=period,
+        )
+        found = with_simulations(found, brute)
+    if period is not None:
+        return found
+    fine = np.linspace(low, high, 200)
+    varied: Any = numbers.replaced(wiper, over, np.asarray(entry.to_si(fine)))
+    slip = steady_slip(varied)
+    return with_rest(found, fine, np.asarray(slip.x), np.asarray(slip.growth_rate) < 0)
+
+
+def _stroke(wiper):
+    """Period of the belt."""
+    return 1 / wiper.belt.frequency

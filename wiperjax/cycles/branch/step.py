@@ -1,0 +1,185 @@
+"""One step along a branch of cycles: predict along the tangent, correct at that distance."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.optimize
+
+from ...blade import numbers
+from ..chart import Chart, chart
+from ..cycle import Cycle, cycle_at
+from ..orbit import event_margin, far_from_events, smooth_intervals
+from ..return_map import Lost, Point, Shooting, correct
+from ..shooting import stretch
+
+LOCATED = 1e-7  # of a step's unit: how closely a special point is closed in
+NEAR = 0.05  # of the largest distance from an event: too near for the start of a cycle
+JUMP = 1e-2  # of a test function between two steps: it does not vanish there, it jumps
+TOLD = 1e-6  # of a multiplier's distance from 1, and of a tangent: less may be rounding
+
+
+@dataclass(frozen=True)
+class Step:
+    """A point of the branch with its cycle and the direction of travel."""
+
+    point: Point
+    cycle: Cycle
+    tangent: np.ndarray  # of the unknowns, in the point's own chart
+    sense: float  # derivative of the parameter along the branch
+
+    @property
+    def determinant(self) -> float:
+        """det(1 - derivative of the return map): its sign is the index of the fixed point."""
+        assert self.cycle.multipliers is not None
+        return float(np.real(np.prod(1 - self.cycle.multipliers)))
+
+    @property
+    def index(self) -> int:
+        """Sign of ``determinant`` times ``sense``: +1 or -1, or 0 where that cannot be told.
+
+        All along a branch it is the same, over folds, where both change their sign, and over
+        corners: the return map is continuous there, and the index of its fixed points is kept
+        (Feigin's rule: di Bernardo, Feigin, Hogan and Homer, Chaos, Solitons & Fractals 10, 1999).
+        Only where another branch crosses does it change; else the walk has jumped to another arm.
+        """
+        if abs(self.determinant) < TOLD or abs(self.sense) < TOLD:
+            return 0
+        return int(np.sign(self.determinant * self.sense))
+
+
+def first_step(shooting: Shooting, cycle: Cycle) -> Step | None:
+    """Return the step at a found cycle, or None if it cannot be closed again."""
+    assert shooting.over is not None
+    where = chart_at(shooting, cycle.system, cycle.state, cycle.phase, cycle.period, cycle.regime)
+    parameter = numbers.value(cycle.system, shooting.over) / shooting.parameter_scale
+    unknowns = np.zeros(where.basis.shape[1])
+    if shooting.clock is None:
+        unknowns = np.append(unknowns, cycle.period / shooting.period_scale)
+    point = correct(shooting, where, cycle.phase, np.append(unknowns, parameter))
+    return None if point is None else step_at(shooting, point, np.eye(len(unknowns) + 1)[-1])
+
+
+def chart_at(shooting: Shooting, system, state, phase, period, regime) -> Chart:
+    return chart(system, state, phase * period, regime, shooting.scale, shooting.section)
+
+
+def step_at(shooting: Shooting, point: Point, onward) -> Step:
+    """Return the step at ``point`` whose tangent goes with ``onward`` (unknowns of its chart)."""
+    tangent = np.linalg.svd(point.jacobian)[2][-1]
+    if tangent @ onward < 0:
+        tangent = -tangent
+    return Step(point, cycle_at(shooting, point), tangent, float(tangent[-1]))
+
+
+def place(shooting: Shooting, step: Step) -> np.ndarray:
+    """Extremes, period and parameter in scaled numbers: where the cycle is, wherever it starts."""
+    size, cycle = shooting.scale[0], step.cycle
+    extremes = cycle.maximum / size, cycle.minimum / size
+    rest = cycle.period / shooting.period_scale, step.point.parameter / shooting.parameter_scale
+    return np.array([*extremes, *rest])
+
+
+def direction(shooting: Shooting, step: Step) -> np.ndarray:
+    """Unit tangent in scaled state, period and parameter."""
+    d = step.point.where.basis.shape[1]
+    state = step.point.where.basis @ step.tangent[:d] / shooting.scale
+    full = np.concatenate([state, step.tangent[d:]])
+    return full / np.linalg.norm(full)
+
+
+def ahead_of(shooting: Shooting, here: Step, length: float) -> Step | None:
+    """Return the branch at a distance along the tangent, or None."""
+    return near(shooting, here, here.point.unknowns + length * here.tangent, here.tangent)
+
+
+def near(shooting: Shooting, here: Step, guess: np.ndarray, along: np.ndarray) -> Step | None:
+    """Return the branch that goes ``along`` near ``guess`` (both in the chart of ``here``)."""
+    point = correct(shooting, here.point.where, here.point.phase, guess, along)
+    far = np.linalg.norm(guess - here.point.unknowns)
+    if point is None or np.linalg.norm(point.unknowns - guess) > 2 * far + 1e-6:
+        return None
+    return step_at(shooting, point, along)
+
+
+def between(
+    shooting: Shooting, here: Step, ahead: Step, length: float, test: Callable[[Step], float]
+) -> tuple[float, Step] | None:
+    """Return (distance, step) at which ``test`` vanishes between two steps ``length`` apart.
+
+    None if it does not, if it jumps over zero, or if a cycle on the way is lost.
+    """
+    known = {0.0: here, length: ahead}
+
+    def value(distance: float) -> float:
+        if distance not in known:
+            step = ahead_of(shooting, here, distance)
+            if step is None:
+                raise Lost("no cycle on the way to a special point")
+            known[distance] = step
+        return test(known[distance])
+
+    a, b = value(0.0), value(length)
+    if not (np.isfinite(a) and np.isfinite(b)) or a * b >= 0:
+        return None
+    try:
+        root = float(scipy.optimize.brentq(value, 0.0, length, xtol=LOCATED))  # type: ignore[arg-type]
+    except Lost:
+        return None
+    if abs(value(root)) > JUMP * max(abs(a), abs(b)):
+        return None
+    return root, known[root]
+
+
+def centred(shooting: Shooting, here: Step) -> Step:
+    """Return the step in the chart of its own state; moved on, if an event comes near it."""
+    point = here.point
+    d = point.where.basis.shape[1]
+    state = point.motion.samples[0]
+    shift = point.where.basis @ here.tangent[:d]
+    phase, regime = point.phase, point.where.regime
+    if shooting.clock is not None:
+        free, margin = smooth_intervals(point.motion), event_margin(point.motion)
+        near = max(2, len(free) // 50)
+        if not (free[:near].all() and free[-near:].all()) or margin[0] < NEAR * margin.max():
+            index = far_from_events(point.motion.regimes[:-1], free, margin)
+            moved, state, regime = _moved(shooting, here, index)
+            phase = (phase + index / len(free)) % 1.0
+            shift = moved
+    where = chart_at(shooting, here.cycle.system, state, phase, point.period, regime)
+    read = np.linalg.lstsq(where.basis / where.scale[:, None], shift / where.scale, rcond=None)
+    unknowns = np.zeros(where.basis.shape[1])
+    tangent = np.concatenate([read[0], here.tangent[d:]])
+    point = replace(
+        point, where=where, phase=phase, unknowns=np.append(unknowns, point.unknowns[d:])
+    )
+    return replace(here, point=point, tangent=tangent / np.linalg.norm(tangent))
+
+
+def _moved(shooting: Shooting, here: Step, index: int):
+    """Return (tangent of the state, state, regime) at sample ``index`` of the cycle."""
+    point = here.point
+    d = point.where.basis.shape[1]
+    slope = shooting.driven_period(point.parameter)[1]
+    passed = stretch(
+        shooting.at(point.parameter),
+        shooting.along(),
+        point.motion.samples[0],
+        point.period,
+        phase=point.phase,
+        part=index / (len(point.motion.times) - 1),
+        regime=point.where.regime,
+        rtol=shooting.rtol,
+    )
+    change = here.tangent[-1] * shooting.parameter_scale
+    tangent = passed.by_state @ (point.where.basis @ here.tangent[:d])
+    tangent += (passed.by_parameter + slope * passed.by_period) * change
+    return tangent, passed.state, int(point.motion.regimes[index])
+
+
+def with_parameter(shooting: Shooting, step: Step, parameter: float) -> Step:
+    """Return the cycle at exactly ``parameter``, next to ``step``; that itself if it is lost."""
+    unknowns = step.point.unknowns.copy()
+    unknowns[-1] = parameter / shooting.parameter_scale
+    point = correct(shooting, step.point.where, step.point.phase, unknowns)
+    return step if point is None else step_at(shooting, point, step.tangent)

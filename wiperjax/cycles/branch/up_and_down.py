@@ -1,0 +1,235 @@
+"""Brute-force bifurcation diagrams: simulate up and down a range, each step from the last state.
+
+What differs between the way up and the way down is coexisting motion: quiet and squeal at the same
+setting, say. Only stable motions show; `branch.follow` gives the unstable ones between.
+
+A mean over a window that is no whole number of periods misses that of the cycle by some per cent,
+another one at each value. So where no clock says how long a period is, the motion is looked at
+twice: over the window asked for, to find the time in which it comes back to itself most often, and
+then over that time.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from ...blade import numbers as named
+from ...blade.wiper import Wiper
+from ...contact.system import AbstractSystem
+from ...engine.arguments import check_state, check_system
+from ...engine.observers.totals import Reach, RegimeTotals
+from ...engine.solve import solve
+from ...vocabulary import checks
+from ...vocabulary.codes import RESULTS, RUNNING, Result
+from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
+from ..shooting import tidy
+
+WAYS = ("up", "down")
+PEAKS = 16  # maxima kept of each window, spread over their heights if there are more
+FLAT = 1e-9  # of the typical size: a smaller range is a motion at rest
+ALIKE = 0.02  # of half the range of a state: how near a motion that repeats comes back
+
+
+def up_and_down(
+    system: AbstractSystem,
+    over: str,
+    values,
+    *,
+    settle: float,
+    window: float,
+    initial_state=None,
+    period: Callable[[AbstractSystem], Any] | None = None,
+    kick: float = 1e-6,
+    samples: int = 1024,
+    rtol: float = 1e-7,
+) -> xr.Dataset:
+    """Return the motions met on the way up and down ``values`` of the number ``over``.
+
+    **Main arguments:** ``system``; ``over``, its name (`named.path`); ``values``, increasing (SI
+    units, radians); ``settle`` [s] simulated at each value before it is looked at, for ``window``
+    [s] or, if it is periodic, as many whole periods as fit (in a second look, after as long).
+
+    **Other arguments:** ``initial_state`` = (position, q') at either end (default: the system's
+    own); ``period(system)`` of what drives it [s]: settle and window are then rounded up to whole
+    periods, so that the clock goes on as it was, and there is one look; ``kick``, by which the
+    first coordinate is moved before each value, of its typical size: without it an equilibrium that
+    has become unstable is left only when rounding has grown (delayed loss of stability);
+    ``samples`` of a window: swings shorter than a few of them have no ``maximum`` of their own;
+    ``rtol``.
+
+    **Returns** a dataset with the dimensions ``way`` (up, down), the parameter (in the unit of
+    files) and ``peak``: ``maximum`` of the first coordinate (the largest first; NaN-padded; of a
+    motion at rest, where it rests), ``velocity_rms``, ``stick_fraction``, ``flight_fraction``,
+    ``result``. After a motion that failed or collapsed the next value starts from
+    ``initial_state``.
+
+    Both ways run side by side in one compiled program.
+
+    Raises ValueError for values that do not increase or a name that is not there.
+    """
+    check_system(system)
+    values = checks.increasing("values", values, 2)
+    settle, window = (
+        checks.number(name, x, POSITIVE) for name, x in (("settle", settle), ("window", window))
+    )
+    kick = checks.number("kick", kick, Range(0, 1))
+    samples = checks.whole("samples", samples, SETTINGS["samples"])
+    rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
+    if period is not None and not callable(period):
+        must = "period must be a function of the system that gives its period"
+        raise ValueError(f"{must}, but was {checks.shown(period)}")
+    if initial_state is not None:
+        check_state(initial_state)
+    given = system
+    system = named.traceable(system, over)
+    start = system.default_state() if initial_state is None else initial_state
+    state = jnp.concatenate([jnp.asarray(part, float).ravel() for part in start])
+    state = jnp.broadcast_to(state, (2, *state.shape))
+    if initial_state is None:  # the default start may depend on what is varied
+        ends = [named.replaced(system, over, v).default_state() for v in (values[0], values[-1])]
+        state = jnp.stack([jnp.concatenate([jnp.stack(p) * 1.0 for p in end]) for end in ends])
+    ways = jnp.stack([values, values[::-1]])
+    numbers = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))
+    found = _march(system, over, period, ways, state, numbers, samples)
+    position, velocity, *columns = (np.array(x) for x in found)
+    for array in (position, velocity, *columns):
+        array[1] = array[1, ::-1]
+    stick, flight, rms, highest, result = columns
+    typical = float(np.asarray(system.scales(state.shape[1] // 2)[0][0]))
+    peaks = np.full((*position.shape[:2], PEAKS), np.nan)
+    for at in np.ndindex(position.shape[:2]):
+        highs = maxima(position[at], velocity[at], float(highest[at]), FLAT * typical)
+        if len(highs) > PEAKS:
+            highs = highs[np.linspace(0, len(highs) - 1, PEAKS).round().astype(int)]
+        peaks[at][: len(highs)] = highs
+    fair = np.isin(result, (Result.FINISHED, Result.PAINLEVE_INDETERMINATE))
+    name, attrs, to_file = named.stored(given, over)
+    plane = ("way", name)
+
+    def settled(values, long_name, units=None):
+        unit = {} if units is None else {"units": units}
+        return plane, np.where(fair, values, np.nan), {"long_name": long_name, **unit}
+
+    flags = {
+        "long_name": "how the trajectory ended",
+        "flag_values": np.array(list(RESULTS.values()), np.int8),
+        "flag_meanings": " ".join(RESULTS),
+    }
+    words = named.words(given)
+    metre, speed = ("m", "m/s") if isinstance(given, Wiper) else (None, None)
+    maximum = np.where(fair[..., None], peaks, np.nan)
+    about = {"long_name": f"maxima of the {words['position']}"}
+    about |= {"units": metre} if metre else {}
+    return xr.Dataset(
+        {
+            "maximum": ((*plane, "peak"), maximum, about),
+            "velocity_rms": settled(rms, f"standard deviation of the {words['velocity']}", speed),
+            "stick_fraction": settled(stick, "share of the window in stick", "1"),
+            "flight_fraction": settled(flight, "share of the window in flight", "1"),
+            "result": (plane, result.astype(np.int8), flags),
+        },
+        coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
+        attrs={"over": name, "system": type(given).__name__, "settle": settle, "window": window},
+    )
+
+
+def maxima(position, velocity, highest: float, flat: float) -> np.ndarray:
+    """Return the maxima of a sampled coordinate, the largest first: that is ``highest``, which no
+    sample may have met. Where its range is below ``flat``, return its mean.
+    """
+    if not np.all(np.isfinite(position)):
+        return np.zeros(0)
+    if np.ptp(position) < flat:
+        return np.array([position.mean()])
+    at = np.flatnonzero((velocity[:-1] > 0) & (velocity[1:] <= 0))
+    sampled = np.sort(np.maximum(position[at], position[at + 1]))[::-1]
+    return np.concatenate([[highest], sampled[1:]])
+
+
+def repeat_time(states, window):
+    """Return the longest time in which a motion comes back to itself, of states (samples, 2n) that
+    are evenly spread over ``window`` [s]: whole periods, from one maximum of the first coordinate
+    to the last that is like it. It is ``window`` if that is not half as long, or there is none.
+    """
+    count, n = states.shape[0], states.shape[1] // 2
+    velocity = states[:, n]
+    turns = (velocity[:-1] > 0) & (velocity[1:] <= 0)
+    part = velocity[:-1] / jnp.where(turns, velocity[:-1] - velocity[1:], 1.0)
+    there = states[:-1] + part[:, None] * jnp.diff(states, axis=0)
+    times = (jnp.arange(count - 1) + part) * window / (count - 1)
+    half = 0.5 * (states.max(0) - states.min(0))
+    kind = jnp.repeat(
+        half.reshape(2, n).max(1), n
+    )  # a coordinate that rests has no size of its own
+    half = jnp.maximum(half, 1e-3 * kind)
+    first = jnp.argmax(turns)
+    off = jnp.max(jnp.abs(there - there[first]) / jnp.where(half > 0, half, 1.0), axis=1)
+    again = turns & (off < ALIKE)
+    last = count - 2 - jnp.argmax(again[::-1])
+    time = times[last] - times[first]
+    return jnp.where(jnp.any(turns) & (time >= 0.5 * window), time, window)
+
+
+@eqx.filter_jit
+def _march(system, over, period, ways, states, numbers, samples: int):
+    settle, window, kick, rtol = numbers
+    grid = jnp.linspace(0.0, 1.0, samples)
+
+    def one(initial, carry, value):
+        state, regime = carry
+        local = named.replaced(system, over, value)
+        n = state.shape[0] // 2
+        before, after = settle, window
+        if period is not None:
+            turn = period(local)
+            before = jnp.ceil(before / turn * (1 - 1e-9)) * turn
+            after = jnp.ceil(after / turn * (1 - 1e-9)) * turn
+
+        def look(carry, _):
+            state, regime, before, after, result = carry
+            state = tidy(local, jnp.zeros(()), state, regime)
+            s = solve(
+                local,
+                before + after,
+                initial_state=(tuple(state[:n]), tuple(state[n:])),
+                rtol=rtol,
+                sample_times=before + after * grid,
+                statistics_start=before,
+                observer=Reach(RegimeTotals(before)),
+                max_events=0,
+            )
+            totals = s.statistics.totals
+            mean = totals.output_integral / after
+            rms = jnp.sqrt(jnp.maximum(totals.output_square_integral / after - mean**2, 0.0))
+            shares = totals.stick_time / after, totals.flight_time / after
+            q, v = s.samples.position, s.samples.velocity
+            found = q[0], v[0], *shares, rms, s.statistics.highest
+            result = jnp.where(_fair(result), s.result, result)  # what went wrong first
+            end = jnp.concatenate([s.final_position, s.final_velocity])
+            end = jnp.where(_fair(result), end, initial)
+            # x' = 0 in a slip that the kick has just begun is left to the engine to decide
+            regime = jnp.where(_fair(result), s.final_regime, RUNNING)
+            again = repeat_time(jnp.stack([*q, *v], axis=-1), after)
+            return (end, regime, jnp.zeros_like(before), again, result), found
+
+        state = state.at[0].add(kick * local.scales(n)[0][0])
+        begin = state, regime, before, after, jnp.asarray(Result.FINISHED, jnp.int32)
+        looks = 2 if period is None else 1  # of one compiled program
+        (end, regime, *_, result), found = jax.lax.scan(look, begin, None, looks)
+        return (end, regime), (*(x[-1] for x in found), result)
+
+    def way(values, initial):
+        begin = initial, jnp.asarray(-1, jnp.int32)
+        return jax.lax.scan(partial(one, initial), begin, values)[1]
+
+    return jax.vmap(way)(ways, states)
+
+
+def _fair(result):
+    return (result == Result.FINISHED) | (result == Result.PAINLEVE_INDETERMINATE)

@@ -1,0 +1,211 @@
+"""The walk along a branch in one direction: its steps, its special points, and why it ended."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..cycle import same_word
+from ..return_map import Shooting
+from .bifurcations import TESTS, Special, change, corner_kind, doubled, turning
+from .corner import SHORT, beyond, edge_of, smooth
+from .step import Step, ahead_of, between, centred, direction, place, with_parameter
+
+STRAIGHT = 0.98  # cosine of a turn after which steps grow
+BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
+SAME = 1e-3  # of a chord: how near to each other two cycles are one
+VANISHED = 0.01  # of the largest amplitude: the cycle shrinks onto steady slip
+
+Located = list[tuple[float, str, str, Step]]  # distance, kind, detail, step of special points
+
+
+class Walk:
+    """One direction of a branch: steps (the first one too), special points, why it ended."""
+
+    def __init__(self, shooting: Shooting, low: float, high: float, step: float, most: int):
+        self.shooting = shooting
+        self.low, self.high, self.longest, self.most = low, high, step, most
+        self.steps: list[Step] = []
+        self.special: list[Special] = []
+        self.end = ""
+        self.closed = False  # back where it began
+        self.largest = 0.0
+
+    def run(self, first: Step, sense: float) -> None:
+        """Walk from ``first`` to where the parameter first goes as ``sense`` says."""
+        turned = 1.0 if first.sense * sense >= 0 else -1.0
+        first = replace(first, tangent=turned * first.tangent, sense=turned * first.sense)
+        self._append(first)
+        length = 0.3 * self.longest
+        while not self.end:
+            here = centred(self.shooting, self.steps[-1])
+            length = min(length, self._room(here))
+            ahead = ahead_of(self.shooting, here, length)
+            found = self._smoothly(here, ahead, length)
+            if ahead is not None and found is not None:
+                self._take(here, ahead, length, found)
+                turn = direction(self.shooting, here) @ direction(self.shooting, ahead)
+                length = min(self.longest, length * (1.4 if turn > STRAIGHT else 1.0))
+            elif length > SHORT * self.longest:
+                length *= 0.5
+            else:
+                length = self._round(here, length)
+
+    def _append(self, step: Step) -> None:
+        self.steps.append(step)
+        self.largest = max(self.largest, step.cycle.amplitude)
+        if len(self.steps) > self.most and not self.end:
+            self.end = f"{self.most} points"
+
+    def _room(self, here: Step) -> float:
+        """Longest step: no longer than a part of the amplitude, where that vanishes."""
+        if self.shooting.clock is not None:
+            return self.longest
+        return min(self.longest, 0.3 * here.cycle.amplitude / self.shooting.scale[0])
+
+    def _smoothly(self, here: Step, ahead: Step | None, length: float) -> Located | None:
+        """Return the special points on the way if the branch goes smoothly to ``ahead``."""
+        if ahead is None or not smooth(self.shooting, here, ahead):
+            return None
+        found = self._located(here, ahead, length)
+        crossed = any(kind == "branch_point" for _, kind, _, _ in found)
+        if here.index * ahead.index < 0 and not crossed:
+            return None  # on another arm of the branch
+        return found
+
+    def _located(self, here: Step, ahead: Step, length: float) -> Located:
+        """Return the special points between two steps of one word, in order."""
+        found: Located = []
+        for kind, detail, test in TESTS:
+            place = between(self.shooting, here, ahead, length, test)
+            if place is None:
+                continue
+            if kind == "neimark_sacker" and not turning(place[1].cycle):
+                continue  # a product of two real multipliers passes 1: nothing happens
+            found.append((place[0], kind, detail, place[1]))
+        found.sort(key=lambda item: item[0])
+        return [item for item in found if not _shadow(item, found, length)]
+
+    def _take(self, here: Step, ahead: Step, length: float, found: Located) -> None:
+        """Append the way to ``ahead``, up to where it ends."""
+        for distance, kind, _, step in found:
+            if kind == "branch_point" and doubled(step.cycle):
+                length, ahead = distance, step  # beyond, its halves change places: the same again
+                self.end = "a period doubling: half of the cycle is one"
+                break
+        cut, last = self._cut(here, ahead, length)
+        for distance, kind, detail, step in found:
+            if step is last:
+                kind, detail = "period_doubling", "the cycle is one of half its period, twice"
+            elif distance >= cut:
+                break
+            self.special.append(Special(kind, detail, step.point.parameter, len(self.steps)))
+            self._append(step)
+        if last is not None and last is not self.steps[-1]:
+            self._append(last)
+            self._note_vanishing(here, last)
+
+    def _cut(self, here: Step, ahead: Step, length: float) -> tuple[float, Step | None]:
+        """Return how far the way to ``ahead`` counts, and the step there if it has one."""
+        parameter = ahead.point.parameter
+        if not self.low <= parameter <= self.high:
+            self.end = "the end of the range"
+            border = self.low if parameter < self.low else self.high
+            found = between(
+                self.shooting, here, ahead, length, lambda step: step.point.parameter - border
+            )
+            if found is None:
+                return 0.0, None
+            return found[0], with_parameter(self.shooting, found[1], border)
+        chord = self._met(ahead)
+        if chord is None:
+            return length, ahead
+        spot, last = (place(self.shooting, step) for step in (ahead, here))
+        if (spot - last) @ chord < 0:
+            self.end = "the walk came back on itself: a smaller step may go on"
+            return 0.0, None
+        self.end, self.closed = "the branch is closed", True
+        start = place(self.shooting, self.steps[0])
+        onward = place(self.shooting, self.steps[1]) - start
+        found = between(
+            self.shooting,
+            here,
+            ahead,
+            length,
+            lambda step: float((place(self.shooting, step) - start) @ onward),
+        )
+        return (0.0, None) if found is None else found
+
+    def _met(self, ahead: Step) -> np.ndarray | None:
+        """Return the chord between two steps walked before if ``ahead`` lies there again, or None.
+
+        It does if they have its word and determinants of its sign (none of them lies on the other
+        arm of a fold), and the cycle next to them that has its parameter is the same.
+        """
+        spots = np.array([place(self.shooting, step) for step in self.steps])
+        spot, chords = place(self.shooting, ahead), np.diff(spots, axis=0)
+        square = np.maximum(np.sum(chords**2, axis=1), 1e-30)  # a special point may be met twice
+        part = np.sum((spot - spots[:-1]) * chords, axis=1) / square
+        aside = np.linalg.norm(spot - spots[:-1] - part[:, None] * chords, axis=1)
+        beside = (part >= 0) & (part <= 1) & (aside < BESIDE * np.sqrt(square))
+        for k in np.flatnonzero(beside):
+            ends = self.steps[k : k + 2]
+            if not all(
+                same_word(e.cycle, ahead.cycle) and e.determinant * ahead.determinant >= 0
+                for e in ends
+            ):
+                continue
+            again = with_parameter(self.shooting, ends[int(part[k] > 0.5)], ahead.point.parameter)
+            if np.linalg.norm(place(self.shooting, again) - spot) < SAME * np.sqrt(square[k]):
+                return chords[k]
+        return None
+
+    def _round(self, here: Step, length: float) -> float:
+        """Close in on a corner or a sharp turn, or take the branch up behind a corner.
+
+        Returns the length to go on with.
+        """
+        edge = edge_of(self.shooting, here, length)
+        if edge is not here:
+            reach = float((edge.point.unknowns - here.point.unknowns) @ here.tangent)
+            self._take(here, edge, reach, self._located(here, edge, reach))
+            return reach
+        way = beyond(self.shooting, here, self.longest)
+        if isinstance(way, str):
+            self.end = way
+        elif self._met(way[0]) is not None:
+            self.end = "no cycle beyond"
+        else:
+            self._name_corner(here, way[0])
+            for step in way:
+                if not self.low <= step.point.parameter <= self.high:
+                    self.end = "the end of the range"
+                    break
+                self._append(step)
+        return 0.1 * self.longest
+
+    def _name_corner(self, edge: Step, other: Step) -> None:
+        kind = corner_kind(edge.cycle, other.cycle)
+        name = f"{kind}_fold" if edge.sense * other.sense < 0 else kind
+        detail = change(edge.cycle, other.cycle.word)
+        parameter = edge.point.parameter
+        self.special.append(Special(name, detail, parameter, len(self.steps) - 1))
+
+    def _note_vanishing(self, here: Step, ahead: Step) -> None:
+        """Note where the cycle shrinks onto steady slip (amplitude^2 -> 0), if it does."""
+        if self.shooting.clock is not None:
+            return
+        one, two = here.cycle.amplitude, ahead.cycle.amplitude
+        if two >= one or two > VANISHED * self.largest:
+            return
+        a, b = here.point.parameter, ahead.point.parameter
+        at = b - two**2 * (b - a) / (two**2 - one**2)
+        detail = "the cycle shrinks onto steady slip"
+        self.special.append(Special("hopf", detail, at, len(self.steps) - 1))
+        self.end = "a Hopf point"
+
+
+def _shadow(item, found: Located, length: float) -> bool:
+    """Whether a fold is a branch point at which the branch itself turns: no cycles merge there."""
+    at, kind = item[0], item[1]
+    points = [distance for distance, other, _, _ in found if other == "branch_point"]
+    return kind == "fold" and any(abs(at - distance) < 0.01 * length for distance in points)

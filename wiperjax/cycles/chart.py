@@ -1,0 +1,88 @@
+"""Coordinates on the section of a return map: those that the constraints leave free."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+
+from ..contact.space import contact
+from ..vocabulary.codes import Regime
+from .shooting import SMALL
+
+
+class Chart(NamedTuple):
+    """Coordinates near ``origin``: ``origin + basis @ w``, within the contact and on the section.
+
+    ``wide`` spans the states that keep the contact (m of them), ``basis`` those that lie on the
+    section as well (the same without one).
+    """
+
+    origin: np.ndarray  # (2n,)
+    basis: np.ndarray  # (2n, d)
+    wide: np.ndarray  # (2n, m); scaled so that wide.T @ (x / scale^2) reads coordinates
+    scale: np.ndarray  # (2n,)
+    regime: int
+
+    def state(self, w) -> np.ndarray:
+        """State at the coordinates ``w`` (d,)."""
+        return self.origin + self.basis @ w
+
+    def read(self, x) -> np.ndarray:
+        """Coordinates (m, ...) of states' differences ``x`` (2n, ...) in ``wide``."""
+        scale = self.scale.reshape((-1,) + (1,) * (np.ndim(x) - 1))
+        return self.wide.T @ (x / scale**2)
+
+
+def chart(system, state, time, regime: int, scale, section=None) -> Chart:
+    """Return coordinates of the states near ``state`` in ``regime``, on ``section`` if given.
+
+    ``section(t, q, v)`` is a function of time, positions and velocities q' that vanishes there.
+    Raises ValueError if the contact can not be told from the coordinates.
+    """
+    state, scale = np.asarray(state, float), np.asarray(scale, float)
+    values, slopes = _constraints(system, jnp.asarray(time, float), jnp.asarray(state), section)
+    values = np.asarray(values)
+    gap, closing, slip, crossing = (np.asarray(row) for row in slopes)
+    rows = []
+    if regime != Regime.FLIGHT and system.unilateral:
+        rows += [gap, closing]
+    if regime == Regime.STICK:
+        rows += [slip]
+    wide = _null_space(rows, scale)
+    if section is None:
+        return Chart(state, wide, wide, scale, regime)
+    towards = wide @ (wide.T @ crossing)  # the shortest way to the section that keeps the contact
+    distance = values[3] / (crossing @ towards)
+    basis = _null_space([*rows, crossing], scale)
+    return Chart(state - distance * towards, basis, wide, scale, regime)
+
+
+def _null_space(rows, scale) -> np.ndarray:
+    """Orthonormal directions (in units of ``scale``) in which none of ``rows`` changes, scaled."""
+    if not rows:
+        return np.diag(scale)
+    directions = scipy.linalg.null_space(np.stack(rows) * scale)
+    directions[np.abs(directions) < SMALL] = 0.0  # coordinates that rest do so exactly
+    return scale[:, None] * directions
+
+
+@eqx.filter_jit
+def _constraints(system, time, state, section):
+    n = state.shape[0] // 2
+
+    def values(state):
+        local = system.prepared().on_piece(system.first_piece(time))
+        q, v = tuple(state[:n]), tuple(state[n:])
+        c = contact(local, time, q, local.from_rates(time, q, v))
+        crossing = jnp.zeros(()) if section is None else section(time, q, v)
+        return jnp.stack([c.gap, c.normal_speed, c.slip_speed, crossing])
+
+    return values(state), jax.jacfwd(values)(state)
+
+
+def turning_point(t, q, v) -> Any:
+    """Zero where the first coordinate turns: the default section of a motion without a clock."""
+    return v[0]

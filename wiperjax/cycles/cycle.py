@@ -1,0 +1,223 @@
+"""Periodic motion by shooting: the limit cycle that a simulation settles on, and its multipliers.
+
+A cycle is a fixed point of the return map: z(T; z0) = z0. Newton's method on it takes the exact
+monodromy matrix, the derivative of the motion through all its events (`shooting`).
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from ..blade import numbers
+from ..contact.system import AbstractSystem
+from ..engine.arguments import check_system, coordinates
+from ..vocabulary import checks
+from ..vocabulary.ranges import POSITIVE, SETTINGS
+from .chart import chart, turning_point
+from .first_guess import STILL, driven_guess, free_guess
+from .orbit import slip_margin, words
+from .return_map import Found as Found
+from .return_map import Lost, Point, Shooting, correct
+from .shooting import Stretch
+
+ISOLATED = 1e-6  # distance of a multiplier from 1
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A periodic motion of ``system``. SI units (the system's own); NaN where none was found.
+
+    ``multipliers`` are the eigenvalues of the return map, complex, largest first; the trivial one
+    along the orbit (steady belt) is left out, so there are 2 n - 1 of them, and 2 n with a clock.
+    A zero is not rounding but a loss of memory: a phase of stick, or of contact, keeps nothing of
+    what it does not hold. ``trivial_error`` is by how much the trivial one misses 1: what the
+    multipliers are worth.
+    """
+
+    system: AbstractSystem
+    found: Found
+    why: str = ""  # more on a failure
+    period: float = math.nan
+    state: np.ndarray | None = None  # (2n,): position and q' at the start
+    phase: float = 0.0  # of the start, in periods of the clock
+    regime: int = -1  # `Regime` there
+    multipliers: np.ndarray | None = None
+    trivial_error: float = math.nan
+    residual: float = math.nan  # of the return map, relative to the size of the motion
+    word: str = ""  # events of a period, in order
+    regimes: str = ""  # regimes of a period, in order
+    maximum: float = math.nan  # of the first coordinate
+    minimum: float = math.nan
+    velocity_rms: float = math.nan  # standard deviation of the system's output over a period
+    stick_fraction: float = math.nan
+    flight_fraction: float = math.nan
+    normal_force_max: float = math.nan
+    slip_margin: float = math.nan  # smallest slip speed inside a slip phase: 0 where stick begins
+    motion: Stretch | None = None  # one period, sampled
+    shooting: Shooting | None = None
+
+    @property
+    def amplitude(self) -> float:
+        """Half the range of the first coordinate."""
+        return 0.5 * (self.maximum - self.minimum)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle."""
+        return self.multipliers is not None and bool(np.all(np.abs(self.multipliers) < 1))
+
+
+def find_cycle(
+    system: AbstractSystem,
+    *,
+    settle: float,
+    initial_state=None,
+    period: Callable[[AbstractSystem], Any] | float | None = None,
+    section: Callable = turning_point,
+    over: str | None = None,
+    varied: Sequence[str] = (),
+    rtol: float = 1e-10,
+) -> Cycle:
+    """Return the limit cycle that a simulation of ``settle`` seconds comes to.
+
+    **Main arguments:** ``system``; ``settle`` [s], time after which the motion is near its cycle;
+    ``initial_state`` = (position, q') (default: the system's own start).
+
+    **Other arguments:** ``period`` of what drives the system [s], a number, or a function of the
+    system if it depends on what will be varied; None: nothing depends on time (a steady belt).
+    ``section(t, q, v)``, a function of positions and velocities q' on whose zeros the cycle of a
+    system without a clock starts (default: where the first coordinate turns). ``over``, name of the
+    number that `branch.follow` will vary; ``varied``, numbers that `remedy` will: named here, they
+    share its compiled program. ``rtol`` of the integration.
+
+    **Returns** a `Cycle`; ``found`` says whether there is one, else why not.
+
+    Raises ValueError for arguments that cannot be meant.
+    """
+    check_system(system)
+    settle = checks.number("settle", settle, POSITIVE)
+    rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
+    checks.names("varied", varied)
+    if not callable(section):
+        raise ValueError(f"section must be a function, but was {checks.shown(section)}")
+    if not callable(period) and period is not None:
+        checks.number("period", period, POSITIVE)
+    varied = tuple(varied) if over is None else (over, *varied)
+    system = numbers.traceable(system, *varied)
+    start = system.default_state() if initial_state is None else coordinates(initial_state)
+    state = np.concatenate([np.asarray(part, float).ravel() for part in start])
+    clock = period if callable(period) or period is None else _constant(float(period))
+    typical = np.concatenate([np.asarray(s, float) for s in system.scales(len(state) // 2)])
+    shooting = Shooting(system, over, clock, None if clock else section, 1, typical, 1.0)
+    shooting = replace(shooting, rtol=rtol, varied=varied)
+    if over is not None:
+        size = abs(numbers.value(system, over))
+        shooting = replace(shooting, parameter_scale=size or 1.0)
+    try:
+        if clock is None:
+            guess = free_guess(shooting, state, settle)
+        else:
+            guess = driven_guess(shooting, state, settle)
+    except Lost as lost:
+        return Cycle(system, Found.TRAJECTORY_FAILED, why=str(lost))
+    if isinstance(guess, Found):
+        return Cycle(system, guess)
+    shooting, state, phase, regime, length = guess
+    return close(shooting, state, regime, length, phase)
+
+
+def close(shooting: Shooting, state, regime: int, period: float, phase: float = 0.0) -> Cycle:
+    """Return the cycle near ``state``, in ``regime`` at ``phase``, by Newton's method."""
+    parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
+    shooting = replace(shooting, period_scale=period)
+    where = chart(shooting.system, state, phase * period, regime, shooting.scale, shooting.section)
+    guess = np.zeros(where.basis.shape[1])
+    if shooting.clock is None:
+        guess = np.append(guess, 1.0)
+    point = correct(shooting, where, phase, np.append(guess, parameter / shooting.parameter_scale))
+    if point is None:
+        return Cycle(shooting.system, Found.NOT_CONVERGED, shooting=shooting)
+    cycle = cycle_at(shooting, point)
+    if cycle.amplitude < STILL * _typical(shooting.system, len(where.origin) // 2):
+        return Cycle(shooting.system, Found.AT_REST, shooting=shooting)
+    return cycle
+
+
+def cycle_at(shooting: Shooting, point: Point) -> Cycle:
+    """Return everything that is known of the cycle of a `Point`."""
+    motion, where = point.motion, point.where
+    n = len(where.origin) // 2
+    monodromy = where.read(motion.by_state @ where.wide)
+    trivial = math.nan
+    if shooting.clock is None:
+        flow = where.read(motion.by_period)
+        inside = where.read(where.basis)  # (m, d), orthonormal
+        across = scipy.linalg.null_space(inside.T)[:, 0]
+        back = np.eye(len(flow)) - np.outer(flow, across) / (across @ flow)
+        trivial = float(np.linalg.norm(monodromy @ flow - flow) / np.linalg.norm(flow))
+        monodromy = inside.T @ back @ monodromy @ inside
+    values = np.zeros(2 * n - (shooting.clock is None), complex)
+    values[: len(monodromy)] = np.linalg.eigvals(monodromy)
+    values = values[np.argsort(-np.abs(values), kind="stable")]
+    isolated = np.min(np.abs(values - 1)) > ISOLATED
+    totals, period = motion.totals, point.period
+    mean = float(totals.output_integral) / period
+    square = float(totals.output_square_integral) / period
+    word, regimes = words(motion)
+    return Cycle(
+        system=shooting.at(point.parameter),
+        found=Found.FOUND if isolated else Found.NOT_ISOLATED,
+        period=period,
+        state=motion.samples[0],
+        phase=point.phase,
+        regime=int(motion.regimes[0]),
+        multipliers=values,
+        trivial_error=trivial,
+        residual=point.residual,
+        word=word,
+        regimes=regimes,
+        maximum=float(motion.highest),
+        minimum=float(motion.lowest),
+        velocity_rms=math.sqrt(max(square - mean**2, 0.0)),
+        stick_fraction=float(totals.stick_time) / period,
+        flight_fraction=float(totals.flight_time) / period,
+        normal_force_max=float(totals.normal_force_max),
+        slip_margin=slip_margin(motion),
+        motion=motion,
+        shooting=shooting,
+    )
+
+
+class _constant:
+    """A period that depends on nothing (compares by value, for the sake of compiled programs)."""
+
+    def __init__(self, value: float):
+        self.value = value
+
+    def __call__(self, system):
+        return self.value
+
+
+def _typical(system, n: int) -> float:
+    return float(np.asarray(system.scales(n)[0][0]))
+
+
+def same_word(a: Cycle, b: Cycle) -> bool:
+    """Whether two cycles pass the same events and regimes in one order, wherever they start."""
+    pairs = (a.word.split(), b.word.split()), (ring(a.regimes), ring(b.regimes))
+    return all(one in rotations(two) for one, two in pairs)
+
+
+def ring(regimes: str) -> list[str]:
+    """Regimes of a period without the last one, if that is the first one gone on."""
+    names = regimes.split()
+    return names[:-1] if len(names) > 1 and names[0] == names[-1] else names
+
+
+def rotations(names: list[str]) -> list[list[str]]:
+    """``names`` as they read from wherever one begins."""
+    return [names[k:] + names[:k] for k in range(max(1, len(names)))]

@@ -1,0 +1,97 @@
+"""What a motion over one period looks like: its events and regimes, and its turning points."""
+
+import numpy as np
+
+from ..vocabulary.codes import Event, Regime
+from .shooting import Stretch
+
+
+def words(motion: Stretch) -> tuple[str, str]:
+    """Return the events of a motion and its regimes, in order, as words.
+
+    Bounces that end in a completed sequence count as one: their number is that of the resolution.
+    """
+    count = int(motion.events.count)
+    if bool(motion.overflow):
+        return f"more than {len(motion.events.time)} events", ""
+    kinds = [Event(int(k)) for k in motion.events.kind[:count]]
+    kept: list[str] = []
+    for kind in kinds:
+        if kind == Event.ZENO:
+            while kept and kept[-1] == "impact":
+                kept.pop()
+        kept.append(kind.name.lower())
+    codes = [int(motion.regimes[0]), *(int(r) for r in motion.events.after[:count])]
+    names = [Regime(r).name.lower() for r in codes]
+    changed = [b for a, b in zip([None, *names], names, strict=False) if a != b]
+    return " ".join(kept), " ".join(changed)
+
+
+def smooth_intervals(motion: Stretch) -> np.ndarray:
+    """Whether each interval between samples is free of events, (samples - 1,)."""
+    times = motion.events.time[: int(motion.events.count)]
+    holding = np.clip(np.searchsorted(motion.times, times) - 1, 0, len(motion.times) - 2)
+    free = np.ones(len(motion.times) - 1, bool)
+    free[holding] = False
+    return free
+
+
+def far_from_events(regimes, smooth, margin) -> int:
+    """Index of the sample at which a driven cycle begins best: far from events, and where all
+    states are possible.
+
+    ``regimes``, ``smooth`` and ``margin`` belong to the intervals between samples. The middle of
+    the longest run of one regime without an event, stick left aside; without any event, where the
+    ``margin`` is largest: the first one to come will come elsewhere.
+    """
+    if np.all(smooth):
+        return int(np.argmax(margin))
+    best, where, begin = -1, 0, 0
+    size = len(regimes)
+    for k in range(1, size + 1):
+        if k == size or regimes[k] != regimes[begin] or not smooth[k - 1]:
+            length = (k - begin) * (0.01 if regimes[begin] == Regime.STICK else 1.0)
+            if length > best:
+                best, where = length, (begin + k) // 2
+            begin = k
+    return where
+
+
+def event_margin(motion: Stretch) -> np.ndarray:
+    """How far each sample but the last is from an event, of what it is at most: (samples - 1,).
+
+    The gap in flight; the pressing force and the slip speed in contact.
+    """
+    parts = [_share(x) for x in (motion.gap, motion.normal_force, np.abs(motion.slip_speed))]
+    flies = motion.regimes == Regime.FLIGHT
+    return np.where(flies, parts[0], np.minimum(parts[1], parts[2]))[:-1]
+
+
+def _share(values: np.ndarray) -> np.ndarray:
+    """Values as parts of the largest."""
+    largest = np.max(values)
+    return values / largest if largest > 0 else np.ones_like(values)
+
+
+def turns(motion: Stretch) -> tuple[np.ndarray, np.ndarray]:
+    """Return (times, is a maximum) of the turning points of the first coordinate, between the
+    samples."""
+    v = motion.samples[:, motion.samples.shape[1] // 2]
+    at = np.flatnonzero((np.sign(v[:-1]) != np.sign(v[1:])) & (v[:-1] != 0))
+    part = v[at] / (v[at] - v[at + 1])
+    return motion.times[at] + part * np.diff(motion.times)[at], v[at] > 0
+
+
+def slip_margin(motion: Stretch) -> float:
+    """Smallest |slip speed| at which slip slows down and speeds up again, inside a smooth piece."""
+    speed = np.abs(motion.slip_speed)
+    inner = smooth_intervals(motion)
+    slips = (motion.regimes == Regime.SLIP_POS) | (motion.regimes == Regime.SLIP_NEG)
+    fair = inner[:-1] & inner[1:] & slips[1:-1] & slips[:-2] & slips[2:]
+    left, here, right = speed[:-2], speed[1:-1], speed[2:]
+    low = fair & (here <= left) & (here <= right)
+    if not low.any():
+        return np.nan
+    bend = left - 2 * here + right
+    vertex = here - (left - right) ** 2 / (8 * np.where(bend > 0, bend, np.inf))
+    return float(np.min(vertex[low]))

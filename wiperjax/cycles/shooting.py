@@ -1,0 +1,177 @@
+"""Shooting: the motion over a stretch of time as a map of its start, with exact derivatives.
+
+The derivative is taken by forward mode through the event loop, so that every event, its reset and
+its time are in it (the saltation matrices). One compiled program serves a type of system, whatever
+the start, the period, the parameter that is varied and its value.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..contact.projection import settle
+from ..contact.space import contact
+from ..contact.system import AbstractSystem
+from ..engine.carry.state import EventLog
+from ..engine.observers.totals import Reach, RegimeTotals, Totals
+from ..engine.solve import begin, make_problem, record_sample, run, solution
+from ..vocabulary.codes import Regime
+
+SAMPLES = 257  # of a stretch; states at even distances
+EVENTS = 256  # of a stretch, that are told apart
+SMALL = 1e-12  # of the typical size: what is rounding
+
+
+class Stretch(NamedTuple):
+    """The motion over a stretch of time. n coordinates; a state is (position, q'), 2 n numbers.
+
+    ``by_state``, ``by_period`` and ``by_parameter`` are the derivatives of ``state`` (2n, 2n),
+    (2n,), (2n,); ``totals_by`` those of ``totals`` by the same 2 n + 2 numbers, last axis.
+    """
+
+    state: np.ndarray  # (2n,) at the end
+    by_state: np.ndarray
+    by_period: np.ndarray
+    by_parameter: np.ndarray
+    totals: Totals
+    totals_by: Totals
+    highest: float  # first coordinate
+    lowest: float
+    times: np.ndarray  # (samples,)
+    samples: np.ndarray  # (samples, 2n)
+    regimes: np.ndarray  # (samples,)
+    normal_force: np.ndarray  # (samples,)
+    slip_speed: np.ndarray  # (samples,)
+    gap: np.ndarray  # (samples,)
+    events: EventLog
+    overflow: bool
+    result: int
+
+
+def stretch(
+    system: AbstractSystem,
+    along,
+    state,
+    period: float,
+    *,
+    phase: float = 0.0,
+    part: float = 1.0,
+    regime: int = -1,
+    rtol: float = 1e-10,
+) -> Stretch:
+    """Return the motion from ``state`` at ``phase * period`` over ``part * period``.
+
+    ``along`` is the tangent of ``system`` that ``by_parameter`` is taken along
+    (`named.direction`). ``regime`` is that of ``state`` if known: see `tidy`.
+    """
+    numbers = (jnp.asarray(x, float) for x in (period, phase, part, rtol))
+    code = jnp.asarray(regime, jnp.int32)
+    found = _stretch(system, along, jnp.asarray(state, float), code, *numbers)
+    return Stretch(**jax.tree.map(np.asarray, found))
+
+
+def _looked_at(*state):
+    """Samples are looked at, not differentiated: half the time of a motion."""
+    return jax.lax.stop_gradient(record_sample(*state))
+
+
+def tidy(system: AbstractSystem, time, state, regime):
+    """Return ``state`` (2n,) exactly on the contact that ``regime`` means; differentiable.
+
+    A contact is closed where its gap and its rate are exactly zero, and sticks where its slip speed
+    is; a state that was stored, moved or corrected misses that by rounding, and would begin with a
+    bounce of 1e-40 m. Nothing is done for a regime below 0.
+    """
+    n = state.shape[0] // 2
+    local = system.prepared().on_piece(system.first_piece(time))
+    q = tuple(state[:n])
+    v = local.from_rates(time, q, tuple(state[n:]))
+    closed = (regime >= 0) & (regime != Regime.FLIGHT)
+    sizes = local.scales(n)
+    for _ in range(2):  # the second time for contacts on a curve
+        c = contact(local, time, q, v)
+        q, v = settle(local, c, q, v, closed, closed, regime == Regime.STICK)
+
+    def snapped(values, typical):
+        small = [closed & (jnp.abs(x) < SMALL * s) for x, s in zip(values, typical, strict=True)]
+        pairs = zip(values, small, strict=True)
+        return tuple(x - jax.lax.stop_gradient(jnp.where(z, x, 0.0)) for x, z in pairs)
+
+    q, v = snapped(q, sizes[0]), snapped(v, sizes[1])
+    return jnp.stack([*q, *local.rates(time, q, v)])
+
+
+@eqx.filter_jit
+def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
+    varied = jax.tree.map(lambda d: d is not None, along, is_leaf=lambda d: d is None)
+    moving, fixed = eqx.partition(system, varied)
+    n = state.shape[0] // 2
+    grid = jnp.linspace(0.0, 1.0, SAMPLES)
+
+    def motion(state, period, moving):
+        start, duration = phase * period, part * period
+        state = tidy(eqx.combine(moving, fixed), start, state, regime)
+        problem, q, v, start = make_problem(
+            eqx.combine(moving, fixed),
+            duration,
+            start=start,
+            initial_state=(tuple(state[:n]), tuple(state[n:])),
+            solver=None,
+            rtol=rtol,
+            atol=None,
+            sample_times=start + duration * grid,
+            max_events=EVENTS,
+            observer=Reach(RegimeTotals(start)),
+            record=_looked_at,
+        )
+        s = solution(problem, run(problem, begin(problem, q, v, start)))
+        end = jnp.concatenate([s.final_position, s.final_velocity])
+        whole, counts = eqx.partition(s.statistics.totals, eqx.is_inexact_array)
+        return (end, whole), (s, counts)
+
+    eye = jnp.eye(2 * n + 2)
+    columns = (
+        eye[:, : 2 * n],
+        eye[:, 2 * n],
+        jax.tree.map(lambda d: eye[:, -1].reshape((-1,) + (1,) * d.ndim) * d, along),
+    )
+    (end, whole), slopes, (s, counts) = jax.vmap(
+        lambda tangent: jax.jvp(motion, (state, period, moving), tangent, has_aux=True),
+        out_axes=(None, 0, None),
+    )(columns)
+    by, whole_by = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), slopes)
+    times = phase * period + part * period * grid
+    q, v = s.samples.position, s.samples.velocity
+
+    def touching(t, q, v):
+        local = system.prepared().on_piece(system.first_piece(t))
+        c = contact(local, t, q, local.from_rates(t, q, v))
+        return c.slip_speed, c.gap
+
+    slip_speed, gap = jax.vmap(touching)(times, q, v)
+
+    return dict(
+        state=end,
+        by_state=by[:, : 2 * n],
+        by_period=by[:, 2 * n],
+        by_parameter=by[:, -1],
+        totals=eqx.combine(whole, counts),
+        totals_by=whole_by,
+        highest=jax.lax.stop_gradient(s.statistics.highest),
+        lowest=jax.lax.stop_gradient(s.statistics.lowest),
+        times=times,
+        samples=jnp.stack([*q, *v], axis=-1),
+        regimes=s.samples.regime,
+        normal_force=s.samples.normal_force,
+        slip_speed=slip_speed,
+        gap=gap,
+        events=s.events,
+        overflow=s.event_overflow,
+        result=s.result,
+    )
+
+
+# --- coordinates of the states that a motion can pass --------------------------------------------

@@ -1,0 +1,171 @@
+"""How flat columns become an `xarray.Dataset`: one variable for each column of `schema.SCHEMA`.
+
+No input or output here, and neither jax nor diffrax.
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..machine.provenance import version
+from ..vocabulary.cf import CONVENTIONS, plain_attributes
+from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.schema import SCHEMA
+
+DEFAULT_STARTS: Mapping[str, str] = {
+    "lip": "touching at the attack angle, at rest",
+    "bar": "touching at the attack angle, at rest",
+    "block": "at rest where the spring is relaxed",
+}
+
+
+def raster_index(samples: int, instants: int) -> list[int]:
+    """Samples of the window at which the raster has its instants: evenly spaced, or nearly."""
+    return [k * samples // instants for k in range(instants)]
+
+
+def select(columns: Mapping[str, Any], length: int) -> dict[str, np.ndarray]:
+    """Columns of the schema among `columns`, in its order and types, each of shape (length,), or
+    (length, size of the further dimension).
+
+    Raises: `ValueError` if a column has another shape, or an integer column holds what its type
+    cannot.
+    """
+    chosen = {}
+    for name, column in SCHEMA.items():
+        if name not in columns:
+            continue
+        given = np.asarray(columns[name])
+        if given.shape[:1] != (length,) or given.ndim != 1 + bool(column.along):
+            shape = f"({length}, {column.along})" if column.along else f"({length},)"
+            raise ValueError(f"column {name} must have the shape {shape}, but has {given.shape}")
+        dtype = np.dtype(column.dtype)
+        if dtype.kind == "i" and given.dtype != dtype and length:
+            limits = np.iinfo(dtype)
+            if not (np.all(given >= limits.min) and np.all(given <= limits.max)):
+                reach = f"{given.min()} to {given.max()}"
+                raise ValueError(f"column {name} must fit {dtype.name}, but reaches from {reach}")
+        chosen[name] = np.ascontiguousarray(given, dtype=dtype)
+    return chosen
+
+
+def describe(spec: Any) -> dict[str, Any]:
+    """All of a map but its numbers (shape, coordinates, attributes), as plain types for JSON."""
+    coords = {}
+    for name, values in spec.axes_values().items():
+        entry = PARAMETERS.get(name)
+        coords[name] = {
+            "values": np.asarray(values, dtype=np.float64).tolist(),
+            "attrs": {
+                "units": entry.edge_unit if entry else "1",
+                "long_name": entry.long_name if entry else name.replace("_", " "),
+            },
+        }
+    further = {}
+    if (instants := getattr(spec.run, "raster", None)) is not None:
+        step = spec.run.window / spec.samples
+        further["raster_time"] = {
+            "values": [k * step for k in raster_index(spec.samples, instants)],
+            "attrs": {"units": "s", "long_name": "time since the start of the settled window"},
+        }
+    if (events := getattr(spec.run, "event_log", None)) is not None:
+        further["event"] = {
+            "values": list(range(events)),
+            "dtype": "int32",
+            "attrs": {"units": "1", "long_name": "number of the event in its cell, in time"},
+        }
+    return {
+        "shape": [int(n) for n in spec.shape],
+        "coords": coords,
+        "further_coords": further,
+        "attrs": _attributes(spec),
+    }
+
+
+def _attributes(spec: Any) -> dict[str, Any]:
+    """Attributes that follow from the specification alone."""
+    meaning = json.loads(spec.canonical())
+    attrs: dict[str, Any] = {
+        "Conventions": CONVENTIONS,
+        "title": spec.title or "stick, slip and flight of a wiper lip",
+        "source": f"wiperjax {version('wiperjax')}",
+        "seed": "none: a sweep draws no random numbers",
+    }
+    units = []
+    for name, value in sorted(meaning.get("fixed", {}).items()):
+        entry = PARAMETERS.get(name)
+        attrs[name] = float(entry.to_edge(value)) if entry else value
+        units.append(f"{name}: {entry.edge_unit if entry else '1'}")
+    attrs["parameter_units"] = "; ".join(units)
+    attrs["belt_kind"] = str(meaning.get("belt", ""))
+    attrs["model"] = str(meaning.get("model", "lip"))
+    start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
+    attrs["start"] = json.dumps(start, sort_keys=True) if start else DEFAULT_STARTS[attrs["model"]]
+    tables = (("run", "run_"), ("classes", "class_"), ("sensitivities", "sensitivity_"))
+    for table, prefix in tables:
+        for key, value in sorted((meaning.get(table) or {}).items()):
+            if value is not None:
+                attrs[prefix + key] = value
+    # The specification three times: as it was written, as it is read again by `verify`, as it is
+    # compared.
+    attrs["specification_text"] = str(getattr(spec, "text", ""))
+    document = getattr(spec, "document", None)
+    if document is not None:
+        attrs["specification"] = json.dumps(document())  # the order of the axes counts
+    attrs["specification_canonical"] = spec.canonical()
+    attrs["specification_digest"] = spec.digest()
+    return attrs
+
+
+def assemble(
+    spec: Any, columns: Mapping[str, np.ndarray], *, attributes: Mapping[str, Any] | None = None
+) -> xr.Dataset:
+    """Map of all cells of `spec`, its dimensions in the order of the axes.
+
+    Arguments:
+
+    - `spec`: the sweep.
+    - `columns`: name -> values, each of shape (cells,), cells in C order.
+    - `attributes`: further attributes, such as `provenance.record(...)`.
+
+    Raises: `ValueError` if a column has another length.
+    """
+    return build(describe(spec), columns, attributes)
+
+
+def build(
+    description: Mapping[str, Any],
+    columns: Mapping[str, np.ndarray],
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """Map from the result of `describe` and flat columns; see `assemble`."""
+    shape = tuple(description["shape"])
+    coords = {
+        name: ((name,), coordinate(entry), dict(entry["attrs"]))
+        for name, entry in (description["coords"] | description["further_coords"]).items()
+    }
+    chosen = select(columns, int(np.prod(shape)))
+    variables = {
+        name: (
+            dimensions(name, description),
+            values.reshape(*shape, *values.shape[1:]),
+            SCHEMA[name].attributes(),
+        )
+        for name, values in chosen.items()
+    }
+    attrs = dict(description["attrs"]) | dict(attributes or {})
+    return xr.Dataset(variables, coords=coords, attrs=plain_attributes(attrs))
+
+
+def coordinate(entry: Mapping[str, Any]) -> np.ndarray:
+    """Values of one coordinate in the result of `describe`."""
+    return np.array(entry["values"], dtype=entry.get("dtype", "float64"))
+
+
+def dimensions(name: str, description: Mapping[str, Any]) -> tuple[str, ...]:
+    """Dimensions of the variable `name` in a map from the result of `describe`."""
+    further = SCHEMA[name].along
+    return (*description["coords"], further) if further else tuple(description["coords"])

@@ -1,0 +1,162 @@
+"""What a run consists of: regimes and events in time, a stretch of it, its settled half, its last
+periods, its pitch.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from ..noise.classes import stored
+from ..noise.spectrum import interval_means, strongest_lines
+from ..vocabulary.cf import flag_names
+
+FEWEST_PERIODS = 2  # in the settled half: less is no period
+MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
+
+
+def is_run(ds: xr.Dataset) -> bool:
+    """Whether a dataset is a trajectory over time."""
+    return "regime" in ds and "velocity" in ds and "time" in ds.sizes
+
+
+def check_quantity(ds: xr.Dataset, quantity: str) -> xr.DataArray:
+    """Variable of a run over time. Raises: `ValueError` that lists those there are."""
+    names = [
+        str(n) for n in ds.data_vars if "time" in ds[n].dims and "flag_values" not in ds[n].attrs
+    ]
+    if quantity not in names:
+        raise ValueError(f"{quantity!r} is not in this run; it holds {', '.join(names)}")
+    return ds[quantity]
+
+
+def regime_spans(ds: xr.Dataset) -> Iterator[tuple[float, float, str]]:
+    """Start, end (s) and name of each stretch of time in one regime, within the samples of `ds`."""
+    names = {code: name.lower() for code, name in flag_names(ds["regime"]).items()}
+    time = np.asarray(ds["time"], dtype=float)
+    if ds.sizes.get("event", 0) and "regime_after" in ds:
+        codes = np.concatenate(
+            [[int(ds["regime_before"][0])], np.asarray(ds["regime_after"], dtype=int)]
+        )
+        borders = np.concatenate([[time[0]], np.asarray(ds["event_time"], dtype=float), [time[-1]]])
+        borders = np.clip(borders, time[0], time[-1])  # events may reach beyond a cut run
+    else:
+        codes = np.asarray(ds["regime"], dtype=int)
+        borders = np.concatenate([time, time[-1:]])
+    begin = 0
+    for k in range(1, len(codes) + 1):
+        if k == len(codes) or codes[k] != codes[begin]:
+            if borders[k] > borders[begin]:
+                yield borders[begin], borders[k], names.get(int(codes[begin]), str(codes[begin]))
+            begin = k
+
+
+def event_times(ds: xr.Dataset) -> dict[str, np.ndarray]:
+    """Kind of event -> times (s) of those within the samples of a run; kinds that occur."""
+    if not ds.sizes.get("event", 0):
+        return {}
+    kinds, times = np.asarray(ds["event_kind"], dtype=int), np.asarray(ds["event_time"], float)
+    start, stop = float(ds["time"][0]), float(ds["time"][-1])
+    inside = (times >= start) & (times <= stop)
+    return {
+        name.lower(): times[inside & (kinds == code)]
+        for code, name in flag_names(ds["event_kind"]).items()
+        if (inside & (kinds == code)).any()
+    }
+
+
+def between(ds: xr.Dataset, start: float | None = None, stop: float | None = None) -> xr.Dataset:
+    """Samples and events of a run from `start` to `stop` (s), both included; None: its own ends.
+
+    Raises: `ValueError` unless at least 8 samples lie there.
+    """
+    time = np.asarray(ds["time"], dtype=float)
+    low = time[0] if start is None else start
+    high = time[-1] if stop is None else stop
+    inside = (time >= low) & (time <= high)
+    if inside.sum() < 8:
+        part = "" if start is None else f" from {start:g} s"
+        part += " on" if stop is None else f" up to {stop:g} s"
+        raise ValueError(
+            f"at least 8 samples must lie between the times given, but {inside.sum()} lie{part}; "
+            f"the run has {time.size} in {time[0]:g} ... {time[-1]:g} s"
+        )
+    chosen = {"time": np.flatnonzero(inside)}
+    if ds.sizes.get("event", 0):
+        moment = np.asarray(ds["event_time"], dtype=float)
+        chosen["event"] = np.flatnonzero((moment >= low) & (moment <= high))
+    return ds.isel(chosen)
+
+
+def sample_interval(ds: xr.Dataset) -> float:
+    """Time between the samples of a run (s).
+
+    Raises: `ValueError` if there are fewer than 8, or they are not evenly spaced.
+    """
+    steps = np.diff(np.asarray(ds["time"], dtype=float))
+    if steps.size < 7:
+        raise ValueError(f"the run must have at least 8 samples, but has {steps.size + 1}")
+    if not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
+        raise ValueError("the samples of the run must be evenly spaced in time")
+    return float(steps.mean())
+
+
+def signal(ds: xr.Dataset, quantity: str = "velocity", component: int = 0) -> xr.DataArray:
+    """One number over time: a scalar quantity of a run, or one component of position or velocity.
+
+    Raises: `ValueError` if the run has no such quantity or component.
+    """
+    values = check_quantity(ds, quantity)
+    if values.ndim == 1:
+        return values
+    other = next(dim for dim in values.dims if dim != "time")
+    if not 0 <= component < values.sizes[other]:
+        raise ValueError(f"component must be 0 ... {values.sizes[other] - 1}, was {component}")
+    return values.isel({other: component})
+
+
+def is_steady(ds: xr.Dataset) -> bool:
+    """Whether the glass moves at one speed, so that a motion can settle."""
+    belt = ds.get("belt_velocity")
+    return belt is None or bool(np.ptp(np.asarray(belt)) == 0)
+
+
+def settled(ds: xr.Dataset) -> xr.Dataset:
+    """Second half of a run on a steady belt; all of it on another."""
+    time = np.asarray(ds["time"], dtype=float)
+    return between(ds, 0.5 * (time[0] + time[-1])) if is_steady(ds) and time.size >= 16 else ds
+
+
+def pitch(ds: xr.Dataset) -> float:
+    """Dominant frequency (Hz) of the tip velocity in the settled half.
+
+    NaN if it is quiet or has no two periods there, or is too fast for its samples; and on a belt
+    that is not steady: there the stroke itself is the strongest line.
+    """
+    if not is_steady(ds):
+        return float("nan")
+    part = settled(ds)
+    speed = np.asarray(signal(part), dtype=float)
+    if "belt_velocity" in part:
+        scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
+        if np.std(speed) <= stored(ds.attrs).quiet_velocity_ratio * scale:
+            return float("nan")
+    step = sample_interval(part)
+    place = np.asarray(signal(part, "position"), dtype=float)
+    mean, inner = interval_means(place, speed, step)
+    # longer periods than are told are looked for too: else a side lobe stands in for them
+    line = strongest_lines(mean, step, averaged=True, inner=[inner.mean()], minimum_cycles=1.0)
+    frequency = float(line.frequency) if line.told else float("nan")
+    return frequency if frequency * step * speed.size >= FEWEST_PERIODS else float("nan")
+
+
+def last_periods(ds: xr.Dataset, periods: float = 6.0) -> xr.Dataset:
+    """The end of a run with so many of its periods, if it has more; all of it otherwise.
+
+    All of it too if it has no period, the belt is not steady, or its regimes can be told apart.
+    """
+    spans = sum(1 for _ in regime_spans(ds))
+    frequency = pitch(ds) if spans > MOST_SPANS else float("nan")
+    stop = float(ds["time"][-1])
+    start = stop - periods / frequency
+    return between(ds, start) if start > float(ds["time"][0]) else ds

@@ -1,0 +1,125 @@
+"""What a person gives to `solve` and `simulate`: checked, and brought into one shape.
+
+Values that JAX will know only when it runs pass unseen (`checks`).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..contact.system import AbstractSystem
+from ..numerics.runge_kutta import check_solver
+from ..vocabulary import checks
+from ..vocabulary.ranges import COUNT, FINITE, NON_NEGATIVE, POSITIVE, RUN_SAMPLES, SETTINGS, Range
+from .observers.base import AbstractObserver
+
+MOST_EVENTS = 10**7  # room for them
+
+
+def check_system(system: Any) -> None:
+    """Raises ValueError unless ``system`` is one."""
+    checks.instance("system", system, AbstractSystem, "a system such as Wiper()")
+
+
+def check_integration(solver, rtol, zeno_time, max_steps) -> None:
+    """Raises ValueError for how a motion cannot be integrated; None leaves a choice open."""
+    if solver is not None:
+        check_solver(solver)
+    checks.numbers("rtol", rtol, SETTINGS["rtol"])
+    checks.numbers("zeno_time", zeno_time, NON_NEGATIVE)
+    if max_steps is not None:
+        checks.numbers("max_steps", max_steps, COUNT)
+
+
+def check_observation(
+    sample_times, max_events, max_step, observer, statistics_start, start, reverse
+) -> None:
+    """Raises ValueError for what `solve` cannot keep of a motion."""
+    checks.flag("reverse", reverse)
+    if reverse and sample_times is not None:
+        raise ValueError("sample_times must be left out with reverse=True, but was given")
+    if sample_times is not None and not checks.is_traced(sample_times):
+        checks.increasing("sample_times", sample_times)
+    checks.whole("max_events", max_events, Range(0, MOST_EVENTS, whole=True))
+    if max_step is not None:
+        checks.numbers("max_step", max_step, Range(0, low_open=True, infinite=True))
+    if observer is not None:
+        checks.instance("observer", observer, AbstractObserver, "one such as RegimeTotals(0.0)")
+    if statistics_start is not None:
+        checks.numbers("statistics_start", statistics_start, FINITE)
+    checks.numbers("start", start, FINITE)
+
+
+def regular_times(duration: float, interval: float) -> np.ndarray:
+    """Multiples of ``interval`` from 0 up to ``duration``, that itself if it is one to rounding."""
+    ratio = duration / interval
+    if ratio > RUN_SAMPLES:
+        raise ValueError(
+            f"sample_interval must be at least {duration / RUN_SAMPLES:g} s with this duration "
+            f"({RUN_SAMPLES:g} samples), but was {interval:g}"
+        )
+    times = interval * np.arange(math.floor(ratio * (1 + 1e-12)) + 1)
+    if abs(times[-1] - duration) <= 1e-12 * duration:
+        times[-1] = duration
+    return times
+
+
+def check_state(initial_state) -> int:
+    """Return n, the number of coordinates. Raises ValueError unless it is (position, velocity)."""
+    must = "initial_state must be (position, velocity), each n >= 1 finite numbers"
+    try:
+        position, velocity = (tuple(part) for part in initial_state)
+    except (TypeError, ValueError):
+        raise ValueError(f"{must}, but was {checks.shown(initial_state)}") from None
+    if not position or len(position) != len(velocity):
+        raise ValueError(f"{must}, but their lengths were {len(position)} and {len(velocity)}")
+    for value in position + velocity:
+        if checks.is_traced(value):
+            continue
+        if not checks.is_number(value) or FINITE.outside(value) is not None:
+            raise ValueError(f"{must}, but was {checks.shown(initial_state)}")
+    return len(position)
+
+
+def coordinates(initial_state) -> tuple[tuple, tuple]:
+    """Return (position, velocity) as tuples of floats. Raises ValueError for other shapes."""
+    check_state(initial_state)
+    position, velocity = (tuple(float(x) for x in part) for part in initial_state)
+    return position, velocity
+
+
+def check_tolerances(atol, n: int) -> None:
+    """Raises ValueError unless ``atol`` is None, a number, or (positions, velocities)."""
+    must = f"atol must be one number > 0, or (positions, velocities) with 1 or {n} numbers each"
+    if isinstance(atol, tuple | list):
+        parts = [part if isinstance(part, tuple | list) else (part,) for part in atol]
+        fits = len(parts) == 2 and all(len(part) in (1, n) for part in parts)
+        leaves = [leaf for part in parts for leaf in part]
+    else:
+        fits, leaves = True, [] if atol is None else [atol]
+    known = [leaf for leaf in leaves if not checks.is_traced(leaf)]
+    fits = fits and all(checks.is_number(leaf) for leaf in known)
+    if not fits or any(POSITIVE.outside(leaf) is not None for leaf in known):
+        raise ValueError(f"{must}, but was {checks.shown(atol)}")
+
+
+def tolerances(atol, n: int) -> tuple[tuple, tuple] | None:
+    """Return ``atol`` as n floats for positions and velocities each; None if it is None.
+
+    Arrays hold a value a coordinate. Raises ValueError for other shapes or values.
+    """
+
+    def listed(value):
+        if isinstance(value, tuple | list):
+            return [listed(x) for x in value]
+        return value.tolist() if hasattr(value, "tolist") else value
+
+    atol = listed(atol)
+    check_tolerances(atol, n)
+    if atol is None:
+        return None
+    parts = atol if isinstance(atol, list) else [atol, atol]
+    full = (np.broadcast_to(np.asarray(part, float), (n,)) for part in parts)
+    positions, velocities = (tuple(float(x) for x in part) for part in full)
+    return positions, velocities

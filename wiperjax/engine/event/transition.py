@@ -1,0 +1,121 @@
+"""Reset maps: the state, regime and guards after an event (MODEL.md sections 5 to 7)."""
+
+from functools import reduce
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from ...contact.guards import FIRST, contact_sizes, first_switch, guard_values
+from ...contact.projection import settle
+from ...contact.regimes import Forces, acceleration, forces, slip_sign
+from ...contact.space import contact
+from ...contact.system import rates
+from ...numerics.bernstein import largest
+from ...numerics.fusion_barrier import keep
+from ...numerics.types import Scalar
+from ...vocabulary.codes import Event, Regime
+from ..carry.state import Problem, State
+from .collision import collide, complete
+from .event_kind import event_kind, what_fires
+from .succession import first_order, regime_after
+
+
+class Outcome(NamedTuple):
+    """State just after an event."""
+
+    time: Scalar
+    position: tuple
+    velocity: tuple
+    regime: Scalar
+    sides: tuple
+    orders: tuple
+    sizes: tuple  # of the guards, see `contact_sizes`
+    rate: tuple
+    guards: tuple
+    reactions: Forces
+    kind: Scalar
+    impulse: Scalar
+    stopped: Scalar  # the end of the model was reached
+    indeterminate: Scalar
+    inconsistent: Scalar
+
+
+def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Outcome:
+    """Return the `Outcome` of the event of slot ``state.due`` (where ``fires``) or of a break.
+
+    Where ``breaks``, a smooth piece of the prescribed motion ends here and ``piece`` begins;
+    ``end`` is the next known time, which a completed Zeno sequence must not pass.
+    """
+    slot, regime, sign = state.due, state.regime, slip_sign(state.regime)
+    flips, sides = _switches(problem, state, fires)
+    system = problem.system.on_piece(piece).on_sides(sides)
+    fired = what_fires(system, regime, slot, fires, breaks)
+
+    time, q, v = state.time, state.position, state.velocity
+    c = contact(system, time, q, v)
+    touching, still = ~fired.was_flying, fired.was_sticking | fired.turns
+    q, v = keep(settle(system, c, q, v, fired.hits | touching, touching, still))
+    motion, blow = collide(system, contact(system, time, q, v), time, q, v, fired, sign)
+    motion, completes = complete(problem, system, motion, blow, fired, end)
+    time, q, v, slip_speed, leaving, impulse = motion
+    rough = contact(system, time, q, v)
+    found = regime_after(
+        system, rough._replace(slip_speed=slip_speed), fired, regime, slot, leaving
+    )
+    after = found.regime
+
+    # What the impulses leave of a closed contact's speeds is rounding. It goes now: taken away by
+    # the first step, through the coupling, it would be a jump of the slip speed in that step.
+    in_contact = after != Regime.FLIGHT
+    at_rest = in_contact & (slip_speed == 0)
+    q, v = keep(settle(system, rough, q, v, in_contact, in_contact, at_rest))
+    c = contact(system, time, q, v)
+    c = c._replace(slip_speed=jnp.where(at_rest, 0.0, c.slip_speed))
+
+    base, orders = first_switch(problem.system), list(state.orders)
+    orders[FIRST] = first_order(system, c, fired, found, regime, orders[FIRST])
+    for i, flip in enumerate(flips, base):
+        orders[i] = jnp.where(flip, 1, orders[i]).astype(jnp.int32)
+    kinks = reduce(jnp.logical_or, flips, jnp.zeros_like(fires))
+    stopped = fires & (slot >= base) & ~kinks
+    kind = event_kind(fired, found.slips, blow.collides, completes, leaving, sign, after)
+    ended = jnp.where(system.reverses(piece - 1), int(Event.BELT_REVERSAL), int(Event.BELT_KINK))
+    for condition, name in (
+        (kinks, int(Event.KINK)),
+        (stopped, int(Event.COLLAPSE)),
+        (breaks, ended),
+    ):
+        kind = jnp.where(condition, name, kind)
+
+    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
+    sizes = contact_sizes(system, c, after, jnp.broadcast_to(speed, c.b_t.shape))
+    sizes += [jnp.zeros_like(c.b_t)] * (len(orders) - len(sizes))
+    reactions = forces(system, c, after)
+    return Outcome(
+        time=time,
+        position=q,
+        velocity=v,
+        regime=after,
+        sides=sides,
+        orders=tuple(orders),
+        sizes=tuple(sizes),
+        rate=(rates(system, time, q, v), acceleration(c, reactions)),
+        guards=guard_values(system, c, time, q, v, after, sides),
+        reactions=reactions,
+        kind=kind.astype(jnp.int32),
+        impulse=impulse,
+        stopped=stopped,
+        indeterminate=found.indeterminate,
+        inconsistent=found.jammed & (slip_speed == 0),
+    )
+
+
+def _switches(problem: Problem, state: State, fires):
+    """Return (which switches flip, the sides they are on then); where the system ends, none."""
+    base = first_switch(problem.system)
+    switched = [fires & (state.due == base + i) for i in range(len(state.sides))]
+    before = problem.system.on_piece(state.piece).on_sides(state.sides)
+    ends = before.ends(state.time, state.position, state.velocity)
+    flips = [s & ~jnp.asarray(end) for s, end in zip(switched, ends, strict=True)]
+    sides = tuple(jnp.where(f, -s, s) for f, s in zip(flips, state.sides, strict=True))
+    return flips, sides

@@ -1,0 +1,146 @@
+"""Statistics gathered while integrating, instead of stored trajectories.
+
+An observer sees every committed stretch of motion (its state at the nodes of the step) and every
+event, and keeps a few numbers. The engine does not know which.
+"""
+
+from abc import abstractmethod
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+
+from ...numerics.elementary import larger, within
+from ...numerics.fusion_barrier import keep
+from ...numerics.types import Scalar
+from ...vocabulary.codes import Regime
+
+BOOLE = (7 / 90, 32 / 90, 12 / 90, 32 / 90, 7 / 90)  # quadrature over the five nodes, order 6
+END_SLOPE = (1.0, -16 / 3, 12.0, -16.0, 25 / 3)  # of the quartic through them
+
+
+class Stretch(NamedTuple):
+    """A committed piece of smooth motion in one regime."""
+
+    system: Any
+    start: Scalar  # time
+    step: Scalar  # length of the step whose nodes are below
+    correction: Scalar  # from its end to an event: short, but with the derivative of its time
+    regime: Scalar
+    nodes: tuple  # of five `Node`, at equal distances from its start to its end
+    guards: tuple  # of five node values, one a slot (see `guards`)
+    sizes: tuple  # of the guards, so far
+
+    @property
+    def length(self) -> Scalar:
+        """Duration."""
+        return self.step + self.correction
+
+    def integral(self, values) -> Scalar:
+        """Integral of something given at the nodes: Boole's rule, of order 6, over the step, and
+        the trapezoidal one from its end to the event."""
+        dtype = values[-1].dtype
+        h, rest = self.step.astype(dtype), self.correction.astype(dtype)
+        bend = 0.5 * rest * self._past.astype(dtype)
+        weights = [h * w + bend * s for w, s in zip(BOOLE, END_SLOPE, strict=True)]
+        weights[-1] = weights[-1] + rest
+        return sum(w * x for w, x in zip(weights, values, strict=True))
+
+    @property
+    def _past(self) -> Scalar:
+        """The correction in units of the step."""
+        return self.correction / jnp.where(self.step > 0, self.step, 1.0)
+
+    def peak(self, values) -> Scalar:
+        """Largest value of something given at the nodes: that of an end, or the vertex of the
+        quartic through the nodes, sought by Newton from the largest inner one.
+
+        Nothing changes at first order when a vertex moves, so its place carries no derivative; the
+        end does, with the time of an event.
+        """
+        rise = sum(w * x for w, x in zip(END_SLOPE, values, strict=True))
+        end = values[-1] + rise * self._past.astype(values[-1].dtype)
+        a, b, c, d, e = values
+        # powers of s, the place in quarters of the step from its middle
+        c1 = (a - 8 * b + 8 * d - e) * (1 / 12)
+        c2 = (16 * (b + d) - 30 * c - (a + e)) * (1 / 24)
+        c3 = (2 * (b - d) - (a - e)) * (1 / 12)
+        c4 = (a + e - 4 * (b + d) + 6 * c) * (1 / 24)
+        s = stop_gradient(jnp.where((b > c) & (b >= d), -1.0, jnp.where(d > c, 1.0, 0.0)))
+        s = s.astype(c.dtype)
+        for _ in range(3):
+            slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
+            bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
+            s = stop_gradient(within(-2.0, s - slope / jnp.where(bend < 0, bend, -jnp.inf), 2.0))
+        inside = (bend < 0) & (jnp.abs(s) < 2)
+        high = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
+        highest = larger(larger(b, c), d)
+        # never below a node: Newton may have gone to the lower of two vertices
+        high = jnp.where(inside, larger(high, highest), highest)
+        return jnp.maximum(jnp.maximum(a, end), high)  # a NaN at any node is one of the end
+
+
+def extremes(stretch: Stretch) -> tuple[Scalar, Scalar]:
+    """Largest normal force and largest gap of a stretch.
+
+    There is no gap in contact and no force in flight: one vertex is sought, not two.
+    """
+    nodes, system = stretch.nodes, stretch.system
+    force = [node.forces.normal for node in nodes]
+    if not system.unilateral:
+        peak = stretch.peak(force)
+        return peak, jnp.zeros_like(peak)
+    flying = stretch.regime == Regime.FLIGHT
+    gap = [jnp.asarray(system.gap(n.time, n.position), n.position[0].dtype) for n in nodes]
+    peak = keep(stretch.peak([jnp.where(flying, g, f) for g, f in zip(gap, force, strict=True)]))
+    none = jnp.zeros_like(peak)
+    return jnp.where(flying, none, peak), jnp.where(flying, peak, none)
+
+
+def outputs(stretch: Stretch) -> list[Scalar]:
+    """The system's output velocity at the nodes of a stretch, in the state's precision."""
+    return [
+        jnp.asarray(stretch.system.output(n.time, n.position, n.velocity), n.velocity[0].dtype)
+        for n in stretch.nodes
+    ]
+
+
+class Happening(NamedTuple):
+    """An event as an observer sees it."""
+
+    system: Any
+    time: Scalar
+    kind: Scalar
+    before: Scalar
+    after: Scalar
+    impulse: Scalar  # normal impulse
+
+
+class AbstractObserver(eqx.Module):
+    """Online statistics: immutable rules over an explicit record."""
+
+    @abstractmethod
+    def init(self, dtype, shape=()) -> Any:
+        """Return the empty record of a batch of ``shape`` (lanes), or of one trajectory."""
+
+    @abstractmethod
+    def stretch(self, record: Any, stretch: Stretch) -> Any:
+        """Return the record after a stretch of motion."""
+
+    @abstractmethod
+    def event(self, record: Any, happening: Happening) -> Any:
+        """Return the record after an event."""
+
+
+class Nothing(AbstractObserver):
+    """Keeps nothing."""
+
+    def init(self, dtype, shape=()):
+        return ()
+
+    def stretch(self, record, stretch):
+        return record
+
+    def event(self, record, happening):
+        return record

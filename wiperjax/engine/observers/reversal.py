@@ -1,0 +1,124 @@
+"""Online statistics of the reversal: contact force around V = 0 against the rest of the stroke."""
+
+from functools import reduce
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from ...numerics import quartic
+from ...numerics.elementary import larger
+from ...numerics.runge_kutta import NODES
+from ...numerics.types import Scalar
+from ...vocabulary.codes import Event, Regime
+from .base import AbstractObserver, Stretch, extremes, outputs
+from .totals import RegimeTotals, Totals
+
+
+class ReversalRecord(NamedTuple):
+    """Record of `ReversalTotals`; forces in N/m, impulses in N s/m, times in s."""
+
+    totals: Totals
+    force_max_reversal: Scalar  # within the window around V = 0
+    force_integral_stroke: Scalar  # outside it
+    stroke_time: Scalar
+    stick_time_stroke: Scalar
+    flight_time_stroke: Scalar
+    impulse_max_reversal: Scalar
+    vibration_integral: Scalar  # of output^2 in the window after V = 0
+    vibration_time: Scalar
+
+
+class ReversalTotals(AbstractObserver):
+    """`RegimeTotals` plus what happens within ``window`` [s] of a passage of V through zero."""
+
+    start: Scalar
+    window: Scalar
+
+    @property
+    def _regimes(self) -> RegimeTotals:
+        return RegimeTotals(self.start)
+
+    def init(self, dtype, shape=()):
+        z = jnp.zeros(shape, dtype)
+        return ReversalRecord(self._regimes.init(dtype, shape), *[z] * 8)
+
+    def stretch(self, record, stretch):
+        s = stretch
+        dtype = record.stroke_time.dtype
+        on = s.start >= self.start
+        step = s.step.astype(dtype)
+        force = [node.forces.normal for node in s.nodes]
+        load, squares = quartic.powers(force), quartic.powers([x * x for x in outputs(s)])
+        windows = self._windows(s)
+
+        def within(coefficients, parts):
+            """Integral over parts of the step."""
+            ends = [(quartic.integral(coefficients, x) for x in part) for part in parts]
+            return step * sum(high - low for low, high in ends)
+
+        def counted(value):
+            return jnp.where(on, value, 0.0)
+
+        after = [(low, high) for low, high, behind in windows for low in (larger(low, behind),)]
+        after = [(low, larger(low, high)) for low, high in after]
+        near = [(low, high) for low, high, _ in windows]
+        one = (jnp.ones_like(step),)
+        stroke = counted(s.length.astype(dtype) - within(one, near))
+        peak = jnp.where(on, self._peak(s, load, near), 0.0)
+
+        return ReversalRecord(
+            self._regimes.stretch(record.totals, stretch),
+            jnp.maximum(record.force_max_reversal, peak),
+            record.force_integral_stroke + counted(s.integral(force) - within(load, near)),
+            record.stroke_time + stroke,
+            record.stick_time_stroke + jnp.where(s.regime == Regime.STICK, stroke, 0.0),
+            record.flight_time_stroke + jnp.where(s.regime == Regime.FLIGHT, stroke, 0.0),
+            record.impulse_max_reversal,
+            record.vibration_integral + counted(within(squares, after)),
+            record.vibration_time + counted(within(one, after)),
+        )
+
+    def _windows(self, s: Stretch):
+        """Parts of the step, (from, to, where V = 0 lies), within the window of the reversal behind
+        it, and of the one ahead; exact wherever a step ends. Empty ones begin where they end.
+        """
+        since = s.system.belt.since_reversal
+        size = jnp.where(s.step > 0, s.step, 1.0)
+        end = s.length / size
+        behind, ahead = since(s.start), since(s.start + s.length)
+        dtype = s.nodes[0].velocity[0].dtype
+        found = []
+        # in mid-stroke the nearest reversal becomes the next one: two windows, else one
+        same = jnp.abs(ahead - behind - s.length) < 0.5 * self.window
+        for zero, counts in ((-behind / size, True), (end - ahead / size, ~same)):
+            low, high = zero - self.window / size, zero + self.window / size
+            low, high = (jnp.clip(x, 0.0, end) for x in (low, high))
+            high = jnp.where(counts, high, low)
+            found.append(tuple(x.astype(dtype) for x in (low, high, zero)))
+        return found
+
+    def _peak(self, s: Stretch, load, near) -> Scalar:
+        """Largest normal force in parts of the step: the vertex, where all of it counts."""
+        whole, _ = extremes(s)
+        highest = jnp.zeros_like(whole)
+        for low, high in near:
+            inner = [
+                jnp.where((low <= u) & (u <= high), node.forces.normal, 0.0)
+                for u, node in zip(NODES, s.nodes, strict=True)
+            ]
+            ends = [jnp.where(high > low, quartic.value(load, x), 0.0) for x in (low, high)]
+            all_of_it = (low <= 0) & (high >= 1)
+            partly = reduce(jnp.maximum, [*inner, *ends])  # a NaN stays one
+            highest = jnp.maximum(highest, jnp.where(all_of_it, whole, partly))
+        return highest
+
+    def event(self, record, happening):
+        e = happening
+        near = jnp.abs(e.system.belt.since_reversal(e.time)) <= self.window
+        hit = (e.kind == Event.IMPACT) | (e.kind == Event.ZENO) | (e.kind == Event.JAM)
+        counts = hit & near & (e.time >= self.start)
+        largest = jnp.maximum(record.impulse_max_reversal, e.impulse)
+        return record._replace(
+            totals=self._regimes.event(record.totals, happening),
+            impulse_max_reversal=jnp.where(counts, largest, record.impulse_max_reversal),
+        )

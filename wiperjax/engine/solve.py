@@ -1,0 +1,262 @@
+"""`solve`: the pure function underneath everything, for one trajectory.
+
+`jax.vmap` works, but every lane then waits for the slowest and pays for all events of the others:
+for many trajectories `wiperjax.sweep`, or `lanes.run_pool`, is far faster.
+"""
+
+import math
+from functools import partial
+from typing import Any, NamedTuple
+
+import diffrax
+import jax
+import jax.numpy as jnp
+
+from ..contact.system import AbstractSystem, rates
+from ..numerics.types import Scalar
+from ..vocabulary import checks
+from ..vocabulary.codes import RUNNING
+from ..vocabulary.ranges import POSITIVE
+from .arguments import (
+    check_integration,
+    check_observation,
+    check_state,
+    check_system,
+    check_tolerances,
+)
+from .carry.start import initial_state
+from .carry.state import EventLog, Problem, State, final_velocity
+from .observers.base import AbstractObserver
+from .observers.totals import RegimeTotals
+from .reverse import run_reversible
+from .sampling.at_times import empty_samples
+from .step import advance
+
+
+class Solution(NamedTuple):
+    """What a trajectory leaves behind. Units are the system's own (SI for the wiper)."""
+
+    final_time: Scalar
+    final_position: jax.Array  # (n,)
+    final_velocity: jax.Array  # (n,)
+    final_regime: Scalar  # `wiperjax.Regime`
+    events: EventLog  # (max_events,) each, with ``count``
+    event_overflow: Scalar  # True where more events happened than the log holds
+    statistics: Any  # the observer's record
+    samples: Any  # `Sample` at ``sample_times``, or None
+    result: Scalar  # `wiperjax.Result`
+    steps: Scalar  # trial steps
+    rejected_steps: Scalar
+    unproved_steps: Scalar  # steps whose guards could not be proved free of zeros
+
+
+class Sample(NamedTuple):
+    """State of motion at one time."""
+
+    position: tuple
+    velocity: tuple
+    regime: Scalar
+    normal_force: Scalar
+    friction_force: Scalar
+
+
+def record_sample(system, t, q, v, regime, forces) -> Sample:
+    """Everything a person plots."""
+    speeds = rates(system, t, q, v)
+    return Sample(q, speeds, regime.astype(jnp.int8), forces.normal, forces.tangential)
+
+
+def make_problem(
+    system: AbstractSystem,
+    duration,
+    *,
+    initial_state,
+    solver,
+    rtol,
+    atol,
+    sample_times=None,
+    signal=None,
+    max_events=0,
+    log_start=-math.inf,
+    max_steps=2**31 - 1,
+    max_step=None,
+    zeno_time=1e-8,
+    mark=None,
+    observer: AbstractObserver | None = None,
+    record=record_sample,
+    pause_when_full=False,
+    dtype=None,
+    start=0.0,
+):
+    """Return (problem, position, velocity, start time) from arguments that were checked.
+
+    Raises ValueError for a missing start.
+    """
+    solver = diffrax.Tsit5() if solver is None else solver
+    if dtype is None:
+        dtype = jnp.result_type(float)
+    if initial_state is None:
+        initial_state = system.default_state()
+    position = tuple(jnp.asarray(x, dtype) for x in initial_state[0])
+    velocity = tuple(jnp.asarray(x, dtype) for x in initial_state[1])
+    n = len(position)
+    rtol = jnp.asarray(rtol, dtype)
+    if atol is None:
+        tolerance = jax.tree.map(lambda s: rtol * jnp.asarray(s, dtype), system.scales(n))
+    elif isinstance(atol, tuple | list):
+        tolerance = tuple(
+            tuple(jnp.asarray(a, dtype) for a in part) * (n // len(part))
+            if isinstance(part, tuple | list)
+            else (jnp.asarray(part, dtype),) * n
+            for part in atol
+        )
+    else:
+        tolerance = ((jnp.asarray(atol, dtype),) * n,) * 2
+    clock = jnp.result_type(float)  # time keeps full precision whatever the state has
+    start = jnp.asarray(start, clock)
+    end = start + jnp.asarray(duration, clock)
+    problem = Problem(
+        system=system.prepared(),
+        end=end,
+        rtol=rtol,
+        atol=tolerance,
+        max_step=jnp.asarray(jnp.inf if max_step is None else max_step, clock),
+        zeno_time=jnp.asarray(zeno_time, dtype),
+        max_steps=jnp.asarray(max_steps, jnp.int32),
+        mark=start if mark is None else jnp.asarray(mark, clock),
+        observer=RegimeTotals() if observer is None else observer,
+        sample_times=None if sample_times is None else jnp.asarray(sample_times, clock),
+        signal=signal,
+        solver=solver,
+        record=record,
+        log_capacity=int(max_events),
+        log_start=float(log_start),
+        pause_when_full=pause_when_full,
+    )
+    return problem, position, velocity, start
+
+
+def active(problem: Problem, state: State):
+    """True while there is work that can be done without somebody emptying a buffer."""
+    on = state.result == RUNNING
+    if problem.pause_when_full:
+        on = on & (state.log.count < problem.log_capacity)
+        if problem.sample_times is not None:
+            on = on & (state.sample_index < problem.sample_times.shape[0])
+    return on
+
+
+def run(problem: Problem, state: State, reverse_turns: int | None = None) -> State:
+    """Advance until the trajectory ends (or a buffer is full, if the problem pauses).
+
+    With ``reverse_turns``, the most turns there may be, it can be differentiated in reverse mode
+    (and not forwards).
+    """
+    if reverse_turns is None:
+        return jax.lax.while_loop(partial(active, problem), partial(advance, problem), state)
+    return run_reversible((problem, state), active, reverse_turns)
+
+
+def begin(problem: Problem, position, velocity, start) -> State:
+    """Return the loop state at the start, with empty buffers.
+
+    Raises ValueError for a number of coordinates that is not the system's.
+    """
+    try:
+        state = initial_state(problem, position, velocity, start)
+    except (IndexError, ValueError) as error:  # of a tuple that is too short, or too long
+        raise ValueError(
+            f"initial_state must have the coordinates of {type(problem.system).__name__}, but had "
+            f"{len(position)}: {error}"
+        ) from error
+    return state._replace(samples=empty_samples(problem, state))
+
+
+def solve(
+    system: AbstractSystem,
+    duration,
+    *,
+    initial_state=None,
+    solver=None,
+    rtol=1e-8,
+    atol=None,
+    sample_times=None,
+    max_events: int = 256,
+    max_steps=1_000_000,
+    max_step=None,
+    zeno_time=1e-8,
+    observer: AbstractObserver | None = None,
+    statistics_start=None,
+    start=0.0,
+    reverse: bool = False,
+) -> Solution:
+    """Return the `Solution` of one trajectory over ``duration`` [s] from ``start`` on.
+
+    A pure function: it works under `jax.jit`, `jax.vmap` over any parameter of ``system`` (an
+    equinox module), and `jax.jvp`; with ``reverse`` under `jax.grad` instead. It never raises for
+    a numerical failure; look at ``result``.
+
+    **Main arguments:** ``system``; ``duration`` [s]; ``initial_state`` = (position, velocity), n
+    values each (default: the system's own start).
+
+    **Other arguments:** ``solver``, an explicit diffrax Runge-Kutta solver with error estimate
+    and dense output (default `diffrax.Tsit5`); ``rtol``; ``atol``, one number or (positions,
+    velocities) (default: rtol times the system's scales); ``sample_times``, increasing, (m,);
+    ``max_events``, capacity of the event log (more are counted, flagged, and not stored);
+    ``max_steps``, trial steps; ``max_step`` [s]; ``zeno_time`` [s], flights shorter than this are
+    completed by the limit of their sequence; ``observer``, online statistics (default
+    `RegimeTotals` from ``statistics_start`` on); ``start``, time at which it begins [s];
+    ``reverse``, differentiable in reverse mode instead of forward mode: memory is then
+    2 sqrt(``max_steps``) loop states (about 1 kB each, and the event log once more in each);
+    ``sample_times`` must be left out.
+
+    Raises ValueError, naming the argument, for what cannot be meant. Values that are traced are not
+    looked at: a tolerance that is no number > 0 then ends as ``non_finite``.
+    """
+    check_system(system)
+    checks.numbers("duration", duration, POSITIVE)
+    check_integration(solver, rtol, zeno_time, max_steps)
+    if initial_state is None:
+        initial_state = system.default_state()
+    check_tolerances(atol, check_state(initial_state))
+    check_observation(
+        sample_times, max_events, max_step, observer, statistics_start, start, reverse
+    )
+    if observer is None:
+        observer = RegimeTotals(start if statistics_start is None else statistics_start)
+    problem, q, v, start = make_problem(
+        system,
+        duration,
+        initial_state=initial_state,
+        solver=solver,
+        rtol=rtol,
+        atol=atol,
+        sample_times=sample_times,
+        max_events=max_events,
+        max_steps=max_steps,
+        max_step=max_step,
+        zeno_time=zeno_time,
+        mark=statistics_start,
+        observer=observer,
+        start=start,
+    )
+    state = begin(problem, q, v, start)
+    return solution(problem, run(problem, state, int(max_steps) if reverse else None))
+
+
+def solution(problem: Problem, state: State) -> Solution:
+    """Return what a finished loop state says to the outside."""
+    return Solution(
+        final_time=state.time,
+        final_position=jnp.stack(state.position),
+        final_velocity=jnp.stack(final_velocity(problem, state)),
+        final_regime=state.regime,
+        events=state.log,
+        event_overflow=state.log.count > problem.log_capacity,
+        statistics=state.observed,
+        samples=state.samples,
+        result=state.result,
+        steps=state.attempts,
+        rejected_steps=state.rejected,
+        unproved_steps=state.unproved,
+    )

@@ -1,0 +1,241 @@
+"""The event loop's two halves: a stretch of smooth motion, and the event it leads to.
+
+`flow` tries a step and moves; where it arrives at an event, or a break of the prescribed motion, it
+leaves the slot in ``State.due``. `jump` carries out what is due. One trajectory does both in turn;
+a batch does several flows for one jump, since few of its lanes have an event at any time.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+
+from ..contact.guards import first_switch
+from ..contact.projection import settle
+from ..contact.system import rates
+from ..numerics.arrays import where
+from ..numerics.fusion_barrier import keep
+from ..vocabulary.codes import RUNNING, Regime, Result
+from .carry.recall import remember
+from .carry.state import BREAK, Problem, State
+from .event.event_time import time_to_event
+from .event.plan import Plan, locate
+from .event.transition import transition
+from .observers.base import Happening, Stretch
+from .sampling.at_times import take_samples
+from .sampling.means import take_means
+from .trial.attempt import Trial, attempt
+
+ZERO_TIME_EVENTS = 24  # events at one instant after which no lasting regime is expected
+PACE_TURNS = 4096  # after each so many turns (a power of two) the pace is looked at:
+HOPELESS = 30  # so many times the budget of steps would be spent, were it to stay
+LEAST_BUDGET = 1e5  # steps; a smaller one says nothing about the pace
+
+
+def advance(problem: Problem, state: State) -> State:
+    """Return the state after one trial step, with its event if it has one."""
+    state = flow(problem, state)
+    return jax.lax.cond(jnp.any(state.due >= 0), lambda s: jump(problem, s), lambda s: s, state)
+
+
+def flow(problem: Problem, state: State) -> State:
+    """Return the state after one trial step, up to the event it leads to.
+
+    Where an event is due, or the trajectory has ended, nothing changes.
+    """
+    trial = attempt(problem, state)
+    plan = locate(problem, state, trial)
+    moves = jnp.logical_or(plan.accept, plan.arrive)
+    fires = jnp.logical_or(plan.fire, plan.arrive)
+    landed = plan.accept & trial.lands
+    breaks = landed & (trial.mark == problem.system.break_time(state.piece))
+    breaks = breaks & (trial.mark < problem.end)
+
+    moved = _move(problem, state, trial, moves, plan)
+    due = jnp.where(fires, plan.slot, jnp.where(breaks, BREAK, state.due)).astype(jnp.int32)
+    over = landed & (trial.mark >= problem.end)
+    good = jnp.where(state.flagged, int(Result.PAINLEVE_INDETERMINATE), int(Result.FINISHED))
+    result = jnp.where(over, good, state.result).astype(jnp.int32)
+    moved = moved._replace(
+        time=jnp.where(landed, trial.mark, moved.time),
+        due=due,
+        step=stop_gradient(plan.step),
+        last_error=jnp.where(plan.accept, trial.error, state.last_error),
+        last_step=stop_gradient(jnp.where(plan.accept, jnp.maximum(trial.h, 0.0), state.last_step)),
+        target=plan.target,
+        trial=stop_gradient(plan.trial),
+        tries=plan.tries,
+        result=result,
+        attempts=state.attempts + state.active,
+        rejected=state.rejected + plan.rejected,
+        unproved=state.unproved + plan.unproved,
+        streak=jnp.where(moves, 0, state.streak + fires),
+    )
+    return _fail(problem, moved, trial, plan)
+
+
+def jump(problem: Problem, state: State) -> State:
+    """Return the state after the event that is due, if one is; no time passes.
+
+    (A completed sequence of impacts does take its time.)
+    """
+    happens = state.due >= 0
+    breaks = state.due == BREAK
+    fires = happens & ~breaks
+    piece = state.piece + breaks.astype(jnp.int32)
+    before = problem.system.on_piece(state.piece)
+    end = jnp.minimum(problem.end, before.break_time(state.piece))
+    after = keep(transition(problem, state, fires, breaks, piece, end))
+
+    # the first slots mean something else in another regime, a switch on its other side
+    contact_slots = first_switch(problem.system)
+    anew = [fires & (state.due < contact_slots)] * contact_slots
+    anew += [fires & (state.due == i) for i in range(contact_slots, len(state.reach))]
+    reach = tuple(map(jnp.where, anew, after.sizes, state.reach))
+    memory, step = remember(state, after.regime, after.time, happens, fires)
+
+    result = jnp.where(fires & after.stopped, int(Result.COLLAPSED), state.result)
+    stuck = (state.streak > ZERO_TIME_EVENTS) | (happens & after.inconsistent)
+    stuck = stuck & (state.result == RUNNING)
+    result = jnp.where(stuck, int(Result.NO_CONSISTENT_REGIME), result)
+    # a flight too short for the clock: impacts pile up faster than time can tell them apart
+    piled = fires & (after.regime == Regime.FLIGHT) & (state.regime == Regime.FLIGHT)
+    piled = piled & (state.streak == 0) & (state.time == state.last_event)
+    result = jnp.where(piled, int(Result.ZENO_UNRESOLVED), result).astype(jnp.int32)
+
+    # the observer and the log see the event on the piece of the motion that it ends
+    happening = Happening(before, state.time, after.kind, state.regime, after.regime, after.impulse)
+    observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
+    log = state.log
+    if problem.log_capacity:
+        logs = happens & (state.time >= problem.log_start)
+        row = jnp.where(logs, log.count, problem.log_capacity)
+        at = (row, *jnp.indices(row.shape, sparse=True))  # lanes last
+        log = log._replace(
+            time=log.time.at[at].set(after.time, mode="drop"),
+            kind=log.kind.at[at].set(after.kind.astype(jnp.int8), mode="drop"),
+            before=log.before.at[at].set(state.regime.astype(jnp.int8), mode="drop"),
+            after=log.after.at[at].set(after.regime.astype(jnp.int8), mode="drop"),
+            impulse=log.impulse.at[at].set(after.impulse, mode="drop"),
+            count=log.count + logs.astype(jnp.int32),
+        )
+    return state._replace(
+        time=jnp.where(happens, after.time, state.time),
+        position=where(happens, after.position, state.position),
+        velocity=where(happens, after.velocity, state.velocity),
+        rest=jax.tree.map(lambda x: jnp.where(happens, 0.0, x), state.rest),
+        regime=jnp.where(happens, after.regime, state.regime),
+        piece=piece,
+        sides=where(happens, after.sides, state.sides),
+        orders=where(happens, after.orders, state.orders),
+        reach=reach,
+        due=jnp.full_like(state.due, -1),
+        rate=where(happens, after.rate, state.rate),
+        guards=where(happens, after.guards, state.guards),
+        reactions=where(happens, after.reactions, state.reactions),
+        step=step,
+        memory=memory,
+        last_error=jnp.where(happens, 1.0, state.last_error),
+        last_step=jnp.where(happens, 0.0, state.last_step),
+        last_event=jnp.where(happens, after.time, state.last_event),
+        result=result,
+        flagged=state.flagged | (happens & after.indeterminate),
+        events=state.events + happens,
+        log=log,
+        observed=observed,
+    )
+
+
+def drift(state: State, h, q, v, rate, d):
+    """Return the state a time ``d``, far shorter than the step ``h`` from ``state`` to (q, v) with
+    ``rate``, past its end: a Taylor step.
+
+    It goes to the change of the acceleration (of the cubic through the velocities): the derivative
+    of an event's state then holds as well as the state, whatever the length of the last correction.
+    """
+    speeds, a = rate
+    h = h.astype(d.dtype)
+    u = d / jnp.where(h > 0, h, 1.0)
+    ends = zip(state.velocity, v, state.rate[1], a, strict=True)
+    bends = [h * (2 * y + 4 * z) - 6 * (x1 - x0) for x0, x1, y, z in ends]
+    q = tuple(x + d * (s + 0.5 * d * y) for x, s, y in zip(q, speeds, a, strict=True))
+    return q, tuple(x + d * y + 0.5 * u * u * z for x, y, z in zip(v, a, bends, strict=True))
+
+
+def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> State:
+    """Commit the trial step where ``moves``, and the rest of the time to an event."""
+    system = problem.system.on_piece(state.piece)
+    q, v = trial.step.y1
+    touching = state.regime != Regime.FLIGHT
+    sticking = state.regime == Regime.STICK
+    q, v = keep(settle(system, trial.last, q, v, touching, touching, sticking))
+    _, a = trial.step.rate1
+    speeds = rates(system, state.time + trial.h, q, v)
+    rate = (speeds, a)
+    dtype = q[0].dtype
+    correction = time_to_event(
+        plan.correction,
+        plan.arrive,
+        system.on_sides(state.sides),
+        state.time + trial.h + plan.correction,
+        *drift(state, trial.h, q, v, rate, plan.correction.astype(dtype)),
+        state.regime,
+        state.sides,
+        plan.slot,
+    )
+    q, v = drift(state, trial.h, q, v, rate, correction.astype(dtype))
+    length = trial.h + correction
+    stretch = Stretch(
+        system,
+        state.time,
+        trial.h,
+        correction,
+        state.regime,
+        trial.nodes,
+        tuple(g.nodes for g in trial.guards),
+        tuple(g.size for g in trial.guards),
+    )
+    observed = problem.observer.stretch(state.observed, stretch)
+    index, full = state.sample_index, state.full
+    if problem.signal is None:
+        index, samples = take_samples(problem, state, trial, moves, length)
+    else:
+        samples, full = take_means(problem.signal, state.samples, stretch, moves)
+    return state._replace(
+        sample_index=index,
+        samples=samples,
+        full=full,
+        time=jnp.where(moves, state.time + length, state.time),
+        position=where(moves, q, state.position),
+        velocity=where(moves, v, state.velocity),
+        rest=where(moves, trial.step.rest, state.rest),
+        rate=where(moves, rate, state.rate),
+        guards=where(moves, tuple(g.value for g in trial.guards), state.guards),
+        reactions=where(moves, trial.nodes[-1].forces, state.reactions),
+        orders=where(moves, tuple(jnp.zeros_like(o) for o in state.orders), state.orders),
+        reach=where(moves, tuple(g.size for g in trial.guards), state.reach),
+        observed=where(moves, observed, state.observed),
+    )
+
+
+def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
+    """Give the trajectory its failure code where it cannot keep its promise."""
+    eps = jnp.finfo(state.time.dtype).eps
+    floor = 4 * eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
+    # a lane that gets nowhere, as at the end of a state's digits, must not keep its batch
+    paced = state.active & (state.attempts & (PACE_TURNS - 1) == 0)
+    budget = HOPELESS * jnp.maximum(problem.max_steps, LEAST_BUDGET)
+    least = (problem.end - state.time) * (PACE_TURNS / budget)
+    stalls = paced & (state.time - state.paced_time < least)
+    too_small = (plan.rejected & (state.step < floor)) | stalls
+    # in a flight that began just now it is the impacts that pile up
+    piles = (state.regime == Regime.FLIGHT) & (state.time - state.last_event <= floor) & ~stalls
+    why = jnp.where(piles, int(Result.ZENO_UNRESOLVED), int(Result.STEP_TOO_SMALL))
+    why = jnp.where(trial.finite, why, int(Result.NON_FINITE))
+    running = state.result == RUNNING
+    result = jnp.where(running & too_small, why, state.result)
+    spent = (result == RUNNING) & (state.attempts >= problem.max_steps)
+    result = jnp.where(spent, int(Result.STEP_BUDGET_SPENT), result)
+    return state._replace(
+        result=result.astype(jnp.int32),
+        paced_time=stop_gradient(jnp.where(paced, state.time, state.paced_time)),
+    )

@@ -1,0 +1,5 @@
+"""This process, this computer, whole files. Knows no mechanics and no jax.
+
+Read `files` (a file is written at once or not at all), `lock`, `jax_settings` (what must be set
+before JAX starts), `memory`, `provenance` (what made a file).
+"""

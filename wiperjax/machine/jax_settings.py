@@ -1,0 +1,60 @@
+"""Settings that must be made before JAX starts its first device.
+
+A library cannot impose them on a process that already computes, so they are one documented call:
+``wiperjax.configure()`` before the first computation. The command line makes it itself.
+"""
+
+import os
+
+from ..vocabulary import checks
+from ..vocabulary.ranges import Range
+
+# XLA's own options of its CPU compiler, as name=value pairs:
+COMPILER = {
+    # a loop of any size becomes one function: run kernel by kernel, each of about four operations,
+    # a third of a turn of the lanes went into starting the next of a thousand
+    "xla_cpu_small_while_loop_byte_threshold": str(2**50),
+    # its inner loops over lanes stay loops: unrolled, the function outgrows the instruction cache
+    "xla_cpu_disable_loop_unrolling": "true",
+    # outside of loops: plain kernels instead of tiled ones, which copy what they read first
+    "xla_cpu_disable_tiled_emitter": "true",
+}
+
+MOST_CORES = 1024  # a device each: more is a slip
+
+_configured: int | None = None  # cores that this process was told to use
+
+
+def cores() -> int:
+    """Return how many cores this process may use: what `configure` was told, else all it has."""
+    return _configured or os.cpu_count() or 1
+
+
+def configure(cores: int | None = None) -> int:
+    """Set JAX up for batches on this machine's processor; return the number of host devices.
+
+    ``cores``: devices to use, one a core (default: the cores this process may run on). One device
+    a core with a one-thread pool each, because the default pool burns two cores for the speed of
+    one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; and a
+    whole loop in one compiled function (`COMPILER`).
+    Settings already made by the user win. Has no effect once JAX has started a device. Raises
+    ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
+    """
+    global _configured
+    if cores is None:
+        count = len(os.sched_getaffinity(0))
+    else:
+        count = checks.whole("cores", cores, Range(1, MOST_CORES, whole=True))
+    _configured = count
+    wanted = {
+        "--xla_force_host_platform_device_count": str(count),
+        "--xla_cpu_prefer_vector_width": "512",
+        "--xla_backend_extra_options": ",".join(f"{k}={v}" for k, v in COMPILER.items()),
+    }
+    flags = os.environ.get("XLA_FLAGS", "")
+    for name, value in wanted.items():
+        if name not in flags:
+            flags = f"{flags} {name}={value}".strip()
+    os.environ["XLA_FLAGS"] = flags
+    os.environ.setdefault("NPROC", "1")
+    return count

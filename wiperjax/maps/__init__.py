@@ -1,0 +1,5 @@
+"""A map: blocks of cells computed, stored and put together.
+
+Read `driver` (a sweep from file to file), `block` (some cells computed and named), `cells` (the
+computation, all that names jax), `cluster`, `progress`, `estimate`, `verify`, `accuracy`.
+"""

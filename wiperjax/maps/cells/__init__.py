@@ -1,0 +1,4 @@
+"""Cells on lanes: parameters in, columns of a map out.
+
+Read `batch`, `evaluate`, `columns`, `devices`, `sensitivity`.
+"""

@@ -1,0 +1,193 @@
+"""The engine's side of a sweep: cells of a specification in, columns of the map out."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...blade.belts import SteadyBelt
+from ...blade.build import build_wiper, start_state
+from ...blade.rungs import on_rung, start_on_rung
+from ...blade.wiper import Wiper
+from ...contact.system import AbstractSystem
+from ...datasets.map_dataset import raster_index
+from ...engine.lanes import Outcome, Pool, run_pool
+from ...engine.observers.margins import watch
+from ...engine.observers.reversal import ReversalTotals
+from ...engine.observers.totals import RegimeTotals
+from ...engine.sampling.means import Samples, Signal
+from ...engine.solve import make_problem
+from ...numerics.runge_kutta import SOLVERS
+from .columns import columns_of
+from .devices import capacity, deal, dearest_first, lane_count
+
+RING = 4  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
+
+
+def evaluate(
+    spec: Any, index: np.ndarray, finer: int = 1, room: int | None = None
+) -> dict[str, Any]:
+    """Return the columns of the cells ``index`` of a `SweepSpec`, each of shape (len(index),).
+
+    Beside columns of `schema.SCHEMA`: ``signal`` (cells, samples), the mean tip velocity [m/s] over
+    each ``sample_interval`` [s] of the window, on a belt that reverses ``signal_inner``, its
+    variance inside each, and ``occupancy`` of the batch.
+
+    ``finer``: times as many samples; ``room`` (default: the number of cells) for so many cells with
+    the plain number of samples the program is compiled. Calls of one room share it, if they have
+    at most room / finer cells.
+    """
+    wiper, system, position, velocity = prepare(spec, index, room)
+    settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
+    sampling = Sampling.of(spec, finer)
+
+    def compute(cells, count):
+        system, position, velocity = cells
+        outcome, samples, effort = _compute(
+            system, position, velocity, count, limit, sampling, settings
+        )
+        return outcome, sampling.rows(samples, spec.run.raster), effort
+
+    precision, size = spec.run.precision, position[0].shape[-1]
+    cells = (
+        _arrays(system, precision),
+        _full(position, size, precision),
+        _full(velocity, size, precision),
+    )
+    order = dearest_first(wiper, len(index))
+    (outcome, signal), effort = deal(compute, cells, order)
+    return columns_of(spec, outcome, signal, effort, wiper, len(index))
+
+
+def prepare(spec, index, room: int | None = None) -> tuple[Wiper, Any, tuple, tuple]:
+    """Return wiper, system (its rung), positions and velocities of the cells ``index``, and
+    of some that fill up to ``room``.
+
+    Every call of a sweep has the same shapes (one compilation).
+    """
+    size = capacity(max(len(index), room or 0))
+    padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
+    wiper = build_wiper(spec.cells(padded), spec.belt.kind)
+    system = on_rung(wiper, spec.model)
+    position, velocity = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
+    return wiper, system, position, velocity
+
+
+class _Settings(NamedTuple):
+    """What a compilation depends on beside shapes: plain numbers, so static."""
+
+    transient: float
+    window: float
+    rtol: float
+    atol: float | None
+    precision: str
+    solver: str
+    zeno_time: float
+    samples: int
+    raster: int | None
+    event_log: int | None
+    reversal_window: float
+
+
+def _settings(spec) -> _Settings:
+    run = spec.run.model_copy(update={"rtol": spec.rtol, "samples": spec.samples})
+    given = {name: getattr(run, name) for name in _Settings._fields[:-1]}
+    return _Settings(**given, reversal_window=spec.classes.reversal_window)
+
+
+class Sampling(NamedTuple):
+    """How the settled window is sampled; traced, so that a finer look compiles nothing."""
+
+    interval: jax.Array  # [s]
+    count: jax.Array
+
+    @classmethod
+    def of(cls, spec, finer: int = 1) -> "Sampling":
+        """Return the sampling that ``spec`` asks for, ``finer`` times as fine."""
+        count = finer * spec.samples
+        return cls(jnp.asarray(spec.run.window / count), jnp.asarray(count, jnp.int32))
+
+    def rows(self, samples: Samples, raster: int | None) -> Samples:
+        """Return what the engine has recorded as (cases, samples) each; of the regimes the
+        ``raster``."""
+        count = int(self.count)
+
+        def row(flat):
+            flat, length = np.asarray(flat), count + RING
+            cases = len(flat) // length
+            return flat[: cases * length].reshape(cases, length)[:, :count]
+
+        found = jax.tree.map(row, samples)
+        if raster is None:
+            return found
+        return found._replace(regime=found.regime[:, raster_index(count, raster)])
+
+
+def _arrays(system: AbstractSystem, precision: str) -> AbstractSystem:
+    """Turn parameters into arrays, (cells,) where they vary and () where they do not.
+
+    A Python 0 or 1 stays one: its terms, or a power of 1, are left out of the compiled program.
+    """
+
+    def leaf(value):
+        if isinstance(value, int | float) and value in (0, 1):
+            return value
+        return jnp.asarray(value, precision)
+
+    return jax.tree.map(leaf, system)
+
+
+def _full(pair, size, precision):
+    return tuple(jnp.broadcast_to(jnp.asarray(x, precision), (size,)) for x in pair)
+
+
+@eqx.filter_jit
+def _compute(
+    system, position, velocity, count, max_steps, sampling: Sampling, s: _Settings
+) -> tuple[Outcome, Any, Any]:
+    """Run the cells of one share. A program for one device: compiled for several together it
+    would round otherwise, and a map would depend on the number of cores.
+    """
+    return outcomes(system, position, velocity, count, max_steps, sampling, s)
+
+
+def outcomes(
+    system, position, velocity, count, max_steps, sampling: Sampling, s: _Settings, watched=False
+):
+    """`_compute`, to be called inside `jax.jit`; ``watched``: with `margins` in the record."""
+    steady = isinstance(system.belt, SteadyBelt)
+    totals = RegimeTotals(s.transient)
+    if not steady:
+        totals = ReversalTotals(s.transient, s.reversal_window)
+    if watched:
+        totals = watch(system, totals)
+    solver = SOLVERS[s.solver]()
+    problem, q, v, start = make_problem(
+        system,
+        s.transient + s.window,
+        initial_state=(position, velocity),
+        solver=solver,
+        rtol=s.rtol,
+        atol=s.atol,
+        signal=Signal(
+            s.transient,
+            sampling.interval,
+            sampling.count,
+            room=position[0].shape[-1] * (s.samples + RING),
+            ring=RING,
+            inner=not steady,  # of a steady belt the statistics tell it
+            regimes=s.raster is not None,
+        ),
+        max_events=s.event_log or 0,
+        log_start=s.transient,
+        max_steps=max_steps,
+        zeno_time=s.zeno_time,
+        mark=s.transient,
+        observer=totals,
+        dtype=jnp.dtype(s.precision),
+    )
+    pool = Pool(problem, q, v, start, count)
+    lanes = lane_count(s.precision, q[0].shape[-1])
+    return run_pool(pool, lanes)

@@ -1,0 +1,139 @@
+"""What the engine leaves of a block of cells, as columns of a map."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...blade.belts import SteadyBelt, operating_speed
+from ...blade.steady_slip import steady_slip
+from ...blade.wiper import Wiper
+from ...engine.carry.state import EventLog
+from ...engine.lanes import Outcome
+from ...engine.observers.margins import Watched, regime_totals
+from ...numerics.arrays import cellwise
+from ...vocabulary.codes import NONE, Result
+
+
+def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int) -> dict[str, Any]:
+    """Return what `evaluate` returns, from the answers of the engine."""
+    run = spec.run
+    useful, executed = effort
+    columns: dict[str, Any] = _columns(outcome, run, wiper, count)
+    columns["signal"] = signal.output
+    columns["sample_interval"] = interval = run.window / signal.output.shape[1]
+    if signal.inner is not None:
+        columns["signal_inner"] = signal.inner
+    if run.raster is not None:
+        columns["regime_raster"] = signal.regime
+    if outcome.log is not None:
+        columns |= _events(outcome.log, run)
+    if not isinstance(wiper.belt, SteadyBelt):
+        times = run.transient + interval * (np.arange(signal.output.shape[1]) + 0.5)
+        per_cell = jax.tree.map(lambda x: cellwise(x, count)[:, None], wiper.belt)
+        columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
+        columns["wiping_frequency"] = cellwise(wiper.belt.wiping_frequency, count)
+    columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
+    linear = steady_slip(wiper, operating_speed(wiper.belt))
+    columns["growth_rate"] = cellwise(linear.growth_rate, count)
+    columns["linear_frequency"] = cellwise(linear.frequency, count)
+    return columns
+
+
+def statistics(outcome: Outcome, window) -> dict[str, Any]:
+    """Return the outcomes that have derivatives by parameters, (cells,) each."""
+    record = regime_totals(outcome.observed)
+    # Of the time as it was added up, which is the window but for rounding: what sticks throughout
+    # has the share 1 itself, in any precision. By that `labels` tells a tip that is carried.
+    counted = record.stick_time + record.slip_time + record.flight_time
+    counted = jnp.where(counted > 0, counted, 1.0)
+    mean = record.output_integral / window
+    variance = jnp.maximum(record.output_square_integral / window - mean * mean, 0.0)
+    return {
+        "stick_fraction": record.stick_time / counted,
+        "slip_fraction": record.slip_time / counted,
+        "flight_fraction": record.flight_time / counted,
+        "velocity_mean": mean,
+        # at rest the root has no derivative
+        "velocity_rms": jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1)), 0),
+        "normal_force_mean": record.normal_force_integral / window,
+        "normal_force_max": record.normal_force_max,
+        "gap_max": record.gap_max,
+        "impact_impulse_max": record.impulse_max,
+        # a rung of one coordinate stays on the glass
+        "final_x": outcome.position[0],
+        "final_y": (*outcome.position, 0.0 * outcome.position[0])[1],
+        "final_vx": outcome.velocity[0],
+        "final_vy": (*outcome.velocity, 0.0 * outcome.velocity[0])[1],
+    }
+
+
+def _events(log: EventLog, run) -> dict[str, np.ndarray]:
+    """Columns of the event log; the room that a cell leaves empty holds NaN and `schema.NONE`."""
+    used = np.arange(run.event_log) < log.count[:, None]
+
+    def code(values):
+        return np.where(used, values, NONE).astype(np.uint8)
+
+    return {
+        "event_count": log.count,
+        "event_overflow": log.count > run.event_log,
+        "event_time": np.where(used, log.time - run.transient, np.nan),
+        "event_kind": code(log.kind),
+        "regime_before": code(log.before),
+        "regime_after": code(log.after),
+        "event_impulse": np.where(used, log.impulse, np.nan),
+    }
+
+
+def _columns(outcome: Outcome, run, wiper: Wiper, count: int) -> dict[str, np.ndarray]:
+    """Statistics of the settled window; NaN where a cell did not reach its end."""
+    found = {name: np.asarray(x) for name, x in statistics(outcome, run.window).items()}
+    record = outcome.observed
+    if isinstance(record, Watched):
+        record = record.totals
+    totals = getattr(record, "totals", record)
+    finished = outcome.result == Result.FINISHED
+
+    def settled(values):
+        return np.where(finished, values, np.nan)
+
+    columns = {
+        "result": outcome.result,
+        "stick_fraction": settled(found["stick_fraction"]),
+        "slip_fraction": settled(found["slip_fraction"]),
+        "flight_fraction": settled(found["flight_fraction"]),
+        "velocity_mean": settled(found["velocity_mean"]),
+        "velocity_rms": settled(found["velocity_rms"]),
+        "belt_speed_rms": cellwise(wiper.belt.rms, count),
+        "normal_force_mean": settled(found["normal_force_mean"]),
+        "normal_force_max": settled(found["normal_force_max"]),
+        "gap_max": settled(found["gap_max"]),
+        "impact_count": totals.impact_count,
+        "stick_count": totals.stick_count,
+        "lift_off_count": totals.lift_off_count,
+        "impact_impulse_max": settled(found["impact_impulse_max"]),
+        "steps": outcome.steps - outcome.rejected,
+        "rejected_steps": outcome.rejected,
+        "unproved_steps": outcome.unproved,
+        "final_time": outcome.final_time,
+        **{name: found[name] for name in ("final_x", "final_y", "final_vx", "final_vy")},
+    }
+    if record is not totals:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            columns["normal_force_max_reversal"] = settled(record.force_max_reversal)
+            columns["normal_force_mean_stroke"] = settled(
+                record.force_integral_stroke / record.stroke_time
+            )
+            columns["stick_fraction_stroke"] = settled(
+                record.stick_time_stroke / record.stroke_time
+            )
+            columns["flight_fraction_stroke"] = settled(
+                record.flight_time_stroke / record.stroke_time
+            )
+            columns["impact_impulse_reversal"] = settled(record.impulse_max_reversal)
+            columns["velocity_rms_reversal"] = settled(
+                np.sqrt(record.vibration_integral / record.vibration_time)
+            )
+    return columns

@@ -1,0 +1,26 @@
+"""Cells of a sweep computed: plainly, or with derivatives if the sweep asks for them."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from . import batch
+from .sensitivity.evaluate import evaluate as with_derivatives
+
+
+def identity() -> dict[str, str]:
+    """What of this machine has a part in the numbers, beside the versions: the kind of device."""
+    return {"device": jax.devices()[0].device_kind}
+
+
+def evaluate(
+    spec: Any, index: np.ndarray, finer: int = 1, room: int | None = None
+) -> dict[str, Any]:
+    """Return the columns of the cells ``index`` of a `SweepSpec`, each of shape (len(index),).
+
+    ``finer`` and ``room`` as of `batch.evaluate`: a closer look has no derivatives.
+    """
+    if spec.sensitivities is not None and finer == 1:
+        return with_derivatives(spec, index)
+    return batch.evaluate(spec, index, finer, room)

@@ -1,0 +1,84 @@
+"""Derivatives of the outcomes of a sweep by parameters, and whether they hold.
+
+Forward mode: the tangents of all parameters travel with the lanes of one batch. A derivative is
+stored where it holds and is NaN elsewhere; `schema.VALIDITY` names the reasons, in this order of
+precedence: the cell has no settled outcome; its motion is not settled; the sequence of events is
+another one a finite-difference step away (checked cells); an event is near grazing. A share of the
+cells is checked by central differences of fourth order at a thousandth of the tolerance.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ....vocabulary.codes import VALIDITY, Result
+from ....vocabulary.parameters import PARAMETERS
+from ....vocabulary.schema import DIFFERENTIABLE, sensitivity_name
+from .. import batch
+from ..columns import columns_of
+from ..devices import deal, dearest_first
+from .tangents import SECOND, start_of, tangents_of, value_of, whole
+from .validity import GRAZING, check, drawn, is_settled, mask_contested, mask_rounding
+
+
+def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
+    """Return the columns of `cells.evaluate`, and those of the sensitivities that ``spec`` asks."""
+    asked, run, kind = spec.sensitivities, spec.run, spec.belt.kind
+    names, count = asked.parameters, len(index)
+    wiper, _, position, _ = batch.prepare(spec, index)
+    size = position[0].shape[-1]
+    base = batch._arrays(wiper, run.precision)
+    theta = {name: whole(value_of(wiper, name, kind), size) for name in names}
+    settings, limit = batch._settings(spec), jnp.int32(run.max_steps)
+    sampling = batch.Sampling.of(spec)
+
+    def start(theta):
+        return start_of(base, theta, spec)
+
+    (state, _), seeds = start(theta), []
+    for name in names:
+        # per unit of files: an angle in degrees
+        unit = float(PARAMETERS[name].to_si(1.0))
+        seed = {n: jnp.full(size, unit if n == name else 0.0) for n in names}
+        seeds.append((seed, *jax.jvp(start, (theta,), (seed,))[1]))
+    seeds = jax.tree.map(lambda *x: jnp.stack(x), *seeds)
+
+    def compute(given, number):
+        wiper, theta, state, seeds = given
+        *found, samples, effort = tangents_of(
+            wiper, theta, state, seeds, number, limit, sampling, settings, kind
+        )
+        return *found, sampling.rows(samples, run.raster), effort
+
+    order = dearest_first(wiper, count)
+    (outcome, slopes, signal), effort = deal(compute, (base, theta, state, seeds[:2]), order)
+    columns = columns_of(spec, outcome, signal, effort, wiper, count)
+    slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
+
+    watched = outcome.observed
+    seconds = {SECOND[field]: x for field, x in watched.seconds._asdict().items()}
+    code = np.full(count, VALIDITY["fine"], np.int8)
+    mask_contested(slopes, columns | seconds, theta, base, asked)
+    mask_rounding(slopes, columns, spec)
+    code[watched.margin < max(asked.grazing, GRAZING * spec.rtol)] = VALIDITY["near_grazing"]
+    checked = np.flatnonzero(drawn(index, asked.check))
+    agreement = np.full(count, np.nan)
+    if checked.size:
+        other, gaps = check(spec, theta, base, columns, slopes, checked, watched.word)
+        agreement[checked] = np.max(list(gaps.values()), axis=0)
+        code[checked[other]] = VALIDITY["sequence_changes"]
+    code[~is_settled(columns, spec)] = VALIDITY["unsettled"]
+    code[outcome.result != Result.FINISHED] = VALIDITY["not_differentiable"]
+
+    holds = code == VALIDITY["fine"]
+    for outcome_name in DIFFERENTIABLE:
+        for k, name in enumerate(names):
+            slope = slopes[outcome_name][:, k]
+            good = holds & np.isfinite(slope)
+            columns[sensitivity_name(outcome_name, name)] = np.where(good, slope, np.nan)
+    columns["sensitivity_code"] = code
+    columns["grazing_margin"] = watched.margin
+    columns["sensitivity_agreement"] = np.where(holds, agreement, np.nan)
+    return columns

@@ -1,0 +1,87 @@
+"""Tangents of cells: one trajectory with its derivatives by the parameters of a sweep."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ....blade.build import start_state
+from ....blade.steady_slip import steady_slip
+from ....blade.wiper import Wiper
+from ....vocabulary.parameters import BELTS
+from .. import batch
+from ..columns import statistics
+
+LARGEST = {  # outcomes that are largest values, by their names in `margins.Peaks`
+    "normal_force_max": "normal_force_max",
+    "gap_max": "gap_max",
+    "impulse_max": "impact_impulse_max",
+}
+
+
+SECOND = {field: f"second_{field}" for field in LARGEST}  # and what comes next
+
+
+def with_parameters(wiper: Wiper, values: dict[str, Any], kind: str) -> Wiper:
+    """Return ``wiper`` with the parameters ``values``, name -> SI value, on a belt of ``kind``."""
+    keys = {name: key for key, name in BELTS[kind].items()}
+
+    def leaves(w):
+        return [getattr(w.belt, keys[n]) if n in keys else getattr(w, n) for n in values]
+
+    return eqx.tree_at(leaves, wiper, list(values.values()))
+
+
+@eqx.filter_jit
+def tangents_of(wiper, theta, state, seeds, count, limit, sampling, s, kind):
+    """Run the cells of one share with all tangents; slopes come as (cells, parameters)."""
+
+    def run(theta, state):
+        w = with_parameters(wiper, theta, kind)
+        position, velocity = state
+        outcome, signal, effort = batch.outcomes(
+            w, position, velocity, count, limit, sampling, s, watched=True
+        )
+        seconds = outcome.observed.seconds._asdict()
+        found = statistics(outcome, s.window) | {SECOND[k]: x for k, x in seconds.items()}
+        return found, (outcome, signal, effort)
+
+    def push(dtheta, dstate):
+        return jax.jvp(run, (theta, state), (dtheta, dstate), has_aux=True)
+
+    _, slopes, (outcome, signal, effort) = jax.vmap(push, out_axes=(None, -1, None))(*seeds)
+    return outcome, slopes, signal, effort
+
+
+@eqx.filter_jit
+def plain(wiper, theta, state, count, limit, sampling, s, kind):
+    w = with_parameters(wiper, theta, kind)
+    position, velocity = state
+    outcome, _, effort = batch.outcomes(
+        w, position, velocity, count, limit, sampling, s, watched=True
+    )
+    return statistics(outcome, s.window), outcome.observed.word, effort
+
+
+def start_of(wiper, theta, spec):
+    """Return the initial state, and the outcomes that need no trajectory, (cells,) each."""
+    w = with_parameters(wiper, theta, spec.belt.kind)
+    linear = steady_slip(w, w.belt.peak)
+    known = {
+        "belt_speed_rms": w.belt.rms,
+        "growth_rate": linear.growth_rate,
+        "linear_frequency": linear.frequency,
+    }
+    size = next(iter(theta.values())).shape[-1]
+    state = start_state(w, spec.start)
+    return jax.tree.map(lambda x: whole(x, size), (state, known))
+
+
+def whole(value, size) -> jax.Array:
+    return jnp.broadcast_to(jnp.asarray(value, jnp.float64), (size,))
+
+
+def value_of(wiper: Wiper, name: str, kind: str):
+    keys = {parameter: key for key, parameter in BELTS[kind].items()}
+    return getattr(wiper.belt, keys[name]) if name in keys else getattr(wiper, name)

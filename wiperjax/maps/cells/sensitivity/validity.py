@@ -1,0 +1,168 @@
+"""Whether a derivative can be believed: grazing, changes of word, contested cells."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ....blade.wiper import Wiper
+from ....noise.spectrum import dominant_frequency
+from ....numerics.arrays import cellwise
+from ....vocabulary.parameters import PARAMETERS
+from ....vocabulary.schema import DIFFERENTIABLE, SCHEMA
+from .. import batch
+from ..devices import capacity, deal
+from .tangents import LARGEST, SECOND, plain, start_of
+
+FLOOR = 0.01  # a derivative that changes its outcome by less of its scale is compared with that
+
+
+REST = 1e-5  # of the belt speed: below it the standard deviation of the velocity is rounding
+
+
+LEFT_OVER = ("final_vx", "final_vy")  # of a quiet cell: what its steps leave of a decayed start
+
+
+STENCIL = {1: 2 / 3, -1: -2 / 3, 2: -1 / 12, -2: 1 / 12}  # steps -> weight, of fourth order
+
+
+GRAZING = 1e4  # times the tolerance: at this margin a derivative is 1.5e-4 off
+
+
+SAME = 1e-5  # relative difference of two derivatives that are one
+
+
+def mask_contested(slopes, columns, theta, wiper, asked) -> None:
+    """Make NaN the derivatives, in ``slopes``, of a largest value that another peak, with another
+    derivative, overtakes within the finite-difference step."""
+    count = len(columns["result"])
+    for field, second in SECOND.items():
+        name = LARGEST[field]
+        gap = columns[name] - columns[second]
+        least = FLOOR * _outcome_scale(name, columns, wiper)
+        contested = np.zeros(count, bool)
+        for k, parameter in enumerate(theta):
+            unit = float(PARAMETERS[parameter].to_si(1.0))
+            scale = _scale(parameter, np.asarray(theta[parameter])[:count]) / unit
+            slope, jump = scale * slopes[name][:, k], scale * (slopes[name] - slopes[second])[:, k]
+            differs = np.abs(jump) > SAME * np.maximum(np.abs(slope), least)
+            contested |= differs & (gap < max(STENCIL) * asked.step * np.abs(jump))
+        slopes[name] = np.where(contested[:, None], np.nan, slopes[name])
+
+
+def mask_rounding(slopes, columns, spec) -> None:
+    """Make NaN the derivatives, in ``slopes``, of what is rounding at rest, and of the velocity at
+    the end of a quiet cell: there steps are as long as the integrator stays stable, and what the
+    start has left decays by its leave, not by the equations.
+    """
+    rests = columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"])
+    masked = {"velocity_rms": rests} | dict.fromkeys(LEFT_OVER, is_quiet(columns, spec))
+    for name, where in masked.items():
+        slopes[name] = np.where(where[:, None], np.nan, slopes[name])
+
+
+def check(spec, theta, base, columns, slopes, checked, word):
+    """Return (whether the events are others, relative differences) of the cells ``checked``.
+
+    The second is a dict (outcome, parameter) -> (len(checked),). A difference is relative to the
+    larger of the two, or to `FLOOR` of the outcome's scale over the parameter's own size, if that
+    is more.
+    """
+    asked, kind, n = spec.sensitivities, spec.belt.kind, len(checked)
+    names = list(theta)
+    copies = len(STENCIL) * len(names) * n
+    scale = {name: _scale(name, np.asarray(x)[checked]) for name, x in theta.items()}
+    size = capacity(copies)
+    whole = theta[names[0]].shape[-1]
+    # every cell with each parameter at all places of the stencil; filled up with the last
+    place = np.tile(checked, len(STENCIL) * len(names))
+    place = np.concatenate([place, np.full(size - copies, checked[-1])])
+    moved = {name: np.asarray(x)[place].copy() for name, x in theta.items()}
+    for k, name in enumerate(names):
+        for j, steps in enumerate(STENCIL):
+            part = slice((len(STENCIL) * k + j) * n, (len(STENCIL) * k + j + 1) * n)
+            moved[name][part] += steps * asked.step * scale[name]
+    at = jax.tree.map(lambda x: x[place] if eqx.is_array(x) and x.shape == (whole,) else x, base)
+    moved = jax.tree.map(jnp.asarray, moved)
+    state, known = start_of(at, moved, spec)
+    settings, limit = batch._settings(spec), jnp.int32(spec.run.max_steps)
+    settings = settings._replace(rtol=max(1e-3 * settings.rtol, 1e-13))
+    sampling = batch.Sampling.of(spec)
+
+    def compute(given, number):
+        wiper, theta, state = given
+        return plain(wiper, theta, state, number, limit, sampling, settings, kind)
+
+    (found, words), _ = deal(compute, (at, moved, state), np.arange(copies))
+    found |= {name: np.asarray(x)[:copies] for name, x in known.items()}
+    other = np.any(words.reshape(-1, n) != word[checked], axis=0)
+    gaps = {}
+    for k, name in enumerate(names):
+        unit = float(PARAMETERS[name].to_si(1.0))
+        most = max(STENCIL) * asked.step * scale[name]
+        inside = _is_inside(name, np.asarray(theta[name])[checked], most)
+        for outcome in DIFFERENTIABLE:
+            value = found[outcome].reshape(len(names), len(STENCIL), n)[k]
+            change = np.tensordot(list(STENCIL.values()), value, 1) / asked.step
+            slope = slopes[outcome][checked, k] / unit * scale[name]
+            least = FLOOR * _outcome_scale(outcome, columns, base)[checked]
+            larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)
+            larger = np.where(larger > 0, larger, 1.0)  # both may be zero
+            skip = ~inside | ~np.isfinite(slope) | ~np.isfinite(change)
+            gaps[outcome, name] = np.where(skip, 0.0, np.abs(change - slope) / larger)
+    return other, gaps
+
+
+def _scale(name: str, value: np.ndarray) -> np.ndarray:
+    """Size of a parameter, which its finite-difference step is relative to."""
+    if PARAMETERS[name].unit == "rad":
+        return np.ones_like(value)
+    return np.where(value == 0, PARAMETERS[name].reference or 1.0, np.abs(value))
+
+
+def _outcome_scale(name: str, columns, wiper: Wiper) -> np.ndarray:
+    """Size of an outcome by what it is: the load for forces, the lip for lengths, and so on."""
+    speed = np.asarray(columns["belt_speed_rms"])
+    load, length, mass = (  # the wiper has some cells more, which fill up
+        cellwise(x, len(speed)) for x in (wiper.normal_load, wiper.lip_length, wiper.tip_mass)
+    )
+    size = {"1": np.ones_like(speed), "m/s": speed, "N/m": load, "m": length, "N s/m": mass * speed}
+    return np.asarray(size.get(SCHEMA[name].units, np.abs(columns[name])))
+
+
+def _is_inside(name: str, value: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Whether a parameter may be changed by ``step`` both ways: at an end of its range it is not
+    checked."""
+    entry = PARAMETERS[name]
+    low, high = entry.to_edge(value - step), entry.to_edge(value + step)
+    return (low >= entry.range.low) & (high <= entry.range.high)
+
+
+def drawn(index: np.ndarray, share: float) -> np.ndarray:
+    """Which cells are checked: by their number alone, whatever block they are in."""
+    return (np.asarray(index, np.uint64) * np.uint64(2654435761)) % 2**32 < share * 2**32
+
+
+def is_settled(columns, spec) -> np.ndarray:
+    """Whether the standard deviation of the tip velocity agrees in the first and the last whole
+    periods of the settled window.
+
+    A resting tip is settled; one with less than two periods in the window is not. Under a belt that
+    reverses, the window is a stroke and cannot be judged.
+    """
+    run = spec.run
+    if spec.belt.kind != "steady":
+        return np.ones(len(columns["result"]), bool)
+    signal = np.asarray(columns["signal"], np.float64)
+    settled = np.zeros(len(signal), bool)
+    for i, f in enumerate(dominant_frequency(signal, run.window / spec.samples)):
+        periods = np.floor(0.5 * f * run.window) if np.isfinite(f) else 0
+        if periods >= 1:
+            n = int(round(periods / f / run.window * spec.samples))
+            a, b = np.std(signal[i, :n]), np.std(signal[i, -n:])
+            settled[i] = abs(a - b) <= spec.sensitivities.settled * max(a, b)
+    return settled | is_quiet(columns, spec)
+
+
+def is_quiet(columns, spec) -> np.ndarray:
+    return columns["velocity_rms"] < spec.classes.quiet_velocity_ratio * columns["belt_speed_rms"]

@@ -1,0 +1,249 @@
+"""Sweeps on more than one process: blocks of cells as tasks of `dask.distributed`.
+
+    with cluster.connect("tcp://host:8786") as workers:  # or connect(local=4)
+        wiperjax.sweep(spec, "map.h5", workers=workers)
+
+This process keeps the store. Workers send finished blocks back, so they need no common disk; a
+block whose worker dies is computed again by another. dask is imported here alone.
+"""
+
+import contextlib
+import functools
+import itertools
+import logging
+import math
+import os
+import re
+import tempfile
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..machine import provenance
+from ..machine.files import StoreError, log
+from ..machine.jax_settings import configure
+from ..machine.lock import acquire
+from . import block
+
+_KEPT = "finished blocks are kept, go on with --resume"
+_DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the client
+ALONE = 600  # s without any worker after which a sweep stops: dask would wait for one for ever
+AHEAD = 2  # blocks in flight for each thread of the workers: one computed, one ready
+
+
+class ClusterError(RuntimeError):
+    """Workers that cannot be reached, differ, or keep dying; its text is one line."""
+
+
+class _Answer(NamedTuple):
+    columns: dict[str, np.ndarray]
+    occupancy: float | None
+    seconds: float
+    made_by: dict[str, str]
+    host: str
+
+
+@contextlib.contextmanager
+def connect(scheduler: str | None = None, local: int | None = None) -> Iterator["Workers"]:
+    """Workers of the scheduler at an address such as `tcp://host:8786`, or else `local` processes
+    of this machine, a core each, which end with the `with` statement. Waits for the first worker:
+    of a scheduler for ever, for it may have a queue; of this machine for `ALONE` seconds.
+
+    Raises: `ClusterError` if dask is not installed, no scheduler answers, or no worker starts here.
+    """
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise ClusterError("a cluster needs dask: pip install 'wiperjax[cluster]'") from None
+    with contextlib.ExitStack() as stack:
+        address: Any = scheduler
+        if scheduler is None:
+            address = LocalCluster(
+                n_workers=local,
+                threads_per_worker=1,
+                memory_limit=0,  # dask would end workers for memory that XLA keeps for later
+                dashboard_address="127.0.0.1:0",  # any free port: several sweeps may run here
+                silence_logs=logging.ERROR,
+                preload=_DEAF,
+            )
+            stack.enter_context(address)
+        try:
+            client = stack.enter_context(Client(address, set_as_default=False))
+        except (OSError, ValueError) as error:
+            said = str(error).splitlines()[0]
+            raise ClusterError(f"{scheduler}: no scheduler answers: {said}") from error
+        if not client.nthreads():
+            log.warning("%s: waiting for a worker", scheduler)
+        patience = math.inf if scheduler is not None else ALONE
+        try:
+            client.wait_for_workers(1, patience)
+        except TimeoutError as error:
+            raise ClusterError(f"no worker of this machine started within {ALONE:g} s") from error
+        yield Workers(client, patience)
+
+
+class Workers:
+    """What `driver.run` asks of a cluster: who computes, and blocks as they are finished."""
+
+    def __init__(self, client: Any, patience: float = math.inf):
+        """`client` of dask; `patience` [s] with which the first task waits for a worker."""
+        self._client = client
+        self._patience = patience
+        self._made_by: dict[str, str] = {}
+        self._hosts: set[str] = set()
+
+    @property
+    def count(self) -> int:
+        """Workers there are now: they come and go. Each computes one block at a time."""
+        return len(self._result(lambda seconds: self._client.nthreads(), "workers"))
+
+    @property
+    def host(self) -> str:
+        """Kinds of the machines that computed blocks."""
+        return "; ".join(sorted(self._hosts))
+
+    def made_by(self, spec: Any, evaluate: block.Evaluate | None = None) -> dict[str, str]:
+        """What must agree between blocks of one map, as the workers have it.
+
+        Raises: `ClusterError` if it is not what this process has.
+        """
+        future = self._client.submit(_made_by, spec, evaluate, pure=False)
+        theirs = self._result(future.result, "the first task", self._patience)
+        mine = block.made_by(spec)
+        _compare({name: theirs.get(name, "none") for name in mine}, mine)
+        self._made_by = theirs
+        return theirs
+
+    def blocks(
+        self,
+        spec: Any,
+        spans: Mapping[int, tuple[int, int]],
+        evaluate: block.Evaluate | None = None,
+    ) -> Iterator[block.Block]:
+        """Blocks `spans` (number -> first cell, the one after the last), in any order."""
+        from distributed import wait
+
+        waiting = iter(spans.items())
+        run = uuid.uuid4().hex  # dask takes tasks of one name for one task
+        flying: dict[Any, int] = {}
+
+        def ready(seconds: float) -> Any:
+            with self._client.as_current():
+                waited: Any = wait(list(flying), seconds, return_when="FIRST_COMPLETED")
+            return waited.done.pop()
+
+        def submit() -> None:
+            threads = sum(self._client.nthreads().values())
+            room = max(2, AHEAD * threads) - len(flying)
+            for number, (start, stop) in itertools.islice(waiting, max(0, room)):
+                key = f"wiperjax-{run}-{number}"
+                future = self._client.submit(_compute, spec, start, stop, evaluate, key=key)
+                flying[future] = number
+
+        try:
+            submit()
+            while flying:
+                future = self._result(ready, "a block")
+                number = flying.pop(future)
+                answer: _Answer = self._result(future.result, f"block {number}")
+                future.release()
+                _compare(answer.made_by, self._made_by)
+                self._hosts.add(answer.host)
+                submit()
+                yield block.Block(number, answer.columns, answer.occupancy, answer.seconds)
+        finally:
+            with contextlib.suppress(Exception):  # of a cluster that is gone
+                self._client.cancel(list(flying), force=True)
+
+    def _result(self, attempt: Callable[[float], Any], what: str, alone: float = ALONE) -> Any:
+        """Return ``attempt(seconds)``, tried again until there was no worker for ``alone`` s."""
+        from distributed import KilledWorker
+
+        seen = time.monotonic()
+        while True:
+            try:
+                try:
+                    return attempt(min(15, alone))
+                except TimeoutError:  # of the attempt: what it waits for goes on
+                    deserted = not self._client.nthreads()
+            except KilledWorker as error:
+                times = error.allowed_failures + 1
+                message = f"{what} was lost with its worker {times} times; {_KEPT}"
+                raise ClusterError(message) from error
+            except (CancelledError, OSError) as error:
+                raise ClusterError(f"the scheduler was lost ({error!r}); {_KEPT}") from error
+            seen = seen if deserted else time.monotonic()
+            if time.monotonic() - seen > alone:
+                raise ClusterError(f"no worker was left for {alone:g} s; {_KEPT}")
+
+
+def _compare(theirs: Mapping[str, str], expected: Mapping[str, str]) -> None:
+    """Raises `ClusterError` that says what differs, if anything does."""
+    names = sorted(theirs.keys() | expected.keys())
+    pairs = [(name, theirs.get(name, "none"), expected.get(name, "none")) for name in names]
+    said = [f"{name} is {there}, not {here}" for name, there, here in pairs if there != here]
+    if said:
+        raise ClusterError(f"a worker differs, its blocks would not belong: {'; '.join(said)}")
+
+
+# --- in the workers -------------------------------------------------------------------------------
+
+_one_block = threading.Lock()
+
+
+def _compute(spec: Any, start: int, stop: int, evaluate: block.Evaluate | None) -> _Answer:
+    """One block. A worker of many threads computes one block at a time, on as many cores."""
+    with _one_block:
+        made_by = _made_by(spec, evaluate)
+        begun = time.perf_counter()
+        evaluate = evaluate or block.engine()[0]
+        columns, occupancy = block.evaluate_block(spec, np.arange(start, stop), evaluate)
+        seconds = time.perf_counter() - begun
+        return _Answer(columns, occupancy, seconds, made_by, provenance.host_kind())
+
+
+def _made_by(spec: Any, evaluate: block.Evaluate | None) -> dict[str, str]:
+    made_by = block.made_by(spec)
+    if evaluate is None:
+        _prepare()
+        made_by |= block.engine()[1]
+    return made_by
+
+
+@functools.cache
+def _prepare() -> None:
+    """Settings of JAX for a worker, before it starts a device: its cores, or its accelerator."""
+    from distributed import get_worker
+
+    # One setting is not the user's own: a process that starts workers hands down its count.
+    flags = os.environ.get("XLA_FLAGS", "")
+    os.environ["XLA_FLAGS"] = re.sub(r"--xla_force_host_platform_device_count=\S+", "", flags)
+    configure(get_worker().state.nthreads)
+    claim_accelerator()
+
+
+def claim_accelerator(folder: Path = Path("/dev")) -> str | None:
+    """Choose one of the accelerators that this process sees, if there are several: the first that
+    no other worker on this machine holds. It is held until the process ends.
+    """
+    listed = os.environ.get("CUDA_VISIBLE_DEVICES")
+    if listed is None:
+        found = [re.fullmatch(r"nvidia(\d+)", entry.name) for entry in folder.iterdir()]
+        devices = sorted((match[1] for match in found if match), key=int)
+    else:
+        devices = [name.strip() for name in listed.split(",") if name.strip()]
+    if len(devices) < 2:
+        return None
+    scope = f"{os.getuid()}-{os.environ.get('SLURM_JOB_ID', '')}"  # a job numbers its own from 0
+    for device in devices:
+        with contextlib.suppress(StoreError):
+            acquire(Path(tempfile.gettempdir()) / f"wiperjax-accelerator-{scope}-{device}.lock")
+            os.environ["CUDA_VISIBLE_DEVICES"] = device
+            return device
+    raise ClusterError(f"this machine has more workers than accelerators ({len(devices)})")

@@ -1,0 +1,227 @@
+"""Driver of a sweep: blocks of cells (`block`) into a store (`blocks`), then one map (`map_file`).
+
+Memory is bounded by one block, whatever the number of cells.
+"""
+
+import json
+import os
+import shlex
+import time
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from ..datasets import map_dataset
+from ..machine import provenance
+from ..machine.files import StoreError, check_move, check_output, log
+from ..specs.load import load_sweep, parse_sweep
+from ..store.blocks import BlockStore
+from ..store.manifest import parts_of
+from ..store.map_file import finalize
+from ..store.mending import finished, salvage
+from ..store.whole import listed, open_map
+from ..vocabulary import checks
+from ..vocabulary.ranges import MOST_CELLS, Range
+from .block import Block, Evaluate, block_size, engine, evaluate_block, made_by
+from .estimate import check_memory, check_room
+from .progress import Report
+
+if TYPE_CHECKING:
+    from .cluster import Workers
+
+Spans = Mapping[int, tuple[int, int]]  # number of a block -> first cell, the one after the last
+Blocks = Callable[[Any, Spans], Iterator[Block]]
+
+
+class SweepInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a sweep; its text says what is kept and how to go on."""
+
+
+def run(
+    spec: Any,
+    output: str | Path | None = None,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    block: int | None = None,
+    evaluate: Evaluate | None = None,
+    workers: "Workers | None" = None,
+    identity: Mapping[str, str] | None = None,
+    progress: bool = True,
+    command: str | None = None,
+) -> xr.Dataset:
+    """Map of the sweep `spec`, read from `output` as it is used.
+
+    Main arguments:
+
+    - `spec`: the sweep: a `SweepSpec`, a mapping shaped like a sweep file, or the
+        path of one.
+    - `output`: HDF5 file to make; finished blocks are kept in `<output>.parts` until it is
+        complete. None keeps everything in memory.
+    - `resume`: go on with a sweep that was cut short, or mend its finished map that was damaged
+        since; the result is bit-identical to one that was not.
+    - `force`: replace `output`, and without `resume` an unfinished store, if they exist.
+
+    Other arguments:
+
+    - `block`: cells computed, and lost at worst, together; `block_size` if None. A sweep that
+        is resumed keeps its own.
+    - `evaluate`: what computes cells, `wiperjax.maps.cells.batch.evaluate` if None.
+    - `workers`: who computes, as `wiperjax.cluster.connect` gives them; this process if None.
+    - `identity`: what else must agree between parts of one map (such as the kind of device), text
+        -> text.
+    - `progress`: show it, if standard error is a terminal.
+    - `command`: what was typed, for the file and for the hint after Ctrl-C.
+
+    Raises: `StoreError` (one line) for everything about files; `SpecError` (one line) for a wrong
+    sweep; `SweepInterrupted` on Ctrl-C.
+    """
+    for name, value in (("resume", resume), ("force", force), ("progress", progress)):
+        checks.flag(name, value)
+    if block is not None:
+        block = checks.whole("block", block, Range(1, MOST_CELLS, whole=True))
+    if evaluate is not None and not callable(evaluate):
+        raise ValueError(f"evaluate must be a function, but was {checks.shown(evaluate)}")
+    if output is not None:
+        checks.path("output", output)
+    source = Path(spec) if isinstance(spec, str | os.PathLike) else None
+    spec = _sweep(spec)
+    if block is None:
+        block = block_size(spec, 1 if workers is None else workers.count)
+    known = made_by(spec) | dict(identity or {})
+    if workers is not None:
+        known |= workers.made_by(spec, evaluate)
+        blocks: Blocks = partial(workers.blocks, evaluate=evaluate)
+    else:
+        if evaluate is None:
+            evaluate, described = engine()
+            known |= described
+        blocks = partial(_one_by_one, evaluate=evaluate)
+    if output is None:
+        check_memory(spec)
+        return _in_memory(spec, blocks, block, known, progress, command)
+    output = Path(output)
+    stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
+    found = finished(output, stated) if resume and output.exists() else None
+    if found and not found.damaged:
+        # killed after the map was complete, before its parts were gone
+        if parts_of(output).is_dir():
+            with BlockStore.open(output, spec, block=block, identity=known, resume=True) as store:
+                store.remove()
+        return open_map(output)
+    if found:
+        log.warning("%s: is damaged: %s; it is mended", output, listed(found.damaged))
+        block = found.block or block
+    replace = force or found is not None or (resume and BlockStore.may_replace(output))
+    check_output(output, replace, source)
+    if parts_of(output).is_dir():
+        check_move(parts_of(output), output)
+    check_room(spec, output, _cells_done(output) if resume else 0)
+    with BlockStore.open(
+        output, spec, block=block, identity=known, resume=resume, force=force
+    ) as store:
+        if found:
+            salvage(output, found.damaged, store)
+        with Report(store.cells, title=spec.title, show=progress) as report:
+            try:
+                _compute(spec, store, blocks, report)
+            except KeyboardInterrupt:
+                raise SweepInterrupted(_how_to_resume(store, output, command)) from None
+        if output.exists() and not replace:
+            raise StoreError(
+                f"{output}: was made by another program meanwhile; move it away and go on with "
+                "--resume"
+            )
+        host = workers.host if workers is not None else None
+        finalize(store, output, _made(known) | provenance.record(command, 0.0, host))
+    return open_map(output)
+
+
+def _sweep(spec: Any) -> Any:
+    """The sweep that `spec` is, names or describes."""
+    if isinstance(spec, str | os.PathLike):
+        return load_sweep(Path(spec))
+    if isinstance(spec, Mapping):
+        return parse_sweep(spec)
+    if not hasattr(spec, "axes_values"):
+        must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
+        raise ValueError(f"{must}, but was {checks.shown(spec)}")
+    return spec
+
+
+def _one_by_one(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]:
+    for number, (start, stop) in spans.items():
+        begun = time.perf_counter()
+        columns, occupancy = evaluate_block(spec, np.arange(start, stop), evaluate)
+        yield Block(number, columns, occupancy, time.perf_counter() - begun)
+
+
+def _compute(spec: Any, store: BlockStore, blocks: Blocks, report: Report) -> None:
+    """Computes and stores every block that is not done."""
+    done = store.done()
+    for number in np.flatnonzero(done):
+        found = store.read(int(number), ("label", "result"))
+        if found is None:
+            done[number] = False
+            continue
+        start, stop = store.span(int(number))
+        report.done += stop - start
+        report.count(found[0])
+    spans = {int(number): store.span(int(number)) for number in np.flatnonzero(~done)}
+    for number, columns, occupancy, seconds in blocks(spec, spans):
+        store.write(number, columns, seconds)
+        start, stop = spans[number]
+        report.update(columns, stop - start, occupancy)
+
+
+def _in_memory(
+    spec: Any,
+    blocks: Blocks,
+    block: int,
+    known: dict[str, str],
+    progress: bool,
+    command: str | None,
+) -> xr.Dataset:
+    begun = time.perf_counter()
+    starts = range(0, spec.size, block)
+    spans = {k: (start, min(spec.size, start + block)) for k, start in enumerate(starts)}
+    pieces: dict[int, dict[str, np.ndarray]] = {}
+    with Report(spec.size, title=spec.title, show=progress) as report:
+        for number, columns, occupancy, _ in blocks(spec, spans):
+            pieces[number] = columns
+            start, stop = spans[number]
+            report.update(columns, stop - start, occupancy)
+    whole = {name: np.concatenate([pieces[k][name] for k in spans]) for name in pieces[0]}
+    made = _made(known) | provenance.record(command, time.perf_counter() - begun)
+    return map_dataset.assemble(spec, whole, attributes=made)
+
+
+def _made(known: Mapping[str, str]) -> dict[str, str]:
+    """Attributes that say what made a map."""
+    return {
+        "identity": json.dumps(dict(known), sort_keys=True),
+        "versions": json.dumps(provenance.versions(), sort_keys=True),
+    }
+
+
+def _cells_done(output: Path) -> int:
+    """Cells in the finished blocks beside `output`; 0 if there is no store that can be read."""
+    try:
+        return BlockStore.peek(parts_of(output)).cells_done()
+    except StoreError:  # opening it will say what is wrong, if anything is
+        return 0
+
+
+def _how_to_resume(store: BlockStore, output: Path, command: str | None) -> str:
+    done = store.cells_done()
+    if command:
+        words = [word for word in shlex.split(command) if word not in ("--force", "--resume")]
+        hint = shlex.join([*words, "--resume"])
+    else:
+        hint = f"wiperjax.sweep(spec, {str(output)!r}, resume=True)"
+    kept = f"{done} of {store.cells} cells are kept in {store.parts}"
+    return f"interrupted: {kept}; go on with\n  {hint}"

@@ -1,0 +1,123 @@
+"""What a sweep will take, before its first cell: bytes that are certain, and time that is a guess.
+
+Bytes follow from the columns that a cell has. Time depends on what the lip does there, which is
+what the sweep is to find out: the guess is that of the reference map, and says so.
+"""
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..machine.files import StoreError
+from ..vocabulary.schema import DIFFERENTIABLE, SCHEMA, Column, sensitivity_name
+
+RATE = 150.0  # s of motion a second and core: the reference map at rtol 1e-6 (AMD EPYC, avx512)
+COMPILATION = 15.0  # s
+REVERSING = ("reversal", "stroke", "tone_")  # in the names of what only a belt that reverses has
+DERIVATIVES = ("sensitivity_code", "grazing_margin", "sensitivity_agreement")
+
+
+def columns(spec: Any) -> Iterator[Column]:
+    """Columns of the schema that the cells of a sweep have."""
+    wanted: set[str] = set()
+    if spec.sensitivities is not None:
+        parameters = spec.sensitivities.parameters
+        wanted = {sensitivity_name(o, p) for o in DIFFERENTIABLE for p in parameters}
+        wanted.update(DERIVATIVES)
+    for name, column in SCHEMA.items():
+        if column.along == "raster_time":
+            has = spec.run.raster is not None
+        elif name.startswith("event_") or column.along == "event":
+            has = spec.run.event_log is not None
+        elif name in DERIVATIVES or name.startswith("d_"):
+            has = name in wanted
+        else:
+            has = spec.belt.kind != "steady" or not any(word in name for word in REVERSING)
+        if has:
+            yield column
+
+
+def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
+    """Bytes of the numbers of one cell: those kept as they are, and those of its raster and event
+    log, which are packed.
+    """
+    lengths = {"": 1, "raster_time": spec.run.raster or 0, "event": spec.run.event_log or 0}
+    plain = packed = 0
+    for column in columns(spec):
+        size = lengths[column.along] * np.dtype(column.dtype).itemsize
+        plain, packed = (plain, packed + size) if column.along else (plain + size, packed)
+    return plain, packed
+
+
+def seconds(spec: Any, cores: int) -> float:
+    """Time [s] of a sweep on some cores, if its cells are like those of the reference map."""
+    motion = spec.size * (spec.run.transient + spec.run.window)
+    derivatives = 1 + len(spec.sensitivities.parameters) if spec.sensitivities else 1
+    return COMPILATION + motion * derivatives / (RATE * cores)
+
+
+def words(spec: Any, cores: int) -> str:
+    """Cells, time and bytes of a sweep in one line."""
+    time = spec.run.transient + spec.run.window
+    plain, packed = bytes_of_a_cell(spec)
+    size = _bytes(spec.size * plain)
+    if packed:
+        size += f" to {_bytes(spec.size * (plain + packed))}"
+    where = f"{cores} core{'s' if cores > 1 else ''}"
+    guess = f"about {_duration(seconds(spec, cores))} on {where}"
+    return (
+        f"{spec.size} of {time:g} s, {size}, {guess} "
+        "(a guess from the reference map: a third to ten times that)"
+    )
+
+
+def check_room(spec: Any, output: Path, done: int = 0) -> None:
+    """Raises `StoreError` if the disk that `output` is for cannot hold the blocks of a sweep.
+
+    Arguments:
+        done: cells that are there already.
+    """
+    least = (spec.size - done) * bytes_of_a_cell(spec)[0]
+    free = shutil.disk_usage(output.parent).free
+    if least > free:
+        raise StoreError(
+            f"{output}: cannot be written: {os.strerror(errno.ENOSPC)}: {_bytes(least)} are needed "
+            f"at least until it is finished, but {_bytes(free)} are free"
+        )
+
+
+def check_memory(spec: Any) -> None:
+    """Raises `StoreError` if this machine's memory cannot hold a map that is kept in it."""
+    least = spec.size * sum(bytes_of_a_cell(spec))
+    there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if least > there:
+        raise StoreError(
+            f"output must name a file, but was None: the {_bytes(least)} of this sweep do not fit "
+            f"into the {_bytes(there)} of memory here"
+        )
+
+
+def _bytes(count: float) -> str:
+    """Bytes in words."""
+    for unit in ("kB", "MB", "GB"):
+        count /= 1000
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+    return f"{count / 1000:,.3g} TB"
+
+
+def _duration(time: float) -> str:
+    """Seconds in words."""
+    if time < 90:
+        return f"{time:.0f} s"
+    if time < 5400:
+        return f"{time / 60:.0f} minutes"
+    if time < 48 * 3600:
+        return f"{time / 3600:.1f} hours"
+    return f"{timedelta(seconds=time).days:,} days"

@@ -1,0 +1,127 @@
+"""Checking a finished map: a random sample of its cells computed again and compared."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ..machine import provenance
+from ..machine.files import StoreError
+from ..specs.load import parse_sweep
+from ..store.whole import open_map
+from ..vocabulary import checks
+from ..vocabulary.ranges import NON_NEGATIVE, Range
+from .block import MOST_CELLS, Evaluate, engine, evaluate_block
+
+
+@dataclass(frozen=True)
+class VerifyReport:
+    """How a random sample of recomputed cells agrees with a map.
+
+    Attributes:
+        cells: number of cells recomputed.
+        columns: number of columns compared.
+        largest: column -> largest relative difference, of the columns that are not bit-identical.
+        differing: numbers of the cells in which anything differs by more than the tolerance.
+        tolerance: relative difference allowed; codes and counts must be equal.
+        same_versions: whether the map was made with the library versions of now.
+    """
+
+    cells: int
+    columns: int
+    tolerance: float
+    same_versions: bool
+    largest: dict[str, float] = field(default_factory=dict)
+    differing: tuple[int, ...] = ()
+
+    @property
+    def identical(self) -> bool:
+        """Whether every number agrees to the last bit."""
+        return not self.largest
+
+    @property
+    def passed(self) -> bool:
+        """Whether every number agrees within the tolerance."""
+        return not self.differing
+
+
+def verify(
+    path: str | Path,
+    cells: int = 64,
+    seed: int = 0,
+    *,
+    tolerance: float = 1e-9,
+    spec: Any = None,
+    evaluate: Evaluate | None = None,
+) -> VerifyReport:
+    """Recomputes a random sample of the cells of a map and compares all their columns. Before that,
+    compares the file with its checksums.
+
+    Arguments:
+
+    - `path`: the map.
+    - `cells`, `seed`: size of the sample, drawn without repetition.
+    - `tolerance`: largest relative difference that passes.
+    - `spec`: the sweep; read from the map if None.
+    - `evaluate`: as in `run`.
+
+    Raises: `StoreError` if `path` is no map, is damaged or has no checksums, or `spec` is not
+        what it was made from.
+    """
+    checks.path("path", path)
+    cells = checks.whole("cells", cells, Range(1, MOST_CELLS, whole=True))
+    seed = checks.whole("seed", seed, Range(0, whole=True))
+    tolerance = checks.number("tolerance", tolerance, NON_NEGATIVE)
+    if Path(path).is_dir():
+        raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
+    with open_map(path, check=True) as ds:
+        if "specification_digest" not in ds.attrs:
+            raise StoreError(f"{path}: is not a map (it holds no specification)")
+        if spec is None:
+            spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
+        if spec.digest() != ds.attrs["specification_digest"]:
+            raise StoreError(
+                f"{path}: was not made from this specification by this version of wiperjax"
+            )
+        same = json.loads(ds.attrs.get("versions", "{}")) == provenance.versions()
+        index = np.sort(
+            np.random.default_rng(seed).choice(spec.size, size=min(cells, spec.size), replace=False)
+        )
+        names = [str(name) for name in ds.data_vars]
+    # Cell by cell, and not through xarray: it would read all that lies between them, or take long.
+    places = list(zip(*np.unravel_index(index, spec.shape), strict=True))
+    with h5py.File(path, "r") as file:
+        stored = {name: _values(file, name, places) for name in names}
+    fresh, _ = evaluate_block(spec, index, evaluate or engine()[0])
+    largest: dict[str, float] = {}
+    wrong = np.zeros(len(index), dtype=bool)
+    for name in fresh.keys() & stored.keys():
+        now, was = fresh[name], stored[name]
+        equal = (now == was) | ((now != now) & (was != was))
+        if equal.all():
+            continue
+        with np.errstate(all="ignore"):
+            gap = np.abs(now.astype(float) - was) / np.maximum(
+                np.abs(now.astype(float)), np.abs(was)
+            )
+        gap = np.where(equal, 0.0, np.nan_to_num(gap, nan=np.inf))
+        largest[name] = float(gap.max())
+        too_far = gap > (tolerance if now.dtype.kind == "f" else 0.0)
+        wrong |= too_far.reshape(len(index), -1).any(axis=1)
+    return VerifyReport(
+        cells=len(index),
+        columns=len(fresh.keys() & stored.keys()),
+        tolerance=tolerance,
+        same_versions=same,
+        largest=dict(sorted(largest.items())),
+        differing=tuple(int(cell) for cell in index[wrong]),
+    )
+
+
+def _values(file: h5py.File, name: str, places: list[tuple[int, ...]]) -> np.ndarray:
+    """Values of the variable `name` at some cells, the cells first."""
+    variable: Any = file[name]
+    return np.stack([variable[place] for place in places])

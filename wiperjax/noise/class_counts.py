@@ -1,0 +1,51 @@
+"""Classes counted: the table and the anatomy of a map."""
+
+import numpy as np
+import xarray as xr
+
+from ..vocabulary.cf import flag_names
+from ..vocabulary.codes import LABELS, SETTLED, TOLD
+
+
+def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int, float]]:
+    """Name, number of cells and share of each class of a map, in the order of the codes; also of
+    `mechanism`, `band`, `settled` and `result`.
+
+    Cells that are not computed (a partly finished store) are not counted.
+    """
+    names = flag_names(ds[variable])
+    codes, counts = np.unique(np.asarray(ds[variable]), return_counts=True)
+    found = {int(code): int(count) for code, count in zip(codes, counts, strict=True) if code >= 0}
+    total = max(1, sum(found.values()))
+    unnamed = {code: f"code_{code}" for code in found if code not in names}
+    return [
+        (name, found.get(code, 0), found.get(code, 0) / total)
+        for code, name in (names | unnamed).items()
+        if code >= 0
+    ]
+
+
+def anatomy(ds: xr.Dataset, label: str = "other") -> list[tuple[str, str, int]]:
+    """Mechanism, band and number of cells of one class of a map, the most frequent first."""
+    chosen = np.asarray(ds["label"]) == LABELS[label]
+    mechanisms, bands = flag_names(ds["mechanism"]), flag_names(ds["band"])
+    pairs = np.stack([np.asarray(ds[name])[chosen] for name in ("mechanism", "band")])
+    kinds, counts = np.unique(pairs, axis=1, return_counts=True)
+    rows = [
+        (mechanisms[int(m)], bands[int(b)], int(n))
+        for (m, b), n in zip(kinds.T, counts, strict=True)
+    ]
+    return sorted(rows, key=lambda row: -row[2])
+
+
+def untold(ds: xr.Dataset) -> int:
+    """Number of noisy cells whose frequency the finest samples do not tell."""
+    if "frequency_told" not in ds:
+        return 0
+    quiet = np.asarray(ds["label"]) == LABELS["quiet"]
+    return int(np.sum((np.asarray(ds["frequency_told"]) == TOLD["no"]) & ~quiet))
+
+
+def unsettled(ds: xr.Dataset) -> int:
+    """Number of cells whose motion had not settled in the window, or is irregular for good."""
+    return int(np.sum(np.asarray(ds["settled"]) == SETTLED["no"])) if "settled" in ds else 0

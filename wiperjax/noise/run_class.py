@@ -1,0 +1,151 @@
+"""Class of one run: the columns of a map, taken from the samples and events of a trajectory.
+
+The rules are those of maps (`labels.classify`), so a scene and the cell of a map that stands for it
+are called the same. Regimes and impacts come from the events, so they are exact; forces and
+velocities from the samples.
+"""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..vocabulary.cf import flag_names
+from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
+from .classes import classify, stored
+from .signals import signal_columns
+from .spectrum import interval_means
+
+TURN = 2 * np.pi
+
+
+def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = None) -> xr.Dataset:
+    """Class, mechanism, band and the statistics they rest on of a run of a scene.
+
+    Arguments:
+
+    - `run`: a run of a scene file (`scene.run`, or a file of `wiperjax simulate`); its attributes
+        tell the belt.
+    - `thresholds`: `labels.Thresholds`; None: those stored with the run.
+    - `transient`: time [s] that is left out; None: the first half on a steady belt, the first
+        eighth on one that reverses.
+
+    Returns: a dataset of scalars named as the columns of a map (`label` and the like hold codes,
+    see `words`).
+
+    Raises: ValueError for a run that is no run of a scene, or of fewer than 64 samples after the
+    transient.
+    """
+    if "belt_kind" not in run.attrs or "event_time" not in run:
+        raise ValueError("run must be a run of a scene file, with its belt among the attributes")
+    limits = thresholds if thresholds is not None else stored(run.attrs)
+    kind, end = str(run.attrs["belt_kind"]), float(run["final_time"])
+    if transient is None:
+        transient = float(run.attrs["duration"]) / (2 if kind == "steady" else 8)
+    kept = run.sel(time=slice(transient, None))
+    time = np.asarray(kept["time"], dtype=float)
+    finished = int(run["result"]) == RESULTS["finished"]
+    if finished and time.size < 64:
+        raise ValueError(f"run must have 64 samples after the transient, but had {time.size}")
+    columns: dict[str, Any] = {"result": int(run["result"]), "belt_speed_rms": _belt_rms(run)}
+    if not finished or time.size < 64:
+        absent = ("velocity_rms", "dominant_frequency", "stick_fraction", "flight_fraction")
+        columns |= dict.fromkeys(absent, np.nan)
+        return _named(columns | classify(columns, limits))
+
+    velocity = np.asarray(kept["velocity"].sel(axis="x"), dtype=float)
+    force = np.asarray(kept["normal_force"], dtype=float)
+    interval = float(run.attrs["sample_interval"])
+    since = None if kind == "steady" else _since_reversal(run, time)
+    wiping = run.attrs.get("belt_frequency")
+    columns |= {
+        "velocity_mean": velocity.mean(),
+        "velocity_rms": velocity.std(),
+        "normal_force_mean": force.mean(),
+        "normal_force_max": force.max(),
+    }
+    columns |= _events(run, transient, end, None)
+    if since is not None:
+        near = np.abs(since) <= limits.reversal_window
+        columns["normal_force_max_reversal"] = force[near].max() if near.any() else np.nan
+        columns["normal_force_mean_stroke"] = force[~near].mean() if (~near).any() else np.nan
+        columns |= _events(run, transient, end, limits.reversal_window)
+    quiet = limits.quiet_velocity_ratio * columns["belt_speed_rms"]
+    place = np.asarray(kept["position"].sel(axis="x"), dtype=float)
+    mean, inner = interval_means(place, velocity, interval)
+    if since is None:
+        inner = inner.mean(keepdims=True)
+    else:
+        since = since[:-1] + 0.5 * interval
+    found = signal_columns(mean[None], interval, limits, quiet, since, wiping, inner[None])
+    columns |= {name: values[0] for name, values in found.items()}
+    if columns["frequency_told"] == TOLD["no"]:
+        columns["dominant_frequency"] = np.nan
+    return _named(columns | classify(columns, limits))
+
+
+def words(columns: Any) -> dict[str, str]:
+    """Names of the codes `label`, `mechanism`, `band` and `settled` of one assessment."""
+    flags = {"label": LABELS, "mechanism": MECHANISMS, "band": BANDS, "settled": SETTLED}
+    return {
+        name: {code: word for word, code in table.items()}[int(columns[name])]
+        for name, table in flags.items()
+        if name in columns
+    }
+
+
+def _named(columns: dict[str, Any]) -> xr.Dataset:
+    return xr.Dataset({name: ((), np.asarray(value)[()]) for name, value in columns.items()})
+
+
+def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> dict[str, float]:
+    """Shares of time in stick and flight and impacts after `start`; with a `window`, those of the
+    strokes, and the hardest impact in it.
+    """
+    names = {code: name for code, name in flag_names(run["regime"]).items()}
+    times = np.asarray(run["event_time"], dtype=float)
+    after = np.asarray(run["regime_after"], dtype=int)
+    first = int(run["regime_before"][0]) if times.size else int(run["final_regime"])
+    borders = np.clip(np.concatenate([[0.0], times, [end]]), start, None)
+    regimes = [names[code] for code in (first, *after)]
+    caught = np.array([name == "stick" for name in regimes])
+    caught = caught[1:] & ~caught[:-1]
+    impulse = np.where(times >= start, np.asarray(run["event_impulse"], dtype=float), 0.0)
+    if window is None:
+        length, suffix = np.diff(borders), ""
+        found = {
+            "impact_count": float(np.sum(impulse > 0)),
+            "impact_impulse_max": impulse.max(initial=0.0),
+            "stick_count": float(np.sum(caught & (times >= start))),
+        }
+    else:
+        # time outside the window: the integral of a function that is 1 on the strokes
+        fine = np.linspace(start, end, 200_001)
+        stroke = np.abs(_since_reversal(run, fine)) > window
+        total = np.concatenate([[0.0], np.cumsum(stroke[1:] * np.diff(fine))])
+        length, suffix = np.diff(np.interp(borders, fine, total)), "_stroke"
+        near = np.abs(_since_reversal(run, times)) <= window
+        found = {"impact_impulse_reversal": np.where(near, impulse, 0.0).max(initial=0.0)}
+    whole = length.sum()
+    for regime in ("stick", "flight"):
+        # added up as the whole is: a run in one regime has a share of 1 itself
+        mine = np.where([name == regime for name in regimes], length, 0.0)
+        found[f"{regime}_fraction{suffix}"] = float(mine.sum() / whole)
+    return found
+
+
+def _since_reversal(run: xr.Dataset, time: np.ndarray) -> np.ndarray:
+    """Time [s] since the nearest V = 0 (MODEL.md section 8)."""
+    turns = run.attrs["belt_frequency"] * time + run.attrs.get("belt_phase", 0.0) / 360
+    return (2 * turns - np.round(2 * turns)) / (2 * run.attrs["belt_frequency"])
+
+
+def _belt_rms(run: xr.Dataset) -> float:
+    """Root mean square of V [m/s] over a period."""
+    speed = abs(float(run.attrs["belt_speed"]))
+    if run.attrs["belt_kind"] == "wiping":
+        return speed / np.sqrt(2)
+    if run.attrs["belt_kind"] == "trapezoid":
+        ramps = 2 * run.attrs["belt_frequency"] * run.attrs["belt_ramp"]
+        return speed * np.sqrt(1 - 2 / 3 * ramps)
+    return speed

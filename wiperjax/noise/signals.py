@@ -1,0 +1,181 @@
+"""What the sampled tip velocity says: frequency, vibration around reversals, whether it settled.
+
+On a belt that reverses, a tip moves even if nothing sounds: it rides with the glass, flips over
+and drifts with the friction curve. So the STROKE is looked at apart from the REVERSAL, the time
+within a window of V = 0: the samples of the reversal are faded out of the stroke's signal, and
+what is slower than `SLOW` times the wiping frequency is taken off it. On a steady belt all is
+stroke, and nothing is taken off.
+
+Samples are means over their intervals (`averaging`), with the variance inside beside them, so that
+levels are exact and a frequency that the samples cannot tell is known for what it is.
+"""
+
+from typing import Any
+
+import numpy as np
+import scipy.signal
+
+from ..vocabulary.codes import SETTLED, TOLD
+from .spectrum import strongest_lines
+from .tones import SIDES, tones
+
+SLOW = 10.0  # multiples of the wiping frequency that are the stroke's own motion, not vibration
+FADE = 0.25  # of the window: length of the fade beside it
+
+
+def signal_columns(
+    signal: np.ndarray,
+    interval: float,
+    limits: Any,
+    quiet_below: Any = 0.0,
+    since: np.ndarray | None = None,
+    wiping: Any = None,
+    inner: Any = 0.0,
+) -> dict[str, np.ndarray]:
+    """Columns of a map that come from samples of the tip velocity.
+
+    Arguments:
+
+    - `signal`: mean tip velocity [m/s] over each sample interval, (cells, samples); NaN where a
+        cell ended.
+    - `interval`: time [s] between samples.
+    - `limits`: thresholds, as `labels.Thresholds`.
+    - `quiet_below`: [m/s], a number or (cells,): motion that counts as none when settling is
+        judged.
+    - `since`: time [s] of the middle of each sample since the nearest passage of V through zero,
+        (samples,) or (cells, samples); None on a steady belt.
+    - `wiping`: wiping frequency [Hz], a number or (cells,); None on a steady belt.
+    - `inner`: variance of the tip velocity inside each sample interval, (cells, samples), or its
+        mean, (cells, 1).
+
+    Returns: `dominant_frequency` [Hz] of the stroke, `frequency_told` (`TOLD`; where "no", the
+    frequency is what the samples seem to say), `settled` (`SETTLED`); on a belt that reverses
+    also `velocity_rms_stroke`, `vibration_reversal` and `vibration_stroke` [m/s],
+    `reversal_count` and the results of `turns.tones`. Where the strokes are quiet and a tone around
+    the turn is not, the dominant frequency is that of the longest tone. All (cells,).
+    """
+    signal = np.atleast_2d(np.asarray(signal, dtype=float))
+    found: dict[str, np.ndarray] = {}
+    finite = np.isfinite(signal).all(axis=-1)
+    quiet_below = np.broadcast_to(np.asarray(quiet_below, dtype=float), signal.shape[:1])
+    halves_agree = None
+    if since is not None:
+        since = np.broadcast_to(since, signal.shape)
+        wiping = np.broadcast_to(np.asarray(wiping, dtype=float), signal.shape[:1])
+        weight = stroke_weight(since, limits.reversal_window)
+        floor = limits.chatter_band[1]  # slower motion is the flip itself
+        inner = np.broadcast_to(inner, signal.shape)
+        vibration = high_pass(signal, interval, floor)
+        after = ((since >= 0) & (since <= limits.reversal_window)).astype(float)
+        found["vibration_reversal"] = weighted_rms(vibration, inner, after)
+        found |= tones(vibration, inner, interval, since, quiet_below)
+        signal, inner = _strokes(signal, weight, interval, wiping), inner * weight**4
+        found["velocity_rms_stroke"] = weighted_rms(signal, inner, weight)
+        found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), inner, weight)
+        found["reversal_count"] = np.sum((since[:, :-1] < 0) & (since[:, 1:] >= 0), axis=1)
+        # halves of a window compare if each holds whole periods
+        periods = wiping * interval * signal.shape[1] / 2
+        halves_agree = (np.round(periods) >= 1) & (np.abs(periods - np.round(periods)) < 1e-6)
+    found["dominant_frequency"], told = strongest_lines(
+        signal, interval, averaged=True, inner=inner
+    )
+    found["frequency_told"] = np.where(told, TOLD["yes"], TOLD["no"])
+    found["settled"] = settled(signal, interval, limits.settled_change, quiet_below)
+    if halves_agree is not None:
+        _name_tones(found, limits.tone_time, quiet_below)
+        found["settled"] = np.where(halves_agree, found["settled"], SETTLED["unknown"])
+    found["frequency_told"] = np.where(finite, found["frequency_told"], TOLD["unknown"])
+    return found
+
+
+def untold(columns: dict[str, np.ndarray], limits: Any) -> np.ndarray:
+    """Which cells make a noise, or a tone, whose frequency the samples do not tell, (cells,) bool.
+
+    `columns`: what `signal_columns` returns, and the statistics of the cells.
+    """
+    if "frequency_told" not in columns:
+        return np.zeros(0, bool)
+    loud = columns["velocity_rms_stroke" if "velocity_rms_stroke" in columns else "velocity_rms"]
+    sounds = loud > limits.quiet_velocity_ratio * columns["belt_speed_rms"]
+    wanted = sounds & (columns["frequency_told"] == TOLD["no"])
+    for side in SIDES if "tone_time_before" in columns else ():
+        lasts = columns[f"tone_time_{side}"] >= limits.tone_time
+        wanted = wanted | lasts & np.isnan(columns[f"tone_frequency_{side}"])
+    return wanted
+
+
+def _name_tones(found: dict[str, np.ndarray], least: float, quiet_below: np.ndarray) -> None:
+    """Takes the frequency of the longest tone where it lasts `least` [s] and strokes are quiet."""
+    before, after = found["tone_time_before"], found["tone_time_after"]
+    heard = (np.fmax(before, after) >= least) & (found["velocity_rms_stroke"] <= quiet_below)
+    pitch = np.where(after >= before, found["tone_frequency_after"], found["tone_frequency_before"])
+    found["dominant_frequency"] = np.where(heard, pitch, found["dominant_frequency"])
+    told = np.where(np.isfinite(pitch), TOLD["yes"], TOLD["no"])
+    found["frequency_told"] = np.where(heard, told, found["frequency_told"])
+
+
+def settled(
+    signal: np.ndarray, interval: float, change: float, quiet_below: Any = 0.0
+) -> np.ndarray:
+    """Codes of `SETTLED`, (cells,): whether both halves of each signal tell the same.
+
+    They do if both are below `quiet_below` [m/s], or if neither the standard deviation nor the
+    dominant frequency changes by more than the fraction `change` from one to the other. A motion
+    that is irregular for good is therefore "no" as well. Signals that are not finite are
+    "unknown".
+    """
+    half = signal.shape[-1] // 2
+    parts = signal[..., :half], signal[..., -half:]
+    spread = np.stack([part.std(axis=-1) for part in parts])
+    pitch = np.stack([strongest_lines(part, interval, averaged=True).frequency for part in parts])
+    silent = np.all(spread <= np.asarray(quiet_below), axis=0)
+    with np.errstate(invalid="ignore"):
+        steady = np.abs(spread[1] - spread[0]) <= change * spread.max(axis=0)
+        steady &= np.abs(pitch[1] - pitch[0]) <= change * pitch.max(axis=0)
+    known = np.isfinite(spread).all(axis=0)
+    return np.where(
+        known, np.where(silent | steady, SETTLED["yes"], SETTLED["no"]), SETTLED["unknown"]
+    )
+
+
+def stroke_weight(since: np.ndarray, window: float) -> np.ndarray:
+    """Weight of each sample in the stroke: 0 within `window` [s] of V = 0, then a cosine rise to 1
+    over `FADE` windows, so that the border makes no click.
+    """
+    rise = np.clip((np.abs(since) - window) / (FADE * window), 0.0, 1.0)
+    return 0.5 - 0.5 * np.cos(np.pi * rise)
+
+
+def weighted_rms(values: np.ndarray, inner: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Root of the weighted mean square along the last axis, the variance `inner` of each sample
+    included; NaN where all weights are 0.
+    """
+    total = weight.sum(axis=-1)
+    square = (weight * (values**2 + inner)).sum(axis=-1)
+    return np.sqrt(np.where(total > 0, square / np.where(total > 0, total, 1.0), np.nan))
+
+
+def high_pass(signal: np.ndarray, interval: float, corner: float) -> np.ndarray:
+    """`signal` without what is slower than `corner` [Hz]: Butterworth, order 4, forward and back,
+    so that nothing is shifted in time. NaN rows stay NaN.
+
+    What can hold no hundredth of a period of `corner` has nothing slow in it but its mean; samples
+    that cannot tell `corner` tell nothing that is faster.
+    """
+    if corner * interval * signal.shape[-1] < 0.01:  # the filter's start would be singular too
+        return signal - signal.mean(axis=-1, keepdims=True)
+    if corner * interval >= 0.5:
+        return 0.0 * signal
+    sections = scipy.signal.butter(4, corner, "highpass", fs=1 / interval, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=-1))
+
+
+def _strokes(signal, weight, interval, wiping) -> np.ndarray:
+    """Strokes alone, each cell without its own slow motion; faded twice, for the filter rings."""
+    kept = np.empty_like(signal)
+    for frequency in np.unique(wiping):
+        rows = wiping == frequency
+        mean = (weight[rows] * signal[rows]).sum(-1) / np.maximum(weight[rows].sum(-1), 1e-300)
+        faded = weight[rows] * (signal[rows] - mean[:, None])
+        kept[rows] = weight[rows] * high_pass(faded, interval, SLOW * frequency)
+    return kept

@@ -1,0 +1,25 @@
+"""Choices over trees of arrays."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+def where(condition, a, b):
+    """`jnp.where` over pytrees."""
+    return jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b)
+
+
+def cellwise(value, count: int) -> np.ndarray:
+    """One value for each of ``count`` cells of something that may be the same for all."""
+    value = np.asarray(value)
+    return value[:count] if value.ndim else np.full(count, value)
+
+
+def pick(slots, index):
+    """Entry ``index`` (traced, one a lane) of a tuple, the first where there is none; entries may
+    be tuples of the same shape."""
+    out = slots[0]
+    for i, entry in enumerate(slots[1:], 1):
+        out = jax.tree.map(lambda a, b, i=i: jnp.where(index == i, b, a), out, entry)
+    return out

@@ -1,0 +1,1 @@
+"""Pictures of maps. Read `planes`, `categories`, `classes`, `line`, `overview`."""

@@ -1,0 +1,221 @@
+"""Maps along one axis: frequency, amplitude and regimes over belt speed, and regimes over time."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from ...vocabulary.cf import flag_names
+from ...vocabulary.codes import LABELS
+from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
+from ..style.caption import set_caption
+from ..style.palette import BOUNDARY, CLASSES, REGIMES, UNKNOWN, readable
+from .planes import At, check_dim, class_names, cut, map_dims
+
+SHARES = {"stick": "stick", "slip": "slip_pos", "flight": "flight"}
+
+
+def along_axis(
+    ds: xr.Dataset,
+    axes: np.ndarray | None = None,
+    *,
+    along: str | None = None,
+    at: At | None = None,
+) -> np.ndarray:
+    """Dominant frequency, amplitude and shares of the regimes over one axis of a map, as in a
+    bifurcation diagram: marks have the colour of their noise class.
+
+    Arguments:
+
+    - `ds`: a map; its other axes are cut at `at`, or in the middle.
+    - `axes`: three axes, below each other; a page of its own if None.
+    - `along`: dimension across; belt speed if there, else the longest.
+    - `at`: dimension -> value at which it is cut, in the units of the map.
+
+    Frequencies of cells that are quiet, carried along, failed or collapsed are not drawn. The thin
+    line is the frequency of steady slip, linearised, and grey bands are where steady slip is
+    unstable.
+
+    Returns: axes, shape (3,).
+    """
+    check_dim(ds, along)
+    line, where, along = _line(ds, along, at)
+    whole = axes is None
+    rows = np.asarray(_column() if axes is None else axes)
+    across = shown(line[along])[0]
+    names = class_names(line)
+    handles = _frequencies(line, rows[0], across, names)
+    _amplitudes(line, rows[1], across, names)
+    _shares(line, rows[2], across)
+    for ax in rows:
+        set_axis(ax, "x", line[along])
+        ax.label_outer()
+    unstable = _unstable(line, rows, across)
+    if whole:
+        figure = rows[0].figure
+        shares = [
+            Patch(color=REGIMES[colour], label=f"share of {name}")
+            for name, colour in SHARES.items()
+            if (np.nan_to_num(line[f"{name}_fraction"]) > 0).any()
+        ]
+        if unstable:
+            handles.append(Patch(color="#000000", alpha=0.08, label="steady slip unstable"))
+        legend_below(figure, handles + shares)
+        set_caption(figure, ds, where)
+    return rows
+
+
+def _column() -> np.ndarray:
+    return page((7.0, 6.6)).subplots(3, 1, sharex=True, height_ratios=[1.2, 1.0, 0.7])
+
+
+def _line(ds: xr.Dataset, along: str | None, at: At | None) -> tuple[xr.Dataset, str, str]:
+    """Slice of a map along one axis, the text of where it lies, and the name of the axis."""
+    free = [dim for dim in map_dims(ds) if dim not in (at or {}) and ds.sizes[dim] > 1]
+    if along is None:
+        along = (
+            "belt_speed"
+            if "belt_speed" in free
+            else max(free, key=lambda dim: ds.sizes[dim], default=None)
+        )
+    if along is None or ds.sizes[along] < 2:
+        raise ValueError("the picture needs a map with an axis of more than one value")
+    line, where = cut(ds, (along,), at)
+    return line, where, along
+
+
+def _marks(ax: Axes, across: np.ndarray, values: np.ndarray, names: np.ndarray) -> None:
+    """Points in the colours of their classes, with a thin outline: quiet is nearly white."""
+    for name in dict.fromkeys(names):
+        chosen = names == name
+        ax.scatter(
+            across[chosen],
+            values[chosen],
+            s=22,
+            color=CLASSES.get(name, UNKNOWN),
+            edgecolor="#333333",
+            linewidth=0.5,
+            zorder=3,
+        )
+
+
+def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarray) -> list:
+    frequency = np.asarray(line["dominant_frequency"], dtype=float)
+    silent = np.isin(line["label"], [LABELS[n] for n in ("quiet", "collapsed", "failed")])
+    frequency = np.where(silent, np.nan, frequency)
+    _marks(ax, across, frequency, names)
+    plain_log(ax, "y")
+    ax.set_ylabel("dominant\nfrequency (Hz)")
+    handles = [
+        Line2D(
+            [], [], marker="o", linestyle="", markersize=5, label=readable(name),
+            markerfacecolor=CLASSES.get(name, UNKNOWN), markeredgecolor="#333333",
+            markeredgewidth=0.5,
+        )
+        for name in CLASSES
+        if name in names
+    ]  # fmt: skip
+    if "linear_frequency" in line:
+        linear = np.asarray(line["linear_frequency"], dtype=float)
+        if np.isfinite(linear).any():
+            (drawn,) = ax.plot(
+                across, np.where(linear > 0, linear, np.nan), color=BOUNDARY, linewidth=0.9,
+                label="steady slip, linearised",
+            )  # fmt: skip
+            handles.append(drawn)
+    for name, colour in (("class_squeal_band", "squeal"), ("class_chatter_band", "chattering")):
+        if name in line.attrs:
+            low, high = np.atleast_1d(line.attrs[name])[[0, -1]]
+            ax.axhspan(max(low, 1e-3), high, color=CLASSES[colour], alpha=0.10, linewidth=0)
+    heard = frequency[np.isfinite(frequency)]
+    if heard.size:
+        ax.set_ylim(min(0.6 * heard.min(), 80), max(1.6 * heard.max(), 1500))
+    return handles
+
+
+def _amplitudes(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarray) -> None:
+    """Standard deviation of the tip velocity, and what it would be at the speed of the glass."""
+    speed = np.asarray(line["velocity_rms"], dtype=float)
+    speed = np.where(np.isin(line["label"], [LABELS["failed"], LABELS["collapsed"]]), np.nan, speed)
+    _marks(ax, across, speed, names)
+    ax.set_ylabel("tip velocity,\nstd (m/s)")
+    ax.set_ylim(bottom=0)
+
+
+def _shares(line: xr.Dataset, ax: Axes, across: np.ndarray) -> None:
+    parts = [np.asarray(line[f"{name}_fraction"], dtype=float) for name in SHARES]
+    ax.stackplot(across, *parts, colors=[REGIMES[c] for c in SHARES.values()], linewidth=0)
+    ax.set_ylim(0, 1)
+    ax.set_ylabel("share of time")
+
+
+def _unstable(line: xr.Dataset, axes: np.ndarray, across: np.ndarray) -> bool:
+    """Shades where the growth rate of steady slip is positive, borders interpolated."""
+    if "growth_rate" not in line:
+        return False
+    growth = np.asarray(line["growth_rate"], dtype=float)
+    scale = np.nanmedian(np.abs(growth)) if np.isfinite(growth).any() else 1.0
+    known = np.isfinite(growth)
+    bent = np.arcsinh(growth / (scale or 1.0))
+    cells = np.arange(across.size)
+    fine = np.linspace(0, across.size - 1, 20 * across.size)  # the border is between two cells
+    bent, place = np.interp(fine, cells, bent), np.interp(fine, cells, across)
+    for ax in axes[:2]:
+        ax.fill_between(
+            place, 0, 1, where=bent > 0, alpha=0.08,
+            color="#000000", linewidth=0, transform=ax.get_xaxis_transform(),
+        )  # fmt: skip
+    return bool((growth[known] > 0).any())
+
+
+def regime_raster(
+    ds: xr.Dataset, ax: Axes | None = None, *, along: str | None = None, at: At | None = None
+) -> Axes:
+    """Regime over time in the settled window, a row for each value of one axis of a map that was
+    swept with `[run] raster`.
+
+    Arguments: as those of `along_axis`. Grey: the cell ended before.
+
+    Raises: `ValueError` if the map holds no raster.
+    """
+    if "regime_raster" not in ds:
+        raise ValueError("this map holds no regime over time; sweep with [run] raster = 200, say")
+    check_dim(ds, along)
+    line, where, along = _line(ds, along, at)
+    whole = ax is None
+    if ax is None:
+        ax = page((7.0, 5.0)).subplots()
+    codes = line["regime_raster"].transpose(along, "raster_time").values
+    names = {code: name for code, name in flag_names(line["regime_raster"]).items()}
+    order = [code for code, name in names.items() if name in REGIMES]
+    colours = ListedColormap([REGIMES[names[code]] for code in order])
+    borders = BoundaryNorm(np.arange(len(order) + 1) - 0.5, len(order))
+    place = np.full(256, -1)
+    place[order] = np.arange(len(order))
+    time = 1e3 * edges(np.asarray(ds["raster_time"], dtype=float))
+    ax.set_facecolor(UNKNOWN)
+    values = np.ma.masked_less(place[codes.astype(np.uint8)], 0)
+    up = edges(shown(line[along])[0])
+    ax.pcolormesh(time, up, values, cmap=colours, norm=borders, rasterized=True)
+    set_axis(ax, "y", line[along])
+    ax.set_xlabel("time in the settled window (ms)")
+    if whole:
+        seen = [code for code in order if (codes == code).any()]
+        handles = [Patch(color=REGIMES[names[c]], label=readable(names[c])) for c in seen]
+        legend_below(ax.figure, handles)
+        set_caption(ax.figure, ds, where, _coarse(line, float(np.diff(time).mean())))
+    return ax
+
+
+def _coarse(line: xr.Dataset, step: float) -> str:
+    """How far apart (ms) the instants of a raster lie, and whether that is too far for the tone."""
+    tones = (
+        np.asarray(line["dominant_frequency"], dtype=float) if "dominant_frequency" in line else []
+    )
+    tone = np.nanmax(tones, initial=0.0) if np.isfinite(tones).any() else 0.0
+    text = f"an instant every {step:.3g} ms"
+    if 2e-3 * step * tone > 1:
+        text += f": too few for {tone:.4g} Hz, the pattern is beats"
+    return text

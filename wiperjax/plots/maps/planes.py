@@ -1,0 +1,251 @@
+"""Planes of a map: which axes are drawn, where the others are cut, and one quantity over them."""
+
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize, SymLogNorm
+
+from ...vocabulary.cf import flag_names
+from ...vocabulary.codes import LABELS
+from ...vocabulary.schema import is_derivative
+from ..style.axes import (
+    edges,
+    label,
+    log_marks,
+    long_name,
+    page,
+    set_axis,
+    shown,
+    shown_unit,
+    value_text,
+)
+from ..style.caption import set_caption
+from ..style.palette import BOUNDARY, UNKNOWN
+
+At = Mapping[str, float]  # where a dimension that is not drawn is cut, in the units of the map
+SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody
+
+
+def map_dims(ds: xr.Dataset) -> list[str]:
+    """Dimensions of the cells of a map (not that of the raster's instants)."""
+    return [str(dim) for dim in ds["label"].dims]
+
+
+def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str]:
+    """Dimensions across and up: attack angle across and belt speed up if they are there.
+
+    Raises: `ValueError` for a dimension that the map does not have, or a map without two.
+    """
+    for name in (x, y):
+        check_dim(ds, name)
+    long = [dim for dim in map_dims(ds) if ds.sizes[dim] > 1]
+    if x is None:
+        x = next((dim for dim in ("attack_angle", *long) if dim in long and dim != y), None)
+    if y is None:
+        y = next((dim for dim in ("belt_speed", *long[::-1]) if dim in long and dim != x), None)
+    if x is None or y is None or x == y:
+        raise ValueError(
+            "a map needs at least two axes of more than one value to be drawn as a plane; "
+            "the picture 'line' draws one axis"
+        )
+    return x, y
+
+
+def check_dim(ds: xr.Dataset, name: str | None) -> None:
+    """Raises `ValueError` unless `name` is None or an axis of the map."""
+    if name is not None and name not in map_dims(ds):
+        raise ValueError(f"{name!r} is no axis of this map; it has {', '.join(map_dims(ds))}")
+
+
+def check_cellwise(ds: xr.Dataset, name: str) -> None:
+    """Raises `ValueError`, listing what there is, unless the map holds one `name` a cell."""
+    held = [str(n) for n in ds.data_vars if set(ds[n].dims) == set(map_dims(ds))]
+    if name not in held:
+        raise ValueError(f"{name!r} is not in this map; it holds {', '.join(held)}")
+
+
+def cut(ds: xr.Dataset, keep: tuple[str, ...], at: At | None = None) -> tuple[xr.Dataset, str]:
+    """Slice at the cell nearest to `at`, else at the middle value, of every dimension of the map
+    but `keep`; and the text that says so.
+
+    Raises: `ValueError` for a name in `at` that is no axis or is drawn, or a value outside it.
+    """
+    at = dict(at or {})
+    chosen: dict[str, int] = {}
+    for dim in map_dims(ds):
+        if dim in keep:
+            continue
+        values = np.asarray(ds[dim], dtype=float)
+        chosen[dim] = ds.sizes[dim] // 2
+        if dim in at:
+            wanted, border = at.pop(dim), edges(values)
+            if not min(border) <= wanted <= max(border):
+                raise ValueError(
+                    f"{dim} must lie inside {values.min():g} ... {values.max():g}, was {wanted:g}"
+                )
+            chosen[dim] = int(np.argmin(np.abs(values - wanted)))
+    for name in at:
+        check_dim(ds, name)
+        raise ValueError(f"{name!r} is an axis of the picture and cannot be cut at one value")
+    return ds.isel(chosen), ", ".join(value_text(ds[dim][i]) for dim, i in chosen.items())
+
+
+def stability_boundary(ds: xr.Dataset, ax: Axes, x: str, y: str) -> bool:
+    """Draws the line growth_rate = 0 over a plane; returns whether there is one."""
+    if "growth_rate" not in ds or min(ds.sizes[x], ds.sizes[y]) < 2:
+        return False
+    growth = np.ma.masked_invalid(ds["growth_rate"].transpose(y, x).values.astype(float))
+    if growth.count() == 0 or not (growth.min() < 0 < growth.max()):
+        return False
+    # Growth rates span decades; an odd compression keeps the zero line in place and interpolates it
+    # smoothly.
+    scale = np.median(np.abs(growth.compressed())) or 1.0
+    lines = np.arcsinh(growth / scale)
+    across, up = shown(ds[x])[0], shown(ds[y])[0]
+    ax.contour(across, up, lines, levels=[0.0], colors="white", linewidths=3.2)
+    ax.contour(across, up, lines, levels=[0.0], colors=BOUNDARY, linewidths=1.4)
+    return True
+
+
+def value_map(
+    ds: xr.Dataset,
+    name: str,
+    ax: Axes | None = None,
+    *,
+    x: str | None = None,
+    y: str | None = None,
+    at: At | None = None,
+    norm: Normalize | None = None,
+    cmap: str = "viridis",
+    title: str | None = None,
+) -> Axes:
+    """One stored quantity over two axes, at `at` (default: the middle) of the others, with a
+    colour bar.
+
+    Cells without a number (failed, collapsed, constant) stay grey. `title` is its long name if
+    None. Colours and scale suit the numbers (`suited`) unless `norm` says otherwise.
+
+    Raises: `ValueError` if the map does not hold `name` as one number a cell.
+    """
+    check_cellwise(ds, name)
+    x, y = choose_plane(ds, x, y)
+    whole = ax is None
+    if ax is None:
+        ax = page((6.4, 5.0)).subplots()
+    plane, where = cut(ds, (x, y), at)
+    factor, unit = shown_unit(ds[name])
+    values = np.ma.masked_invalid(factor * plane[name].transpose(y, x).values.astype(float))
+    ended = [LABELS["failed"], LABELS["collapsed"], -1]
+    values = np.ma.masked_where(np.isin(plane["label"].transpose(y, x).values, ended), values)
+    if norm is None:
+        norm, cmap = suited(values, is_derivative(name), cmap)
+    ax.set_facecolor(UNKNOWN)
+    mesh = ax.pcolormesh(
+        edges(shown(ds[x])[0]), edges(shown(ds[y])[0]), values, norm=norm, cmap=cmap,
+        rasterized=True,
+    )  # fmt: skip
+    set_axis(ax, "x", ds[x])
+    set_axis(ax, "y", ds[y])
+    stability_boundary(plane, ax, x, y)
+    words = title or long_name(ds[name])
+    below = bool((values < mesh.get_clim()[0]).any())
+    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02, extend="min" if below else "neither")
+    bar.set_label(textwrap.fill(label(words, unit), 45) if whole else unit)
+    if isinstance(norm, LogNorm):
+        log_marks(bar.ax.yaxis)
+    if whole:
+        lacking = "grey: no number" if values.count() < values.size and "grey" not in words else ""
+        set_caption(ax.figure, ds, where, lacking)
+    else:
+        words = textwrap.fill(words, 36)
+        ax.set_title(f"{words}\n{where}" if where else words, fontsize="medium")
+    return ax
+
+
+def suited(
+    values: np.ma.MaskedArray, signed: bool, cmap: str = "viridis"
+) -> tuple[Normalize | None, str]:
+    """Scale and colour map for the numbers of a plane.
+
+    Numbers of both signs, or `signed` ones whatever these are, have two colours that part at zero,
+    as far to one side as to the other; beyond thirty times the typical size the scale is
+    logarithmic on either side. Positive ones that span three decades have a logarithmic scale, of
+    four decades at most: what quiet cells leave is rounding noise. All others: None and `cmap`.
+    """
+    if not values.count():
+        return None, cmap
+    low, high = float(values.min()), float(values.max())
+    if low > 0 and high > 1e3 * low and not signed:
+        return LogNorm(max(low, 1e-4 * high), high), cmap
+    if not (signed or low < 0 < high):
+        return None, cmap
+    sizes = np.abs(values.compressed())
+    top = float(sizes.max()) or 1.0
+    typical = float(np.median(sizes[sizes > 0])) if (sizes > 0).any() else top
+    if top > 30 * typical:
+        return SymLogNorm(typical, vmin=-top, vmax=top, base=10), SIGNED
+    return Normalize(-top, top), SIGNED
+
+
+def fraction_map(
+    ds: xr.Dataset, regime: str = "stick", ax: Axes | None = None, **options: Any
+) -> Axes:
+    """Share of the settled window spent in `stick`, `slip` or `flight`; see `value_map`."""
+    options.setdefault("title", f"share of time in {regime}")
+    norm = Normalize(0.0, 1.0)
+    return value_map(ds, f"{regime}_fraction", ax, norm=norm, cmap="cividis", **options)
+
+
+def frequency_map(
+    ds: xr.Dataset,
+    ax: Axes | None = None,
+    *,
+    x: str | None = None,
+    y: str | None = None,
+    at: At | None = None,
+) -> Axes:
+    """Dominant frequency of the cells that are not quiet, on a logarithmic scale, with the borders
+    of the classes in its colour bar; see `value_map`.
+    """
+    x, y = choose_plane(ds, x, y)
+    plane, _ = cut(ds, (x, y), at)
+    quiet = plane["label"] == LABELS["quiet"]
+    heard = np.asarray(plane["dominant_frequency"].where(~quiet), dtype=float)
+    heard = heard[np.isfinite(heard) & (heard > 0)]
+    top = float(heard.max()) if heard.size else 1000.0
+    low = float(heard.min()) if heard.size else 10.0
+    norm = LogNorm(max(min(low, 0.9 * top), 1.0), max(top, 2.0))
+    frequency = ds["dominant_frequency"]
+    loud = frequency.where(ds["label"] != LABELS["quiet"]).assign_attrs(frequency.attrs)
+    ax = value_map(
+        ds.assign(dominant_frequency=loud),
+        "dominant_frequency",
+        ax,
+        x=x,
+        y=y,
+        at=at,
+        norm=norm,
+        title="dominant frequency (grey: quiet)",
+    )
+    bar = ax.collections[0].colorbar
+    assert bar is not None  # value_map drew it
+    bands = [
+        ds.attrs[name] for name in ("class_squeal_band", "class_chatter_band") if name in ds.attrs
+    ]
+    for limit in np.unique(np.concatenate([np.atleast_1d(band) for band in bands] or [[]])):
+        if norm.vmin < limit < norm.vmax:
+            bar.ax.axhline(limit, color="white", linewidth=2.4)
+            bar.ax.axhline(limit, color="black", linewidth=1.0)
+    return ax
+
+
+def class_names(ds: xr.Dataset) -> np.ndarray:
+    """Name of the class of each cell of a (small) map."""
+    names = flag_names(ds["label"])
+    return np.vectorize(lambda code: names.get(int(code), "not_computed"), otypes=[object])(
+        ds["label"].values
+    )

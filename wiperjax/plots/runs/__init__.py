@@ -1,0 +1,4 @@
+"""Pictures of runs.
+
+Read `history`, `bands`, `portrait`, `friction`, `spectra`, `animation`, `page`.
+"""

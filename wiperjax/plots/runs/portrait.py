@@ -1,0 +1,120 @@
+"""Phase portrait of a run."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.ticker import MaxNLocator
+
+from ...vocabulary.cf import flag_names
+from ..style.axes import label, legend_below, page, shown, shown_unit
+from ..style.caption import set_caption
+from ..style.palette import BELT, REGIMES, UNKNOWN, readable
+from .history import DIRECTIONS
+
+
+def regime_masks(ds: xr.Dataset) -> Iterator[tuple[str, np.ndarray]]:
+    """Name of each regime that occurs, and a mask of its samples."""
+    codes = np.asarray(ds["regime"], dtype=int)
+    for code, name in flag_names(ds["regime"]).items():
+        if (codes == code).any():
+            yield name.lower(), codes == code
+
+
+def phase_portrait(
+    ds: xr.Dataset,
+    ax: Axes | None = None,
+    *,
+    component: int = 0,
+    transient: xr.Dataset | None = None,
+    legend: bool = True,
+) -> Axes:
+    """Velocity over position of one coordinate (0: along the glass), coloured by regime.
+
+    Arguments:
+
+    - `ds`: a run, or the part of it that is coloured.
+    - `component`: coordinate; 0 along the glass, 1 normal to it.
+    - `transient`: the whole run, drawn thin and grey behind the part as far as it lies near it.
+    - `legend`: whether to name regimes, start and end in the axes.
+
+    The dashed line is the speed of the glass, at which the tip sticks (steady belts only). The
+    upper axis of a lip is the angle of the lip from the glass normal.
+    """
+    whole = ax is None
+    if ax is None:
+        ax = page((6.0, 5.4)).subplots()
+    if transient is not None:
+        ax.plot(*_orbit(transient, component), color="#AAAAAA", linewidth=0.5, zorder=1)
+    x, v = _orbit(ds, component)
+    points = np.column_stack([x, v])
+    pieces = np.stack([points[:-1], points[1:]], axis=1)
+    for name, mask in regime_masks(ds):
+        lines = LineCollection(
+            list(pieces[mask[:-1]]),
+            colors=REGIMES.get(name, UNKNOWN),
+            linewidths=1.5,
+            label=readable(name),
+            rasterized=len(pieces) > 20_000,
+            zorder=3,
+        )
+        ax.add_collection(lines)
+    if transient is None:
+        ax.plot(x[0], v[0], "o", color="black", markersize=4, label="start", zorder=4)
+        ax.plot(x[-1], v[-1], "s", color="black", markersize=4, label="end", zorder=4)
+    if component == 0 and "belt_velocity" in ds and np.ptp(np.asarray(ds["belt_velocity"])) == 0:
+        speed = float(ds["belt_velocity"][0])
+        ax.axhline(speed, color=BELT, linestyle="--", linewidth=1.0, label="speed of the glass")
+    for axis, values in (("x", x), ("y", v)):
+        low, high = values.min(), values.max()
+        room = 0.08 * (high - low) or 0.5 * abs(high) or 1.0
+        getattr(ax, f"set_{axis}lim")(low - room, high + room)
+    wiper = component == 0 and "lip_length" in ds.attrs
+    if wiper:
+        _angle_axis(ax, shown_unit(ds["position"])[0] * float(ds.attrs["lip_length"]))
+    two = ds["position"].ndim > 1 and ds["position"].shape[1] == 2
+    where = DIRECTIONS[component] if two else f"coordinate {component}"
+    ax.set_xlabel(label(f"position {where}", shown(ds["position"])[1]))
+    ax.set_ylabel(label(f"velocity {where}", shown(ds["velocity"])[1]))
+    if whole:
+        handles = ax.get_legend_handles_labels()[0] if legend else []
+        legend_below(ax.figure, handles)
+        set_caption(ax.figure, ds)
+    elif legend:
+        ax.legend(loc="best", fontsize="small", framealpha=0.9)
+    return ax
+
+
+def _orbit(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray]:
+    """Position and velocity of one coordinate in the units of pictures."""
+    columns = (shown(ds[name].transpose("time", ...))[0] for name in ("position", "velocity"))
+    x, v = (values[:, component] if values.ndim > 1 else values for values in columns)
+    return x, v
+
+
+def _angle_axis(ax: Axes, length: float) -> None:
+    """Upper axis: angle of the lip (deg), from x = L sin(phi) with both in one unit."""
+    low, high = ax.get_xlim()
+    ax.set_xlim(max(low, -0.99 * length), min(high, 0.99 * length))
+    upper = ax.secondary_xaxis(
+        "top",
+        functions=(
+            lambda x: np.degrees(np.arcsin(np.clip(np.asarray(x) / length, -1, 1))),
+            lambda phi: length * np.sin(np.radians(np.clip(phi, -90, 90))),
+        ),
+    )
+    left, right = np.degrees(np.arcsin(np.clip(np.array(ax.get_xlim()) / length, -1, 1)))
+    kept: list[float] = []  # near +-90 deg marks would run into each other
+    for angle in sorted(
+        MaxNLocator(8, steps=[1, 1.5, 2, 3, 5, 10]).tick_values(left, right), key=abs
+    ):
+        place = length * np.sin(np.radians(angle))
+        if left <= angle <= right and all(
+            abs(place - length * np.sin(np.radians(other))) > 0.09 * np.ptp(ax.get_xlim())
+            for other in kept
+        ):
+            kept.append(float(angle))
+    upper.set_xticks(kept, [f"{angle:g}" for angle in kept])
+    upper.set_xlabel("angle of the lip (deg)")

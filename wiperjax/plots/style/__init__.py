@@ -1,0 +1,1 @@
+"""What all pictures share: axes and pages, colours, captions."""

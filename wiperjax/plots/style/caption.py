@@ -1,0 +1,137 @@
+"""What a picture is of, in words: the title of a run or map and its parameters."""
+
+import json
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure, SubFigure
+
+from ...datasets.run_dataset import is_run, pitch
+from ...noise.run_class import assess, words
+from ...vocabulary.codes import Result
+from ...vocabulary.parameters import PARAMETERS
+from .axes import SHOWN, number
+from .palette import readable
+
+ALWAYS = ("attack_angle", "normal_load", "belt_speed")
+BELTS = {"steady": "", "SteadyBelt": "", "WipingBelt": "wiping", "TrapezoidBelt": "trapezoid"}
+
+
+def parameters_text(ds: xr.Dataset) -> str:
+    """`attack angle 5°, normal load 15 N/m, belt speed 0.3 m/s, ...`: the three that are always
+    named, and every other that is not the reference blade's. Axes of a map are left out.
+
+    Empty for a system that is no wiper.
+    """
+    words = []
+    for name in dict.fromkeys([*ALWAYS, *PARAMETERS]):
+        if name not in ds.attrs or name in ds.dims:
+            continue
+        entry, unit = PARAMETERS[name], unit_of(ds, name)
+        value, usual = float(ds.attrs[name]), entry.reference
+        if usual is not None and unit == entry.edge_unit:
+            usual = entry.to_edge(usual)
+        if name in ALWAYS or usual is None or not np.isclose(value, usual, rtol=1e-9, atol=0):
+            factor, unit = SHOWN.get(unit, (1.0, unit))
+            gap, unit = ("", "°") if unit == "deg" else (" ", unit)
+            words.append(f"{entry.long_name} {number(factor * value)}{gap}{unit}".strip())
+    belt = str(ds.attrs.get("belt_kind", ds.attrs.get("belt", "")))
+    if words and (kind := BELTS.get(belt, belt)):
+        words.append(f"{kind} belt")
+    return ", ".join(words)
+
+
+def unit_of(ds: xr.Dataset, name: str) -> str:
+    """Unit of a parameter among the attributes: angles are radians from Python, degrees from
+    files.
+    """
+    pairs = (pair.split(": ") for pair in str(ds.attrs.get("parameter_units", "")).split("; "))
+    return dict(pair for pair in pairs if len(pair) == 2).get(name, "1")
+
+
+def set_caption(figure: Figure | SubFigure, ds: xr.Dataset, *notes: str) -> None:
+    """Heads a page with the title of a dataset, its parameters, the noise of a run, and notes."""
+    title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", ""))
+    lines = [parameters_text(ds), noise_text(ds), *notes, _fault(ds)]
+    width = 12.5 * figure.get_figwidth() if isinstance(figure, Figure) else 120
+    text = "\n".join(_wrapped(line, width) for line in lines if line)
+    figure.suptitle(f"{title}\n{text}" if title and text else title or text, fontsize="medium")
+
+
+def noise_text(ds: xr.Dataset) -> str:
+    """`squeal (stick-slip), 780.8 Hz`: class, mechanism and frequency of a run of a scene, as
+    `assess` finds them; of another run its frequency; empty where neither is known.
+
+    A part of a run cannot tell what the whole is: `with_noise` notes it before the run is cut.
+    """
+    if "noise" in ds.attrs:
+        return str(ds.attrs["noise"])
+    if not is_run(ds) or "belt_velocity" not in ds:
+        return ""
+    if "belt_kind" not in ds.attrs or "event_time" not in ds:
+        return f"{tone:.4g} Hz" if np.isfinite(tone := pitch(ds)) else ""
+    time, left = np.asarray(ds["time"], float), 1.5 * float(ds.attrs["sample_interval"])
+    if time[0] > 0 or time[-1] + left < float(ds["final_time"]) or time.size < 128:
+        return ""
+    found = assess(ds)
+    names = words(found)
+    if names["label"] in ("quiet", "collapsed", "failed"):
+        return names["label"]
+    text = f"{names['label']} ({readable(names['mechanism'])})"
+    tone = float(found["dominant_frequency"])
+    if names["band"] != "none" and np.isfinite(tone):
+        text += f", {tone:.4g} Hz"
+    return text + (", not settled" if names.get("settled") == "no" else "")
+
+
+def with_noise(run: xr.Dataset) -> xr.Dataset:
+    """The run, with what `noise_text` says of it among its attributes, where its parts have it."""
+    return run.assign_attrs(noise=noise_text(run))
+
+
+def _wrapped(text: str, width: float) -> str:
+    """Line broken at commas so that it fits a page."""
+    rows = [""]
+    for piece in text.split(", "):
+        joined = f"{rows[-1]}, {piece}" if rows[-1] else piece
+        if len(joined) > width and rows[-1]:
+            rows[-1] += ","
+            rows.append(piece)
+        else:
+            rows[-1] = joined
+    return "\n".join(rows)
+
+
+def _fault(ds: xr.Dataset) -> str:
+    """Why a run ended early, or that a map is not finished."""
+    if "cells_done" in ds.attrs:
+        return f"unfinished sweep: {ds.attrs['cells_done']:,} of {ds.attrs['cells']:,} cells"
+    if "result_message" in ds.attrs and int(ds["result"]) != Result.FINISHED:
+        name = Result(int(ds["result"])).name.lower().replace("_", " ")
+        return f"ended at {float(ds['final_time']):.4g} s: {name}"
+    return ""
+
+
+def footnote(ds: xr.Dataset) -> str:
+    """How a map was made: its start, the borders of its classes, its settled window."""
+    attrs = ds.attrs
+    pieces = []
+    if "start" in attrs:
+        start = str(attrs["start"])
+        if start.startswith("{"):
+            start = ", ".join(f"{key} {value}" for key, value in json.loads(start).items())
+        pieces.append(f"start: {start}")
+    if "class_squeal_band" in attrs and "class_chatter_band" in attrs:
+        squeal, chatter = (
+            np.atleast_1d(attrs[name]) for name in ("class_squeal_band", "class_chatter_band")
+        )
+        low = f"{chatter[0]:g}-" if chatter[0] > 0 else "below "
+        pieces.append(f"squeal {squeal[0]:g}-{squeal[-1]:g} Hz, chattering {low}{chatter[-1]:g} Hz")
+    if "class_quiet_velocity_ratio" in attrs:
+        pieces.append(f"quiet below {attrs['class_quiet_velocity_ratio']:g} of belt speed")
+    if "run_window" in attrs:
+        pieces.append(
+            f"settled window {attrs['run_window']:g} s after {attrs.get('run_transient', 0):g} s"
+        )
+    pieces.append(str(attrs.get("source", "")))
+    return "; ".join(piece for piece in pieces if piece)

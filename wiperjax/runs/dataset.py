@@ -1,0 +1,130 @@
+"""What a person gets of one trajectory: samples, events and parameters as a labelled dataset."""
+
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from ..blade.bar import Bar
+from ..blade.belts import AbstractBelt
+from ..blade.block import Block
+from ..blade.wiper import ENGINE_FIELDS, Wiper
+from ..engine.carry.state import Problem, State, final_velocity
+from ..vocabulary import cf
+from ..vocabulary.cf import units_text
+from ..vocabulary.codes import RESULTS, Event, Regime
+from ..vocabulary.parameters import PARAMETERS
+
+REGIMES = {regime.name.lower(): int(regime) for regime in Regime}
+EVENTS = {event.name.lower(): int(event) for event in Event}
+
+
+class Events(NamedTuple):
+    """All events of a trajectory: the columns of `state.EventLog`, without a limit."""
+
+    time: np.ndarray
+    kind: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    impulse: np.ndarray
+
+
+def labelled(given, problem: Problem, state: State, log: Events, attributes) -> xr.Dataset:
+    """Return the dataset of a finished loop state."""
+    blade = isinstance(given, Wiper | Bar | Block)
+    whose = " of the tip" if blade else ""
+    reached = int(state.sample_index)
+    samples = jax.tree.map(lambda x: np.asarray(x)[:reached], state.samples)
+    times = np.asarray(problem.sample_times)[:reached]
+    belt = _belt_velocity(given.belt, times) if blade else None
+
+    def about(long_name, units=None, flags=None):
+        attrs: dict[str, Any] = {"long_name": long_name}
+        if flags is not None:
+            attrs["flag_values"] = np.array(list(flags.values()), dtype=np.int8)
+            attrs["flag_meanings"] = " ".join(flags)
+        elif units == "s" or (units is not None and blade):  # other units are known of a blade only
+            attrs["units"] = units
+        return attrs
+
+    position = about(f"position{whose}", "m")
+    velocity = about(f"velocity{whose}", "m/s")
+    impulse = about("normal impulse of the event", "N s/m")
+    along = ("time", "axis")
+    code = np.int8
+    variables = {
+        "position": (along, np.stack(samples.position, axis=-1), position),
+        "velocity": (along, np.stack(samples.velocity, axis=-1), velocity),
+        "regime": ("time", samples.regime, about("regime", flags=REGIMES)),
+        "normal_force": ("time", samples.normal_force, about("normal force", "N/m")),
+        "friction_force": ("time", samples.friction_force, about("friction force", "N/m")),
+        **(
+            {"belt_velocity": ("time", belt, about("velocity of the glass", "m/s"))}
+            if blade
+            else {}
+        ),
+        "event_time": ("event", log.time, about("time of the event", "s")),
+        "event_kind": ("event", log.kind, about("kind of event", flags=EVENTS)),
+        "regime_before": ("event", log.before, about("regime before", flags=REGIMES)),
+        "regime_after": ("event", log.after, about("regime after", flags=REGIMES)),
+        "event_impulse": ("event", log.impulse, impulse),
+        "final_time": ((), float(state.time), about("time reached", "s")),
+        "final_position": ("axis", np.stack(state.position), position),
+        "final_velocity": ("axis", np.stack(final_velocity(problem, state)), velocity),
+        "final_regime": ((), code(state.regime), about("regime at the end", flags=REGIMES)),
+        "result": ((), code(state.result), about("how the trajectory ended", flags=RESULTS)),
+    }
+    n = len(state.position)
+    names = ["x", "y"][:n] if blade else [f"q{i}" for i in range(n)]
+    coords = {
+        "time": ("time", times, about("time", "s")),
+        "axis": ("axis", names, about("coordinate")),
+    }
+    parameters = _parameters(given)
+    known = {name: PARAMETERS[name].unit for name in parameters if blade and name in PARAMETERS}
+    attrs = {
+        "Conventions": cf.CONVENTIONS,
+        "system": type(given).__name__,
+        **{f"parameter_{k}" if k in attributes else k: v for k, v in parameters.items()},
+        **({"parameter_units": units_text(known)} if known else {}),
+        **attributes,
+    }
+    return xr.Dataset(variables, coords=coords, attrs=cf.plain_attributes(attrs))
+
+
+def _belt_velocity(belt: AbstractBelt, times: np.ndarray) -> np.ndarray:
+    """Return V [m/s] at each of ``times``; it is continuous, so a corner may count to any piece."""
+    velocity = belt.velocity(jnp.asarray(times), belt.first_piece(jnp.asarray(times)))
+    return np.broadcast_to(np.asarray(velocity, float), times.shape).copy()
+
+
+def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
+    """Name -> value of each numeric field, those of modules inside prefixed; and their classes."""
+    found: dict[str, Any] = {}
+    for field in fields(module):  # type: ignore[arg-type]
+        name, value = prefix + field.name, getattr(module, field.name)
+        if field.name in ENGINE_FIELDS:
+            continue
+        if isinstance(value, eqx.Module):
+            found[name] = type(value).__name__
+            found |= _parameters(value, f"{name}_")
+            continue
+        if isinstance(module, AbstractBelt) and field.name == "amplitude":
+            name = f"{prefix}speed"  # as it is called in files
+        if isinstance(value, bool | int | float | str):
+            found[name] = value
+        elif isinstance(value, np.generic | np.ndarray | jax.Array):
+            found[name] = np.asarray(value)[()]
+    return found
+
+
+def as_lip(run: xr.Dataset) -> xr.Dataset:
+    """Return a run of a block or bar with the lip's two coordinates, y = 0 and y' = 0 added."""
+    if run.sizes.get("axis") != 1:
+        return run
+    both = run.reindex(axis=[*run.axis.values, "y"], fill_value=0.0)
+    return both.assign_coords(axis=("axis", ["x", "y"], run.axis.attrs))

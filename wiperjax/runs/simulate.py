@@ -1,0 +1,201 @@
+"""`simulate`: one trajectory for a person, as a labelled dataset, with no limit on its events.
+
+The loop is that of `solve`; here it pauses whenever its event log is full, the log is emptied on
+the host, and it goes on. Values of parameters are arguments of the compiled program, not constants
+in it: a second call for a system of the same type does not compile again.
+"""
+
+import json
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from ..blade.wiper import Wiper
+from ..contact.guards import starting_sides
+from ..contact.regimes import forces
+from ..contact.space import contact
+from ..contact.system import AbstractSystem
+from ..engine.arguments import (
+    check_integration,
+    check_system,
+    coordinates,
+    regular_times,
+    tolerances,
+)
+from ..engine.carry.state import Problem, State
+from ..engine.observers.base import Nothing
+from ..engine.solve import active, begin, make_problem
+from ..engine.step import advance
+from ..machine import provenance
+from ..vocabulary import checks
+from ..vocabulary.codes import ADVICE, RUNNING, Result
+from ..vocabulary.ranges import COUNT, POSITIVE, Range
+from .dataset import Events, labelled
+
+EVENTS_AT_ONCE = 1024  # capacity of the log on the device
+STEPS_AT_ONCE = 16384  # about a second: Ctrl-C is heard between
+SAMPLES = 2000  # intervals of the default sampling
+FEWEST_SLOTS = 65536  # of the sample buffer: 4 MB
+
+
+def simulate(
+    system: AbstractSystem,
+    duration: float,
+    *,
+    initial_state=None,
+    solver=None,
+    rtol: float = 1e-8,
+    atol=None,
+    sample_interval: float | None = None,
+    max_steps: int | None = None,
+    zeno_time: float = 1e-8,
+) -> xr.Dataset:
+    """Return one trajectory of ``system`` from t = 0 to ``duration`` [s], with all its events.
+
+    **Main arguments:** ``system``, a `Wiper` or any other; ``duration`` [s]; ``initial_state`` =
+    (position, velocity), n values each (for the wiper ((x, y), (x', y')); default: the system's
+    own start).
+
+    **Other arguments:** ``solver``, an explicit diffrax Runge-Kutta solver with error estimate
+    and dense output (default `diffrax.Tsit5`); ``rtol``; ``atol``, one number or (positions,
+    velocities) (default: rtol times the system's scales); ``sample_interval`` [s] (default:
+    1/2000 of the duration); ``max_steps``, trial steps (default: no limit); ``zeno_time`` [s],
+    flights shorter than this are completed by the limit of their sequence.
+
+    **Returns** a dataset with the dimensions ``time`` (samples up to the end reached), ``axis``
+    (coordinates of the system) and ``event``: ``position``, ``velocity``, ``regime``,
+    ``normal_force``, ``friction_force`` and, of a wiper, ``belt_velocity``; ``event_time``,
+    ``event_kind``, ``regime_before``,
+    ``regime_after``, ``event_impulse``; ``final_time``, ``final_position``, ``final_velocity``,
+    ``final_regime``; ``result``. A sample at the very instant of an event shows the motion before
+    it. Attributes hold the parameters of the system (SI units, radians), the tolerances, the
+    solver's statistics, and ``result_message``, what the result means. A numerical failure is no
+    exception: the trajectory ends there, and ``result`` says why.
+
+    **Raises** `ValueError` for arguments that cannot be meant, or an initial state that is
+    impossible (the contact point inside its partner; no finite force that could hold it).
+    """
+    check_system(system)
+    duration = checks.number("duration", duration, POSITIVE)
+    check_integration(solver, rtol, zeno_time, max_steps)
+    rtol, zeno_time = float(rtol), checks.number("zeno_time", zeno_time, POSITIVE)
+    most = int(COUNT.high) if max_steps is None else checks.whole("max_steps", max_steps, COUNT)
+    if sample_interval is None:
+        sample_interval = duration / SAMPLES
+    within = Range(0, duration, low_open=True)
+    sample_interval = checks.number("sample_interval", sample_interval, within)
+    times = regular_times(duration, sample_interval)
+
+    given = system
+    system = _traced(system)
+    start = coordinates(system.default_state() if initial_state is None else initial_state)
+    if isinstance(system, Wiper) and len(start[0]) != 2:
+        raise ValueError(
+            f"initial_state must have the 2 coordinates of Wiper, but had {len(start[0])}"
+        )
+    # the length of the buffer is part of the compiled program: few lengths, few compilations. At
+    # least one time is never reached, so that a full buffer does not pause the loop.
+    slots = max(FEWEST_SLOTS, 1 << len(times).bit_length())
+    padded = np.full(slots, np.inf)
+    padded[: len(times)] = times
+    problem, position, velocity, zero = make_problem(
+        system,
+        duration,
+        initial_state=start,
+        solver=solver,
+        rtol=rtol,
+        atol=tolerances(atol, len(start[0])),
+        sample_times=padded,
+        max_events=EVENTS_AT_ONCE,
+        max_steps=most,
+        zeno_time=zeno_time,
+        observer=Nothing(),
+        pause_when_full=True,
+    )
+    state = _begin(problem, position, velocity, zero)
+    _check_start(system, start, int(state.result))
+
+    pieces = []
+    while int(state.result) == RUNNING:
+        state = _advance(problem, state)
+        count = int(state.log.count)
+        pieces.append([np.asarray(column)[:count] for column in state.log[:-1]])
+    log = Events(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+    attributes = {
+        "duration": duration,
+        "sample_interval": sample_interval,
+        "initial_position": np.asarray(start[0]),
+        "initial_velocity": np.asarray(start[1]),
+        "solver": type(problem.solver).__name__,
+        "rtol": rtol,
+        "atol_position": np.asarray(problem.atol[0]),
+        "atol_velocity": np.asarray(problem.atol[1]),
+        "zeno_time": zeno_time,
+        "max_steps": most,
+        "steps": int(state.attempts),
+        "rejected_steps": int(state.rejected),
+        "unproved_steps": int(state.unproved),
+        "result_message": ADVICE[Result(int(state.result))],
+        "source": f"wiperjax {provenance.version('wiperjax')}",
+        "versions": json.dumps(provenance.versions(), sort_keys=True),
+    }
+    return labelled(given, problem, state, log, attributes)
+
+
+@eqx.filter_jit
+def _begin(problem: Problem, position, velocity, start) -> State:
+    """Return the loop state at the start, with the first sample taken: no run is without any."""
+    state = begin(problem, position, velocity, start)
+    system = problem.system.on_piece(state.piece)
+    f = forces(system, contact(system, state.time, state.position, state.velocity), state.regime)
+    first = problem.record(system, state.time, state.position, state.velocity, state.regime, f)
+    samples = jax.tree.map(lambda buffer, x: buffer.at[0].set(x), state.samples, first)
+    return state._replace(samples=samples, sample_index=state.sample_index + 1)
+
+
+@eqx.filter_jit
+def _advance(problem: Problem, state: State) -> State:
+    """Go on with an empty event log until it is full, enough steps are done, or all is over."""
+    state = state._replace(log=state.log._replace(count=jnp.zeros_like(state.log.count)))
+    pause = state.attempts + STEPS_AT_ONCE
+    return jax.lax.while_loop(
+        lambda s: active(problem, s) & (s.attempts < pause), partial(advance, problem), state
+    )
+
+
+def _check_start(system: AbstractSystem, start, result: int) -> None:
+    """Raises ValueError, saying why, for a state in which no motion can begin."""
+    t = jnp.asarray(0.0)
+    q, v = (tuple(jnp.asarray(x) for x in part) for part in start)
+    sides = starting_sides(system, t, q, v)
+    system = system.on_sides(sides)
+    found = zip(sides, system.switches(t, q, v), system.ends(t, q, v), strict=True)
+    if any(side * s < 0 or (s == 0 and end) for side, s, end in found):
+        where = " (|phi| < collapse_angle)" if isinstance(system, Wiper) else ""
+        raise ValueError(f"initial_state must lie where the model holds{where}, but was {start}")
+    if result == Result.INCONSISTENT_START:
+        gap = float(system.gap(t, q)) if system.unilateral else 0.0
+        if gap < 0:
+            raise ValueError(f"initial_state must have a gap >= 0, but the gap was {gap:g}")
+        raise ValueError(
+            "initial_state must allow a finite contact force, but at this state of rest none "
+            "exists (Painleve: friction and hinge_mass jam the tip); start it sliding or lifted"
+        )
+
+
+def _traced(system):
+    """Return ``system`` with its numbers as arrays, which are arguments of a compiled program.
+
+    A Python zero stays one: its terms (of a hinge mass, say) are then not computed at all.
+    """
+
+    def traced(leaf):
+        if isinstance(leaf, np.ndarray) or (isinstance(leaf, float | np.floating) and leaf != 0):
+            return jnp.asarray(leaf, float)
+        return leaf
+
+    return jax.tree.map(traced, system)

@@ -1,0 +1,126 @@
+"""Faults of sweep and scene files, worded as one line for a person.
+
+pydantic reports a list of faults with machine-made texts; `sentence` picks the one that explains
+most and says which key, what it must be and what it was.
+"""
+
+import difflib
+from collections.abc import Sequence
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.wording import shorten, shown
+
+AXIS_FORMS = "{ start = ..., stop = ..., num = ... } or { values = [...] }"
+
+_EXPECTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a text in quotes",
+    "list_type": "a list",
+    "finite_number": "a finite number",
+    "model_type": "a table",
+    "dict_type": "a table",
+    "greater_than": "larger than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "smaller than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+}
+"""What pydantic's kinds of fault ask for, in our words."""
+
+
+class SpecError(ValueError):
+    """A sweep or scene file that cannot be used; its text is one line for a person."""
+
+
+class Fault(ValueError):
+    """Raised inside a model's checks: the key, seen from that model, and what is wrong with it."""
+
+    def __init__(self, key: str, problem: str):
+        super().__init__(f"{key}: {problem}" if key else problem)
+        self.key = key
+        self.problem = problem
+
+
+_LONGEST_KEY = 40
+_LONGEST_LIST = 160  # characters of a list of keys
+
+
+def show(value: Any) -> str:
+    """`value` as it would stand in a file, shortened to 60 characters."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    return shown(value)
+
+
+def show_key(key: Any) -> str:
+    """A key as it stands in a file, shortened to 40 printable characters."""
+    key = str(key)
+    return shorten(key if key.isprintable() and key else ascii(key), _LONGEST_KEY)
+
+
+def sentence(model: type[BaseModel], failed: ValidationError) -> str:
+    """`key: what it must be, what it was` of one fault, an unknown key before any other."""
+    faults = failed.errors(include_url=False)
+    strangers = [one for one in faults if one["type"] == "extra_forbidden"]
+    fault = min(strangers, key=lambda one: len(one["loc"]), default=faults[0])
+    location = [str(part) for part in fault["loc"]]
+    kind, was, context = fault["type"], fault["input"], fault.get("ctx", {})
+    error = context.get("error")
+    if isinstance(error, Fault):
+        location += [error.key] if error.key else []
+        problem = error.problem
+    elif kind == "extra_forbidden":
+        problem = unknown(location[-1], _keys(model, location[:-1]), model)
+    elif kind == "missing":
+        problem = "is missing; the table must be there" if len(location) == 1 else "is missing"
+    elif kind == "literal_error":
+        problem = f"must be {context['expected']}, was {show(was)}"
+    elif location[0] == "axes" and len(location) == 2:
+        problem = f"must be {AXIS_FORMS}, was {show(was)}"
+    elif kind in _EXPECTED:
+        problem = f"must be {_EXPECTED[kind].format(**context)}, was {show(was)}"
+    else:
+        problem = f"{fault['msg']}, was {show(was)}"
+    where = ".".join(show_key(part) for part in location)
+    return " ".join((f"{where}: {problem}" if location else problem).split())
+
+
+def unknown(key: str, allowed: Sequence[str], model: type[BaseModel] | None = None) -> str:
+    """Words for an unknown key: the key that may be meant, the table it belongs in, or all keys."""
+    key = key[: 2 * _LONGEST_KEY]  # what is compared costs the product of the lengths
+    if close := difflib.get_close_matches(key, allowed, n=1):
+        return f"unknown key; did you mean {close[0]!r}?"
+    if key in PARAMETERS:
+        return f"unknown key here; it belongs in [{PARAMETERS[key].table}] or [axes]"
+    if model is not None:
+        for table, field in model.model_fields.items():
+            is_table = get_origin(field.annotation) is not dict  # else its keys are names
+            if is_table and key in _keys(_table(field.annotation), ()):
+                return f"unknown key here; it belongs in [{table}]"
+    named = ", ".join(allowed)
+    if len(named) > _LONGEST_LIST:
+        named = f"{named[:_LONGEST_LIST].rpartition(', ')[0]}, ... ({len(allowed)} keys)"
+    return f"unknown key; must be one of {named}"
+
+
+def _keys(model: type[BaseModel] | None, location: Sequence[str]) -> list[str]:
+    """Keys that the table at `location` of a file described by `model` may have."""
+    for part in location:
+        fields = model.model_fields if model is not None else {}
+        if part in fields:
+            model = _table(fields[part].annotation)
+        # else a key of a table of tables, whose type is that of its values
+    return [] if model is None else [f.alias or name for name, f in model.model_fields.items()]
+
+
+def _table(annotation: Any) -> type[BaseModel] | None:
+    """The table that an annotation means: itself, `Table | None` or `dict[str, Table]`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_table, get_args(annotation))), None)

@@ -1,0 +1,98 @@
+"""Sweep and scene files: what they mean, and one clear line when they are wrong.
+
+`load_sweep` and `load_scene` read a TOML file into a frozen specification. Each table is checked by
+itself in `spec_tables.py`; what concerns two tables at once is checked here. Every fault becomes a
+`SpecError` whose text names the file, the key, what it must be and what it was. Imports no jax.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from ..machine.paths import oddity
+from ..vocabulary import checks
+from ..vocabulary.wording import shorten
+from .errors import SpecError, sentence, show
+from .scene import SceneSpec
+from .sweep import MOST_BYTES, SweepSpec
+
+__all__ = ["SceneSpec", "SpecError", "SweepSpec", "load_scene", "load_sweep"]
+__all__ += ["parse_scene", "parse_sweep"]
+
+
+_Spec = TypeVar("_Spec", SweepSpec, SceneSpec)
+
+
+def load_sweep(path: str | Path, model: str | None = None) -> SweepSpec:
+    """Sweep of a TOML file, on the rung ``model`` instead of the file's own if given.
+
+    Raises: SpecError, one line that names file and key.
+    """
+    return _load(SweepSpec, path, model)
+
+
+def load_scene(path: str | Path, model: str | None = None) -> SceneSpec:
+    """Scene of a TOML file, on the rung ``model`` instead of the file's own if given.
+
+    Raises: SpecError, one line that names file and key.
+    """
+    return _load(SceneSpec, path, model)
+
+
+def parse_sweep(data: Mapping[str, Any], source: str = "sweep") -> SweepSpec:
+    """Sweep of a mapping shaped like a sweep file. Raises: SpecError that begins with `source`."""
+    return _parse(SweepSpec, data, source)
+
+
+def parse_scene(data: Mapping[str, Any], source: str = "scene") -> SceneSpec:
+    """Scene of a mapping shaped like a scene file. Raises: SpecError that begins with `source`."""
+    return _parse(SceneSpec, data, source)
+
+
+def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
+    checks.path("path", path)
+    text = _read(Path(path))
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SpecError(f"{path}: is not valid TOML: {shorten(str(error))}") from None
+    except (RecursionError, ValueError):  # of its parser: tables in tables, numbers without end
+        must = "must be written with fewer brackets within brackets, and shorter numbers"
+        raise SpecError(f"{path}: {must}") from None
+    if kind is SceneSpec and "axes" in data:
+        raise SpecError(f"{path}: has [axes], so it is a sweep; what is needed here is a scene")
+    if model is not None:
+        data["model"] = model
+    spec = _parse(kind, data, str(path))
+    spec._text = text
+    return spec
+
+
+def _read(path: Path) -> str:
+    """Text of a file of a bearable size. Raises: SpecError."""
+    try:
+        odd, size = oddity(path), path.stat().st_size
+        text = "" if odd or size > MOST_BYTES else path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise SpecError(f"{path}: is not a text file (UTF-8)") from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        why = getattr(error, "strerror", None) or error
+        raise SpecError(f"{path}: cannot be read: {why}") from None
+    if odd:
+        raise SpecError(f"{path}: cannot be read: it is {odd}, and no regular file")
+    if size > MOST_BYTES:
+        most, was = MOST_BYTES / 1e6, size / 1e6
+        raise SpecError(f"{path}: must have at most {most:g} MB, had {was:.3g} MB")
+    return text
+
+
+def _parse(model: type[_Spec], data: Mapping[str, Any], source: str) -> _Spec:
+    if not isinstance(data, Mapping):
+        raise SpecError(f"{source}: must be a mapping shaped like a file, was {show(data)}")
+    try:
+        return model.model_validate(dict(data))
+    except ValidationError as error:
+        raise SpecError(f"{source}: {sentence(model, error)}") from None

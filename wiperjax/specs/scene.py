@@ -1,0 +1,43 @@
+"""The specification of a scene."""
+
+from pydantic import model_validator
+
+from .reversal import flip_time
+from .system import System
+from .tables import Classes, SceneRun
+
+
+class SceneSpec(System):
+    """One trajectory of one blade. Made by `load_scene` or `parse_scene`."""
+
+    run: SceneRun
+    classes: Classes = Classes()
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "SceneSpec":
+        self._check_system({})
+        return self
+
+    def parameters(self) -> dict[str, float]:
+        """Every blade and belt parameter in SI units and radians."""
+        return self._fixed_si({})
+
+    def thresholds(self) -> Classes:
+        """Thresholds of its noise class. Unless the file says another, the reversal window is twice
+        the time in which the glass carries the lip over (`flip_time`), if that is longer than the
+        default.
+        """
+        if self.belt.kind == "steady" or "reversal_window" in self.classes.model_fields_set:
+            return self.classes
+        known = self.parameters()
+        frequency = known["belt_frequency"]
+        time = flip_time(
+            self.belt.kind,
+            abs(known["belt_speed"]),
+            frequency,
+            known.get("belt_ramp", 0.0),
+            known["lip_length"],
+        )
+        longest = 0.1 / frequency  # the rest is the stroke
+        window = min(max(2 * time, self.classes.reversal_window), longest)
+        return self.classes.model_copy(update={"reversal_window": window})

@@ -1,0 +1,227 @@
+"""The specification of a sweep."""
+
+import hashlib
+import json
+import math
+from typing import Any
+
+import numpy as np
+from pydantic import model_validator
+
+from ..vocabulary.parameters import BELTS, PARAMETERS
+from ..vocabulary.ranges import MOST_CELLS
+from ..vocabulary.wording import digits
+from .axis import Axis
+from .errors import Fault, SpecError, show, unknown
+from .reversal import FLIP, flip_time
+from .system import System
+from .tables import (
+    Classes,
+    Sensitivities,
+    SweepRun,
+)
+
+FORMAT = 2
+"""Version of the meaning of a specification; part of its digest."""
+
+
+MOST_BYTES = 4 * 10**6  # of a sweep or scene file: an axis of a hundred thousand listed values
+
+
+RTOL, SLOPE_RTOL = 1e-6, 1e-9
+"""Tolerance of the integrator unless the file has one: for the motion, and for its derivatives.
+
+At the second, derivatives that are called fine are right to 1e-3 (docs/gradients.md)."""
+
+
+SAMPLES_A_PERIOD = 5
+"""Samples of a period of the highest squeal, unless the file says how many there are."""
+
+
+FEWEST_SAMPLES, MOST_UNASKED = 64, 2**16
+
+
+class SweepSpec(System):
+    """A sweep: the axes of a map, what is held fixed, how cells are run and how they are named.
+
+    Cells are numbered in C order of the axes, in the order in which the file lists them: the last
+    axis varies fastest. Made by `load_sweep` or `parse_sweep`.
+    """
+
+    axes: dict[str, Axis]
+    run: SweepRun
+    classes: Classes = Classes()
+    sensitivities: Sensitivities | None = None
+
+    def with_sensitivities(self) -> "SweepSpec":
+        """The same sweep with derivatives; as the file asks for them, else the default ones.
+
+        Raises: SpecError, one line, where they cannot be had.
+        """
+        asked = self.sensitivities or Sensitivities()
+        spec = self.model_copy(update={"sensitivities": asked})
+        try:
+            spec._check_sensitivities(asked)
+        except Fault as fault:
+            raise SpecError(str(fault)) from None
+        return spec
+
+    def _check_sensitivities(self, asked: Sensitivities) -> None:
+        for name in asked.parameters:
+            if name not in self.parameter_names:
+                problem = unknown(name, list(self.parameter_names))
+                raise Fault("sensitivities.parameters", f"{show(name)}: {problem}")
+        if len(set(asked.parameters)) < len(asked.parameters):
+            raise Fault("sensitivities.parameters", "must not name a parameter twice")
+        if self.model != "lip":
+            raise Fault("model", f"must be 'lip' with sensitivities, was {self.model!r}")
+        if self.run.precision != "float64":
+            must = "must be 'float64' with sensitivities"
+            raise Fault("run.precision", f"{must}, was {self.run.precision!r}")
+        if self.rtol > SLOPE_RTOL:
+            must = f"must be left out or at most {SLOPE_RTOL:g} with sensitivities"
+            raise Fault("run.rtol", f"{must}, was {self.rtol:g}")
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> "SweepSpec":
+        if not self.axes:
+            raise Fault("axes", "must name at least one blade or belt parameter, was empty")
+        for name in self.axes:
+            if name not in PARAMETERS:
+                raise Fault(f"axes.{name}", unknown(name, list(PARAMETERS)))
+        if self.size > MOST_CELLS:
+            raise Fault("axes", f"must make at most {MOST_CELLS} cells, made {digits(self.size)}")
+        for name, axis in self.axes.items():
+            if problem := PARAMETERS[name].problem(axis.values()):
+                raise Fault(f"axes.{name}", problem)
+        if (instants := self.run.raster) is not None and instants > self.samples:
+            must = f"must be at most the number of samples ({self.samples})"
+            raise Fault("run.raster", f"{must}, was {instants}")
+        self._check_system(self.axes)
+        self._check_strokes()
+        if self.sensitivities is not None:
+            self._check_sensitivities(self.sensitivities)
+        return self
+
+    def _check_strokes(self) -> None:
+        """Raises Fault where the windows around V = 0 leave nothing of the strokes between."""
+        if "belt_frequency" not in BELTS[self.belt.kind].values():
+            return
+        axis, window = self.axes.get("belt_frequency"), self.classes.reversal_window
+        highest = axis.values().max() if axis else self.fixed()["belt_frequency"]
+        if window >= 0.25 / highest:
+            must = f"must be below a quarter of the belt's period ({0.25 / highest:g} s)"
+            raise Fault("classes.reversal_window", f"{must}, was {window:g}")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values along each axis."""
+        return tuple(axis.count for axis in self.axes.values())
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return math.prod(self.shape)
+
+    @property
+    def rtol(self) -> float:
+        """Tolerance of the integrator: that of the file, or what the map is for asks."""
+        if self.run.rtol is not None:
+            return self.run.rtol
+        return RTOL if self.sensitivities is None else SLOPE_RTOL
+
+    @property
+    def samples(self) -> int:
+        """Samples of the settled window: those of the file, or `SAMPLES_A_PERIOD` of the highest
+        squeal, rounded up to a whole number of `FEWEST_SAMPLES`.
+        """
+        if self.run.samples is not None:
+            return self.run.samples
+        needed = SAMPLES_A_PERIOD * self.classes.squeal_band[1] * self.run.window
+        return min(max(1, math.ceil(needed / FEWEST_SAMPLES)) * FEWEST_SAMPLES, MOST_UNASKED)
+
+    def axes_values(self) -> dict[str, np.ndarray]:
+        """Coordinates of the map: axis -> values (count,) in edge units (angles in degrees)."""
+        return {name: axis.values() for name, axis in self.axes.items()}
+
+    def fixed(self) -> dict[str, float]:
+        """Every parameter that is not an axis, in SI units and radians."""
+        return self._fixed_si(self.axes)
+
+    def cells(self, flat_index: np.ndarray) -> dict[str, Any]:
+        """All parameters of some cells, in SI units and radians.
+
+        Arguments:
+            flat_index: numbers of the cells, any shape, each in [0, size).
+
+        Returns: name -> float for a fixed parameter, for an axis a float64 array shaped as
+            `flat_index`; names and order as `parameter_names`.
+
+        Raises: IndexError for a number outside the map.
+        """
+        flat_index = np.asarray(flat_index)
+        if flat_index.size and not 0 <= flat_index.min() <= flat_index.max() < self.size:
+            raise IndexError(f"cell numbers must lie in [0, {self.size})")
+        along = np.unravel_index(flat_index, self.shape)
+        known: dict[str, Any] = self.fixed()
+        for (name, axis), index in zip(self.axes.items(), along, strict=True):
+            known[name] = np.asarray(PARAMETERS[name].to_si(axis.values()))[index]
+        return {name: known[name] for name in self.parameter_names}
+
+    def notes(self) -> list[str]:
+        """Lines on what is allowed but rarely meant, for the command line to show."""
+        lines = []
+        for name, axis in self.axes.items():
+            reach = np.abs(axis.values()).max()
+            if PARAMETERS[name].unit == "rad" and 0 < reach <= math.pi / 2:
+                lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
+        if self.belt.kind != "steady":
+            lines += self._window_notes()
+        return lines
+
+    def _window_notes(self) -> list[str]:
+        """Whether a lip flips over within the window of its reversal, in the slowest cell."""
+
+        def values(name: str) -> np.ndarray:
+            known = self.axes[name].values() if name in self.axes else self.fixed()[name]
+            return np.abs(np.atleast_1d(known))
+
+        given = {name: values(name) for name in BELTS[self.belt.kind].values()}
+        time = flip_time(
+            self.belt.kind,
+            given["belt_speed"].min(),
+            given["belt_frequency"].min(),
+            given["belt_ramp"].max() if "belt_ramp" in given else 0.0,
+            values("lip_length").max(),
+        )
+        window = self.classes.reversal_window
+        if time <= 1.05 * window:
+            return []
+        return [
+            f"classes.reversal_window is {window:g} s, but the glass needs up to {time:.2g} s "
+            f"after V = 0 to carry the lip over ({FLIP:g} lip lengths); later counts as stroke"
+        ]
+
+    def canonical(self) -> str:
+        """JSON of everything that determines the numbers of the map, and of nothing else.
+
+        The same for files that differ in title, comments, order of keys (but not of axes), or in
+        spelling out a default.
+        """
+        meaning = {
+            "format": FORMAT,
+            "axes": [[name, values.tolist()] for name, values in self.axes_values().items()],
+            "fixed": self.fixed(),
+            "belt": self.belt.kind,
+            "model": self.model,
+            "start": self.start.model_dump(mode="json"),
+            "run": self.run.model_dump(mode="json") | {"rtol": self.rtol, "samples": self.samples},
+            "classes": self.classes.model_dump(mode="json"),
+        }
+        if self.sensitivities is not None:
+            meaning["sensitivities"] = self.sensitivities.model_dump(mode="json")
+        return json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+    def digest(self) -> str:
+        """SHA-256 of `canonical()`, 64 hexadecimal digits."""
+        return hashlib.sha256(self.canonical().encode()).hexdigest()

@@ -1,0 +1,250 @@
+"""Tables of sweep and scene files, each checked by itself: types, ranges, shapes.
+
+What concerns two tables at once is checked in `spec.py`.
+"""
+
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
+
+from ..vocabulary.parameters import BELTS, PARAMETERS
+from ..vocabulary.ranges import SETTINGS
+from ..vocabulary.wording import digits
+from .errors import Fault, show
+
+LONGEST_TITLE = 500
+
+
+def checked(name: str, value: float | None) -> float | None:
+    """`value` (edge units) of parameter `name`; raises Fault outside its range."""
+    if value is not None and (problem := PARAMETERS[name].problem(value)):
+        raise Fault("", problem)
+    return value
+
+
+def _pair(value: Any) -> tuple[Any, Any]:
+    """Two entries of a list as a tuple; pydantic then checks that they are numbers."""
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise Fault("", f"must be a list of two numbers, was {show(value)}")
+    return value[0], value[1]
+
+
+def _one_line(value: str) -> str:
+    """`value`; raises Fault unless it is a short line of text: files and pictures bear it."""
+    if len(value) > LONGEST_TITLE or not value.isprintable():
+        must = f"must be one line of at most {LONGEST_TITLE} printable characters"
+        raise Fault("", f"{must}, was {show(value)}")
+    return value
+
+
+Title = Annotated[str, AfterValidator(_one_line)]
+Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
+ModelName = Literal["block", "bar", "lip"]
+SolverName = Literal["tsit5", "dopri5", "dopri8", "bosh3"]
+
+
+class Table(BaseModel):
+    """Base of all tables: unknown keys, numbers in quotes, NaN and infinity are refused, and what
+    lies outside the range of its key.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _is_in_range(cls, value: Any, info: ValidationInfo) -> Any:
+        """`value`, a number, a pair or a list of them."""
+        allowed = SETTINGS.get(info.field_name or "")
+        if allowed is not None and isinstance(value, int | float | tuple | list):
+            wrong = allowed.outside(value if isinstance(value, int | float) else np.asarray(value))
+            if wrong is not None:
+                raise Fault("", f"{allowed.must}, was {digits(wrong)}")
+        return value
+
+
+def limited(name: str, keys: dict[str, str]) -> type[Table]:
+    """Table with one optional number per key, held to the range of the parameter it stands for."""
+    fields: dict[str, Any] = {
+        key: (Annotated[float | None, AfterValidator(partial(checked, parameter))], None)
+        for key, parameter in keys.items()
+    }
+    return create_model(name, __base__=Table, __module__=__name__, **fields)
+
+
+_BLADE_KEYS = {name: name for name, entry in PARAMETERS.items() if entry.table == "blade"}
+_BELT_KEYS = {key: name for belt in BELTS.values() for key, name in belt.items()}
+
+
+class Blade(limited("_BladeKeys", _BLADE_KEYS)):
+    """Parameters of the blade that are not axes (edge units); None: the reference value."""
+
+
+class Belt(limited("_BeltKeys", _BELT_KEYS)):
+    """Motion of the glass (edge units); which keys go with which kind is checked in `spec.py`."""
+
+    kind: Literal["steady", "wiping", "trapezoid"] = "steady"
+
+
+class SweepRun(Table):
+    """How each cell is integrated and observed.
+
+    Attributes:
+        transient: time [s] integrated and discarded.
+        window: time [s] after it, in which the statistics are gathered.
+        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver, `rtol` to
+            `SweepSpec.rtol`.
+        precision: of the state.
+        solver: Runge-Kutta method.
+        max_steps: step budget of one cell; a cell that spends it gets that result code.
+        zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
+        samples: of the settled window, at a first look; None: as many as the highest squeal needs
+            (`SweepSpec.samples`). Cells that they cannot tell the frequency of are looked at again.
+        raster: instants of the settled window at which the regime is stored; None: it is not.
+        event_log: events of the settled window, from its start on, that are stored of each cell
+            (more are counted and flagged); None: none.
+    """
+
+    transient: float
+    window: float
+    rtol: float | None = None
+    atol: float | None = None
+    precision: Literal["float64", "float32"] = "float64"
+    solver: SolverName = "tsit5"
+    max_steps: int = 200_000
+    zeno_time: float = 1e-8
+    samples: int | None = None
+    raster: int | None = None
+    event_log: int | None = None
+
+    @model_validator(mode="after")
+    def _precision_holds_the_tolerance(self) -> "SweepRun":
+        if self.precision == "float32" and self.rtol is not None and self.rtol < 1e-6:
+            must = "must be at least 1e-06 with precision = 'float32'"
+            raise Fault("rtol", f"{must}, was {self.rtol:g}")
+        return self
+
+
+class Sensitivities(Table):
+    """Derivatives of the outcomes by parameters, and when they are believed.
+
+    Attributes:
+        parameters: names of blade or belt parameters.
+        check: share of the cells that is checked by central differences.
+        step: of those, relative to the parameter (angles: to 1 rad).
+        grazing: smallest grazing margin at which derivatives still count as valid (at least 1e4
+            rtol).
+        settled: largest relative difference of the tip velocity's standard deviation between the
+            first and the last whole periods of the settled window.
+    """
+
+    parameters: Annotated[list[str], Field(min_length=1)] = [
+        "attack_angle",
+        "normal_load",
+        "belt_speed",
+    ]
+    check: float = 0.05
+    step: float = 1e-5
+    grazing: float = 1e-4
+    settled: float = 0.05
+
+
+class SceneRun(Table):
+    """How one trajectory is integrated and sampled: `duration` and `sample_interval` in seconds.
+
+    The other keys are those of `SweepRun`; None leaves a choice to the solver.
+    """
+
+    duration: float
+    sample_interval: float | None = None
+    rtol: float = 1e-8
+    atol: float | None = None
+    solver: SolverName = "tsit5"
+    max_steps: int | None = None
+    zeno_time: float = 1e-8
+
+
+class Start(Table):
+    """Initial state, stated in at most one of three ways; else phi = alpha, touching, at rest.
+
+    Attributes:
+        angle: lip angle phi [degrees] at which the touching tip starts at rest.
+        equilibrium: offset from the steady-slip equilibrium of largest phi, as a fraction of L.
+        position, velocity: of the tip, (x, y) [m] and (x', y') [m/s]; velocity None: at rest.
+    """
+
+    angle: float | None = None
+    equilibrium: float | None = None
+    position: Pair | None = None
+    velocity: Pair | None = None
+
+    @property
+    def kind(self) -> Literal["default", "angle", "equilibrium", "state"]:
+        """Which of the ways of stating it was used."""
+        if self.position is not None:
+            return "state"
+        if self.equilibrium is not None:
+            return "equilibrium"
+        return "default" if self.angle is None else "angle"
+
+    @model_validator(mode="after")
+    def _is_one_start(self) -> "Start":
+        ways = ("angle", "equilibrium", "position")
+        given = [key for key in ways if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise Fault("", f"must have one of {', '.join(ways)}; had {' and '.join(given)}")
+        if self.velocity is not None and self.position is None:
+            raise Fault("velocity", "must have position beside it")
+        if self.position is not None and self.position[1] < 0:
+            raise Fault(
+                "position",
+                f"y must not be negative (the glass is y = 0), was {self.position[1]:g}",
+            )
+        return self
+
+
+class Classes(Table):
+    """Thresholds of the noise classes, MODEL.md section 11.
+
+    Attributes:
+        quiet_velocity_ratio: std of the tip velocity over belt speed, below which a cell is quiet.
+        squeal_band, chatter_band: lowest and highest dominant frequency [Hz].
+        reversal_window: time [s] on either side of V = 0 that counts as the reversal.
+        reversal_ratio: largest normal force there over the mean outside, above which it is noise.
+        vibration_ratio: vibration just after V = 0 over that of the stroke, above which the
+            reversal starts it.
+        tone_time: time [s] that a tone around V = 0 lasts at least; shorter is a click.
+        stick_share: share of time in stick from which an oscillation is stick-slip.
+        settled_change: most that standard deviation and frequency may change from the first half
+            of the window to the second.
+    """
+
+    quiet_velocity_ratio: float = 0.01
+    squeal_band: Pair = (500.0, 1000.0)
+    chatter_band: Pair = (0.0, 100.0)
+    reversal_window: float = 0.025
+    reversal_ratio: float = 2.0
+    vibration_ratio: float = 2.0
+    tone_time: float = 0.015
+    stick_share: float = 0.01
+    settled_change: float = 0.1
+
+    @model_validator(mode="after")
+    def _bands_are_ordered(self) -> "Classes":
+        for key in ("squeal_band", "chatter_band"):
+            low, high = getattr(self, key)
+            if not 0 <= low < high:
+                must = "must be [low, high] in Hz with 0 <= low < high"
+                raise Fault(key, f"{must}, was [{low:g}, {high:g}]")
+        return self

@@ -1,0 +1,122 @@
+"""Finished maps: written whole, opened whole."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import xarray as xr
+
+from ..machine.files import StoreError, check_input, check_output, naming, write_bytes
+from ..vocabulary import checks
+from . import checksums
+from .manifest import parts_of
+
+
+def write_dataset(ds: xr.Dataset, path: str | Path, force: bool = False) -> None:
+    """Writes a whole dataset (a run, a small map) to one HDF5 file with its checksums, at once or
+    not at all.
+
+    Raises: `StoreError` if `path` exists and `force` is not set, or it cannot be written.
+    """
+    check_output(path, force)
+    encoding = {
+        name: {"zlib": True, "complevel": 4, "shuffle": True, "_FillValue": None}
+        for name, variable in ds.data_vars.items()
+        if variable.ndim and variable.dtype.kind in "iuf"
+    }
+    encoding |= {
+        str(name): {"_FillValue": None} for name in ds.coords if ds[name].dtype.kind == "f"
+    }
+    # Written in memory, where the dataset is anyway: HDF5 itself does not survive a full disk (see
+    # `spill`).
+    buffer = io.BytesIO()
+    ds.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
+    checksums.add(buffer)
+    write_bytes(Path(path), buffer.getvalue())
+
+
+def open_map(
+    path: str | Path, variables: Sequence[str] | None = None, *, check: bool = False
+) -> xr.Dataset:
+    """Dataset of a file that wiperjax wrote, read when used; close it, or use it in a `with`
+    statement. Of the folder `MAP.h5.parts` of an unfinished sweep, what is done of these
+    `variables` (all if None): see `mapfile.open_partial`.
+
+    Arguments:
+
+    - `check`: compare the file with its checksums first, which reads all of it. (Blocks of an
+        unfinished sweep always are.)
+
+    Raises: `StoreError` if there is no such file or it is no readable HDF5 file; with `check` also
+        if it is damaged (the line says what) or has no checksums.
+    """
+    checks.path("path", path)
+    if variables is not None:
+        checks.names("variables", variables)
+    path = Path(path)
+    if path.is_dir():
+        from .partial import open_partial  # which is built on this module
+
+        return open_partial(path, variables)
+    _check_exists(path)
+    if check and not sound(path):
+        raise StoreError(
+            f"{path}: has no checksums; wiperjax did not write it, another program changed it "
+            "since, or its end is lost"
+        )
+    try:
+        return xr.open_dataset(path, engine="h5netcdf")
+    except Exception as error:  # of a damaged file, HDF5 and what reads it may raise anything
+        raise StoreError(
+            f"{path}: is not a readable map or run: {str(error).splitlines()[0]}"
+        ) from error
+
+
+def sound(path: str | Path) -> bool:
+    """Whether a file has checksums, and is what they say (so is the folder of an unfinished sweep,
+    whose blocks are compared as they are read).
+
+    Raises: `StoreError` that names what is damaged.
+    """
+    if Path(path).is_dir():
+        return True
+    damaged = damages(path)
+    if damaged:
+        raise StoreError(
+            f"{path}: is damaged: {listed(damaged)}; a map is mended by the command of its sweep "
+            "with --resume"
+        )
+    return damaged is not None
+
+
+def damages(path: str | Path) -> list[checksums.Piece] | None:
+    """What of a file is damaged, None if it has no checksums; see `checksums.damages`.
+
+    Raises: `StoreError` if it cannot be read, or its checksums are damaged.
+    """
+    path = Path(path)
+    _check_exists(path)
+    try:
+        with naming(path, "read"):
+            return checksums.damages(path)
+    except ValueError as error:
+        raise StoreError(f"{path}: is damaged: {error}; make it anew with --force") from error
+
+
+def _check_exists(path: Path) -> None:
+    """Raises `StoreError` if `path` is no regular file; where a sweep is unfinished, says so."""
+    if not path.exists():
+        parts = parts_of(path)
+        hint = (
+            f"; an unfinished sweep is in {parts}: name that to look at it"
+            if parts.is_dir()
+            else ""
+        )
+        raise StoreError(f"{path}: does not exist{hint}")
+    check_input(path)
+
+
+def listed(damaged: Sequence[checksums.Piece]) -> str:
+    """Names of damaged variables in a few words."""
+    names = sorted({piece.variable for piece in damaged})
+    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")

@@ -1,0 +1,46 @@
+"""CF conventions: flags of whole numbers, units in words, attributes that a file can hold."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+CONVENTIONS = "CF-1.11"
+
+
+def plain_attributes(attrs: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes as types that netCDF can hold: text, numbers, arrays; None is left out."""
+    plain: dict[str, Any] = {}
+    for name, value in attrs.items():
+        if value is None:
+            continue
+        if isinstance(value, bool | np.bool_):
+            plain[name] = np.int8(value)
+        elif isinstance(value, str):  # names of files may be anything
+            plain[name] = value.encode(errors="backslashreplace").decode()
+        elif isinstance(value, int | float | np.number | np.ndarray):
+            plain[name] = value
+        elif (
+            isinstance(value, list | tuple)
+            and value
+            and all(isinstance(item, int | float) for item in value)
+        ):
+            plain[name] = np.array(value, dtype=np.float64)
+        else:
+            plain[name] = json.dumps(value, sort_keys=True)
+    return plain
+
+
+def units_text(units: Mapping[str, str]) -> str:
+    """Units of parameters in one attribute: ``name: unit; name: unit``."""
+    return "; ".join(f"{name}: {unit}" for name, unit in units.items())
+
+
+def flag_names(variable: xr.DataArray) -> dict[int, str]:
+    """Code -> meaning of a categorical variable, from its CF attributes."""
+    values = np.atleast_1d(variable.attrs["flag_values"])
+    return dict(
+        zip((int(v) for v in values), str(variable.attrs["flag_meanings"]).split(), strict=True)
+    )

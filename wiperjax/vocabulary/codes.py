@@ -1,0 +1,123 @@
+"""Names of everything discrete that a trajectory reports: regimes, event kinds and result codes.
+
+Plain integers, because they live in arrays of compiled loops and in CF ``flag_values`` of files.
+"""
+
+from enum import IntEnum
+
+
+class Regime(IntEnum):
+    """Contact state of the tip (MODEL.md section 5)."""
+
+    STICK = 0
+    SLIP_POS = 1
+    SLIP_NEG = 2
+    FLIGHT = 3
+
+
+class Event(IntEnum):
+    """What happened at a located instant."""
+
+    NONE = 0
+    RELEASE = 1  # stick -> slip: the friction cone was reached
+    CAPTURE = 2  # slip -> stick
+    REVERSAL = 3  # slip -> slip of the other sign
+    LIFT_OFF = 4  # the normal force vanished
+    IMPACT = 5  # the gap closed at a finite speed
+    ZENO = 6  # an accumulating sequence of impacts, completed by its limit
+    KINK = 7  # a switching function of the system (the shoulder) changed sign
+    BELT_REVERSAL = 8  # V(t) passed through zero
+    BELT_KINK = 9  # V(t) has a corner
+    JAM = 10  # Painleve: slip reached D = 0 under load; an impact without collision
+    COLLAPSE = 11  # the system's own limit (phi = phi_max) was reached
+    TOUCH = 12  # the gap closed at zero speed; or a regime was re-decided at a tie
+
+
+class Result(IntEnum):
+    """How a trajectory ended. All but FINISHED and COLLAPSED are failures of that one alone."""
+
+    FINISHED = 0
+    COLLAPSED = 1
+    STEP_TOO_SMALL = 2
+    STEP_BUDGET_SPENT = 3
+    NON_FINITE = 4
+    ZENO_UNRESOLVED = 5
+    PAINLEVE_INDETERMINATE = 6
+    NO_CONSISTENT_REGIME = 7
+    INCONSISTENT_START = 8
+
+
+RUNNING = -1  # inside the loop only; never reported
+
+RESULTS = {result.name.lower(): int(result) for result in Result}
+
+ADVICE = {
+    Result.FINISHED: "reached the end of the time asked for",
+    Result.COLLAPSED: "the lip reached collapse_angle: a result of the model, not an error",
+    Result.STEP_TOO_SMALL: "the step shrank to the resolution of time, or thousands of steps got "
+    "nowhere: loosen rtol, look for a parameter many decades off, or for a max_step far too small",
+    Result.STEP_BUDGET_SPENT: "max_steps were spent before the end: raise max_steps",
+    Result.NON_FINITE: "an acceleration became infinite or undefined, or a tolerance was no number "
+    "> 0: look at the parameters and the initial state",
+    Result.ZENO_UNRESOLVED: "impacts accumulate and could not be completed by their limit: "
+    "raise zeno_time, or check restitution",
+    Result.PAINLEVE_INDETERMINATE: "at some instant several motions were possible (D <= 0 with a "
+    "separating free acceleration); the one that lifts off was followed",
+    Result.NO_CONSISTENT_REGIME: "many events at one instant without a regime that lasts: "
+    "please report the parameters",
+    Result.INCONSISTENT_START: "the initial state is impossible (tip inside the glass, or at rest "
+    "where no contact force can hold it): choose another one",
+}
+
+
+LABELS = {
+    "quiet": 0,
+    "squeal": 1,
+    "chattering": 2,
+    "reversal": 3,
+    "other": 4,
+    "collapsed": 5,
+    "failed": 6,
+}
+
+
+MECHANISMS = {
+    "none": 0,  # quiet, or no motion to speak of
+    "self_excited_slip": 1,  # slips all the time
+    "stick_slip": 2,
+    "flight": 3,  # leaves the glass, whether it sticks or not
+    "carried": 4,  # rides on the belt for the whole window
+    "reversal_pulse": 5,  # pressed hard at the reversal, without a hit
+    "reversal_impulse": 6,  # hits the glass at the reversal
+}
+
+
+BANDS = {"none": 0, "chatter": 1, "low": 2, "squeal": 3, "high": 4}
+
+
+SETTLED = {"no": 0, "yes": 1, "unknown": 2}
+
+
+TOLD = {"no": 0, "yes": 1, "unknown": 2}  # whether the samples tell the frequency
+
+
+NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
+
+
+NONE = 255  # of an unsigned column: there is no such instant, no such event
+
+
+REGIMES = {regime.name.lower(): int(regime) for regime in Regime} | {"none": NONE}
+
+
+EVENTS = {event.name.lower(): int(event) for event in Event if event != Event.NONE} | {"none": NONE}
+
+
+VALIDITY = {
+    "fine": 0,
+    "near_grazing": 1,
+    "sequence_changes": 2,
+    "unsettled": 3,
+    "not_differentiable": 4,
+}
+"""Whether the derivatives of a cell hold; where they do not, they are NaN."""

@@ -1,0 +1,198 @@
+"""The table of what a map stores for each cell: names, types, units, meanings.
+
+Columns that a caller offers beyond it are not stored, columns of it that are missing are left out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .codes import (
+    BANDS,
+    EVENTS,
+    LABELS,
+    MECHANISMS,
+    NONE,
+    NOT_COMPUTED,
+    REGIMES,
+    RESULTS,
+    SETTLED,
+    TOLD,
+    VALIDITY,
+)
+from .parameters import PARAMETERS
+
+
+@dataclass(frozen=True)
+class Column:
+    """One quantity stored for each cell: its name, numpy type, unit and meaning."""
+
+    name: str
+    dtype: str
+    units: str
+    long_name: str
+    flags: Mapping[str, int] | None = None  # meaning -> code, for categories
+    comment: str = ""
+    along: str = ""  # the dimension it has beside those of the map, if any
+
+    def attributes(self) -> dict[str, Any]:
+        """CF attributes of the variable; netCDF-valid types only."""
+        attrs: dict[str, Any] = {"long_name": self.long_name}
+        if self.flags is None:
+            attrs["units"] = self.units
+        else:
+            attrs["flag_values"] = np.array(list(self.flags.values()), dtype=self.dtype)
+            attrs["flag_meanings"] = " ".join(self.flags)
+        if self.comment:
+            attrs["comment"] = self.comment
+        return attrs
+
+    @property
+    def missing(self) -> Any:
+        """Value of a cell that is not computed (yet)."""
+        if np.dtype(self.dtype).kind == "u":
+            return NONE
+        return np.nan if np.dtype(self.dtype).kind == "f" else NOT_COMPUTED
+
+
+_TABLE = (
+    Column("label", "int8", "", "noise class", LABELS),
+    Column("mechanism", "int8", "", "what keeps the motion going", MECHANISMS),
+    Column("band", "int8", "", "band of the dominant frequency", BANDS),
+    Column(
+        "settled", "int8", "", "whether both halves of the window tell the same", SETTLED,
+        comment="no: still growing or dying, or irregular; unknown: halves that do not compare",
+    ),
+    Column("result", "int8", "", "how the trajectory ended", RESULTS),
+    Column("stick_fraction", "float64", "1", "share of the settled window in stick"),
+    Column("slip_fraction", "float64", "1", "share of the settled window in slip"),
+    Column("flight_fraction", "float64", "1", "share of the settled window in flight"),
+    Column("stick_fraction_stroke", "float64", "1", "share of the strokes in stick"),
+    Column("flight_fraction_stroke", "float64", "1", "share of the strokes in flight"),
+    Column(
+        "dominant_frequency", "float64", "Hz", "frequency of the strongest line of tip velocity",
+        comment="Hann window, refined between bins; NaN where all samples are equal, or do not "
+        "tell it; on a belt that reverses of the strokes, or of a tone around V = 0 if they are "
+        "quiet",
+    ),
+    Column(
+        "frequency_told", "int8", "", "whether the samples tell the frequency", TOLD,
+        comment="no: something faster than the finest samples may be as strong",
+    ),
+    Column("velocity_rms", "float64", "m/s", "standard deviation of the tip velocity"),
+    Column(
+        "velocity_rms_stroke", "float64", "m/s", "the same away from reversal",
+        comment="without what is slower than ten times the wiping frequency",
+    ),
+    Column("vibration_stroke", "float64", "m/s", "rms tip velocity of vibration away from reversal",
+        comment="faster than the upper end of class_chatter_band",
+    ),
+    Column("vibration_reversal", "float64", "m/s", "the same, just after reversal"),
+    Column("tone_time_before", "float64", "s", "longest tone before V = 0",
+        comment="faster than class_chatter_band, its level (rms over 5 ms) within 6 dB",
+    ),
+    Column("tone_time_after", "float64", "s", "longest tone after V = 0"),
+    Column("tone_frequency_before", "float64", "Hz", "frequency of the longest tone before V = 0"),
+    Column("tone_frequency_after", "float64", "Hz", "frequency of the longest tone after V = 0"),
+    Column("reversal_count", "int32", "1", "passages of V through zero in the settled window"),
+    Column("velocity_mean", "float64", "m/s", "mean tip velocity"),
+    Column("velocity_rms_reversal", "float64", "m/s", "the same, just after reversal"),
+    Column("belt_speed_rms", "float64", "m/s", "root mean square of the belt speed"),
+    Column("normal_force_mean", "float64", "N/m", "mean normal force"),
+    Column("normal_force_max", "float64", "N/m", "largest normal force"),
+    Column("normal_force_mean_stroke", "float64", "N/m", "mean normal force away from reversal"),
+    Column("normal_force_max_reversal", "float64", "N/m", "largest normal force around reversal"),
+    Column("gap_max", "float64", "m", "largest gap between tip and glass"),
+    Column("impact_count", "int32", "1", "impacts in the settled window"),
+    Column("stick_count", "int32", "1", "stick phases begun in the settled window"),
+    Column("lift_off_count", "int32", "1", "lift-offs in the settled window"),
+    Column("impact_impulse_max", "float64", "N s/m", "largest normal impulse of an impact"),
+    Column("impact_impulse_reversal", "float64", "N s/m", "the same, around reversal"),
+    Column("growth_rate", "float64", "1/s", "growth rate of steady slip, linearised"),
+    Column("linear_frequency", "float64", "Hz", "frequency of steady slip, linearised"),
+    Column("steps", "int32", "1", "accepted steps"),
+    Column("rejected_steps", "int32", "1", "rejected steps"),
+    Column("unproved_steps", "int32", "1", "steps that might hide a double crossing"),
+    Column("final_time", "float64", "s", "time reached"),
+    Column("final_x", "float64", "m", "tip position along the glass at the end"),
+    Column("final_y", "float64", "m", "gap at the end"),
+    Column("final_vx", "float64", "m/s", "tip velocity along the glass at the end"),
+    Column("final_vy", "float64", "m/s", "tip velocity normal to the glass at the end"),
+    Column(
+        "regime_raster", "uint8", "", "regime over time in the settled window", REGIMES,
+        comment="none: the cell ended before", along="raster_time",
+    ),
+    Column(
+        "event_count", "int32", "1", "events in the settled window",
+        comment="all of them, also those that the log has no room for",
+    ),
+    Column(
+        "event_overflow", "int8", "", "whether the cell had more events than its log has room for",
+        {"no": 0, "yes": 1}, comment="yes: the log has the first ones only",
+    ),
+    Column(
+        "event_time", "float64", "s", "time of the event since the start of the settled window",
+        along="event",
+    ),
+    Column("event_kind", "uint8", "", "kind of event", EVENTS, along="event"),
+    Column("regime_before", "uint8", "", "regime before the event", REGIMES, along="event"),
+    Column("regime_after", "uint8", "", "regime after the event", REGIMES, along="event"),
+    Column("event_impulse", "float64", "N s/m", "normal impulse of the event", along="event"),
+)  # fmt: skip
+
+DIFFERENTIABLE = (
+    *("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms", "velocity_mean"),
+    *("belt_speed_rms", "normal_force_mean", "normal_force_max", "gap_max", "impact_impulse_max"),
+    *("growth_rate", "linear_frequency", "final_x", "final_y", "final_vx", "final_vy"),
+)
+"""Outcomes that have derivatives by parameters. Labels, codes, counts and the dominant frequency (a
+choice among lines) have none by nature; statistics of the reversal have none because the edges of
+their window cut steps."""
+
+
+def sensitivity_name(outcome: str, parameter: str) -> str:
+    """Name of the variable that holds d(outcome)/d(parameter)."""
+    return f"d_{outcome}_d_{parameter}"
+
+
+def is_derivative(name: str) -> bool:
+    """Whether `name` is one of `sensitivity_name`."""
+    return name.startswith("d_") and "_d_" in name[2:]
+
+
+def _sensitivity_columns() -> tuple[Column, ...]:
+    known = {column.name: column for column in _TABLE}
+    columns = [
+        Column(
+            "sensitivity_code", "int8", "", "whether the derivatives hold", VALIDITY,
+            comment="not fine: the derivatives are NaN",
+        ),
+        Column(
+            "grazing_margin", "float64", "1", "smallest depth or clearance of an event guard",
+            comment="relative to the size of the guard; 0: an event just grazed",
+        ),
+        Column(
+            "sensitivity_agreement", "float64", "1",
+            "largest relative difference of a derivative from central differences",
+            comment="NaN: not checked, or not fine",
+        ),
+    ]  # fmt: skip
+    for name in DIFFERENTIABLE:
+        for parameter in PARAMETERS.values():
+            below = "" if parameter.edge_unit == "1" else f"/({parameter.edge_unit})"
+            columns.append(
+                Column(
+                    sensitivity_name(name, parameter.name),
+                    "float64",
+                    f"({known[name].units}){below}",
+                    f"derivative of {known[name].long_name} by {parameter.long_name}",
+                )
+            )
+    return tuple(columns)
+
+
+SCHEMA: Mapping[str, Column] = {
+    column.name: column for column in (*_TABLE, *_sensitivity_columns())
+}
