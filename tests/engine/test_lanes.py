@@ -8,9 +8,9 @@ import pytest
 
 import wiperjax
 from wiperjax import Event, Regime, Result, SteadyBelt, Wiper
+from wiperjax.engine.carry.problem import Integration, Recording, make_case
 from wiperjax.engine.lanes import Pool, run_pool
 from wiperjax.engine.sampling.means import Signal
-from wiperjax.engine.solve import make_problem
 from wiperjax.maps import block, estimate
 from wiperjax.maps.block import evaluate_block
 from wiperjax.maps.cells import batch, devices
@@ -37,19 +37,16 @@ def blades(rng, cases=CASES):
 def compiled(wiper, position, count, lanes=8, flows=3, max_steps=20_000, room=ROOM):
     still = jnp.zeros_like(position)
     interval = DURATION / SAMPLES
-    problem, q, v, start = make_problem(
+    ring = 2 * flows
+    signal = Signal(0.0, interval, SAMPLES, CASES * (SAMPLES + ring), ring, inner=True)
+    case = make_case(
         wiper,
         DURATION,
-        initial_state=((position, still), (still, still)),
-        solver=None,
-        rtol=1e-8,
-        atol=None,
-        max_steps=max_steps,
-        max_step=2 * interval,
-        max_events=room,
-        signal=Signal(0.0, interval, SAMPLES, CASES * (SAMPLES + 2 * flows), 2 * flows, inner=True),
+        ((position, still), (still, still)),
+        Integration(max_steps=max_steps, max_step=2 * interval),
+        Recording(signal=signal, max_events=room),
     )
-    return run_pool(Pool(problem, q, v, start, count), lanes, flows)
+    return run_pool(Pool(case, count), lanes, flows)
 
 
 def run(*arguments, **options):

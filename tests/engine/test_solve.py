@@ -13,7 +13,8 @@ from problems import Ball, Block, Puck, StopOscillator, events, stop_oscillator,
 
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb, Event, Regime, Result, SteadyBelt, Wiper
-from wiperjax.engine.solve import begin, make_problem, run, solution
+from wiperjax.engine.carry.problem import Integration, Recording, make_case
+from wiperjax.engine.solve import begin, run, solution
 from wiperjax.engine.step import advance
 from wiperjax.engine.trial.guard_proof import examine
 
@@ -284,17 +285,15 @@ def test_a_double_root_inside_one_step_is_found(depth):
 
 @jax.jit
 def single_parabola(level):
-    problem, *start = make_problem(
+    case = make_case(
         Parabola(level.astype(jnp.float32)),
         3.0,
-        initial_state=((0.0,), (1.0,)),
-        solver=None,
-        rtol=1e-3,
-        atol=None,
-        max_events=8,
+        ((0.0,), (1.0,)),
+        Integration(rtol=1e-3),
+        Recording(max_events=8),
         dtype=jnp.float32,
     )
-    return solution(problem, run(problem, begin(problem, *start)))
+    return solution(case.problem, run(case.problem, begin(case)))
 
 
 @pytest.mark.parametrize("depth", [1e-3, 1e-4, 1e-5])
@@ -345,17 +344,15 @@ def test_no_zero_hides_between_the_nodes_of_a_step(dtype, waves_of):
 
     @jax.jit
     def crossings(waves, rtol):
-        problem, *start = make_problem(
+        case = make_case(
             waves_of(*(tuple(x.astype(dtype)) for x in waves)),
             10.0,
-            initial_state=((0.0,), (1.0,)),
-            solver=None,
-            rtol=rtol,
-            atol=None,
-            max_events=64,
+            ((0.0,), (1.0,)),
+            Integration(rtol=rtol),
+            Recording(max_events=64),
             dtype=jnp.dtype(dtype),
         )
-        return solution(problem, run(problem, begin(problem, *start)))
+        return solution(case.problem, run(case.problem, begin(case)))
 
     rng = np.random.default_rng(1)
     x = np.linspace(0, 10, 200_001)
@@ -434,16 +431,9 @@ def test_an_event_is_foreseen():
 
 def test_a_stay_that_repeats_itself_ends_in_one_step():
     """On a cycle of stick and slip a trial step ends on the next event at once; not before it."""
-    problem, *start = make_problem(
-        Block(1.0, 0.5, belt=0.4),
-        100.0,
-        initial_state=((0.0,), (0.4,)),
-        solver=None,
-        rtol=1e-6,
-        atol=None,
-    )
-    turn = jax.jit(lambda state: advance(problem, state))
-    state, tries = begin(problem, *start), []
+    case = make_case(Block(1.0, 0.5, belt=0.4), 100.0, ((0.0,), (0.4,)), Integration(rtol=1e-6))
+    turn = jax.jit(lambda state: advance(case.problem, state))
+    state, tries = begin(case), []
     while len(tries) < 24:
         before, state = state, turn(state)
         if state.events > before.events:

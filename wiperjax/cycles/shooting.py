@@ -15,9 +15,10 @@ import numpy as np
 from ..contact.projection import settle
 from ..contact.space import contact
 from ..contact.system import AbstractSystem
+from ..engine.carry.problem import Integration, Recording, make_case, record_sample
 from ..engine.carry.state import EventLog
 from ..engine.observers.totals import Reach, RegimeTotals, Totals
-from ..engine.solve import begin, make_problem, record_sample, run, solution
+from ..engine.solve import begin, run, solution
 from ..vocabulary.codes import Regime
 
 SAMPLES = 257  # of a stretch; states at even distances
@@ -114,20 +115,20 @@ def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
     def motion(state, period, moving):
         start, duration = phase * period, part * period
         state = tidy(eqx.combine(moving, fixed), start, state, regime)
-        problem, q, v, start = make_problem(
+        case = make_case(
             eqx.combine(moving, fixed),
             duration,
-            start=start,
-            initial_state=(tuple(state[:n]), tuple(state[n:])),
-            solver=None,
-            rtol=rtol,
-            atol=None,
-            sample_times=start + duration * grid,
-            max_events=EVENTS,
-            observer=Reach(RegimeTotals(start)),
-            record=_looked_at,
+            (tuple(state[:n]), tuple(state[n:])),
+            Integration(rtol=rtol),
+            Recording(
+                start + duration * grid,
+                max_events=EVENTS,
+                observer=Reach(RegimeTotals(start)),
+                record=_looked_at,
+            ),
+            start,
         )
-        s = solution(problem, run(problem, begin(problem, q, v, start)))
+        s = solution(case.problem, run(case.problem, begin(case)))
         end = jnp.concatenate([s.final_position, s.final_velocity])
         whole, counts = eqx.partition(s.statistics.totals, eqx.is_inexact_array)
         return (end, whole), (s, counts)

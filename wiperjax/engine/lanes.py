@@ -16,8 +16,9 @@ from jax import lax
 
 from ..numerics.arrays import where
 from ..vocabulary.codes import Result
+from .carry.problem import Case, Problem
 from .carry.start import initial_state
-from .carry.state import TERM, EventLog, Problem, State, final_velocity
+from .carry.state import TERM, EventLog, State, final_velocity
 from .sampling.means import Signal, flush
 from .step import flow, jump
 
@@ -25,12 +26,9 @@ ROUND = 2  # flows of a round, or more where a jump is shared by more
 
 
 class Pool(NamedTuple):
-    """Cases to run. Leaves of ``problem`` with one entry a case have the cases as last axis."""
+    """Cases to run. Leaves of the problem with one entry a case have the cases as last axis."""
 
-    problem: Problem
-    position: tuple  # n arrays (cases,)
-    velocity: tuple
-    start: jax.Array  # () time
+    case: Case  # position and velocity (cases,) each, one start
     count: jax.Array  # () cases that are real; the rest only fills the arrays
 
 
@@ -102,94 +100,127 @@ def flows_per_jump(solver) -> int:
     return 1 if solver.order(TERM) >= 6 else 2
 
 
+class _Carry(NamedTuple):
+    """The loop carry of a batch, lanes last."""
+
+    parts: Any  # of the problems in flight
+    state: State
+    case: jax.Array  # number of each lane's case; ``capacity`` where it has none
+    upcoming: jax.Array  # the next case to be taken
+    outcome: Outcome
+    samples: Any
+    useful: jax.Array
+    executed: jax.Array
+
+
+class _Batch:
+    """A pool on its lanes: what stays the same while it runs, and the pieces of the loop."""
+
+    def __init__(self, pool: Pool, lanes: int, flows: int):
+        problem, self.position, self.velocity, self.start = pool.case
+        self.capacity = self.position[0].shape[-1]
+        self.cases = jnp.minimum(pool.count, self.capacity).astype(jnp.int32)
+        self.problem, self.lanes, self.flows = problem, lanes, flows
+        self.turns = max(1, ROUND // flows)
+        self.varying, self.shared = _split(problem, self.capacity)
+        self.signal: Signal | None = problem.signal
+        self.wait = max(1, lanes // 32)  # lanes that may idle before a refill is worth its cost
+
+    def problem_of(self, parts) -> Problem:
+        """The problem of the cases whose varying ``parts`` these are."""
+        return _rebuild(self.problem, parts, self.shared)
+
+    def fill(self, at):
+        """Problem parts and initial states of the cases ``at``."""
+        take = lambda x: x[..., at]
+        parts, q, v = jax.tree.map(take, (self.varying, self.position, self.velocity))
+        start = jnp.broadcast_to(self.start, at.shape)
+        state = initial_state(self.problem_of(parts), q, v, start)
+        if self.signal is not None:
+            state = state._replace(samples=self.signal.empty(q[0]))
+        return parts, state
+
+    def begin(self) -> _Carry:
+        """Every lane is idle at first, and filled inside the loop like any other: the same
+        arithmetic compiled in two places rounds in two ways.
+        """
+        parts, state = self.fill(jnp.zeros(self.lanes, jnp.int32))
+        state = state._replace(result=jnp.full_like(state.result, int(Result.FINISHED)))
+        blank = jax.tree.map(
+            lambda x: jnp.zeros((self.capacity, *x.shape[:-1]), x.dtype),
+            _outcome(self.problem_of(parts), state),
+        )
+        zero = jnp.zeros((), jnp.int64)
+        samples = None if self.signal is None else self.signal.record()
+        nobody = jnp.full(self.lanes, self.capacity, jnp.int32)
+        return _Carry(parts, state, nobody, jnp.int32(0), blank, samples, zero, zero)
+
+    def is_busy(self, carry: _Carry):
+        return jnp.any(carry.case < self.capacity) | (carry.upcoming < self.cases)
+
+    def refill(self, carry: _Carry) -> _Carry:
+        """Keep what has ended, and give its lanes the next cases."""
+        state, ended, case, upcoming = carry.state, carry.state.ended, carry.case, carry.upcoming
+        at = jnp.where(ended, case, self.capacity)
+        outcome = jax.tree.map(
+            lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"),
+            carry.outcome,
+            _outcome(self.problem_of(carry.parts), state),
+        )
+        new = upcoming + jnp.cumsum(ended, dtype=jnp.int32) - 1
+        takes = ended & (new < self.cases)
+        fresh_parts, fresh = self.fill(jnp.clip(new, 0, self.capacity - 1))
+        return carry._replace(
+            parts=where(takes, fresh_parts, carry.parts),
+            state=where(takes, fresh, state),
+            case=jnp.where(takes, new, jnp.where(ended, self.capacity, case)),
+            upcoming=upcoming + jnp.sum(takes, dtype=jnp.int32),
+            outcome=outcome,
+        )
+
+    def advance(self, carry: _Carry) -> _Carry:
+        """A refill, and rounds until the next one is worth it."""
+        carry = self.refill(carry)
+        problem, state = self.problem_of(carry.parts), carry.state
+        room = jnp.where(carry.upcoming < self.cases, self.wait, self.lanes)
+
+        def turn(_, state):
+            state = lax.fori_loop(0, self.flows, lambda _, s: flow(problem, s), state)
+            # once, if any: a loop of its own becomes one compiled function
+            # (`jax_settings.COMPILER`)
+            return lax.while_loop(lambda s: jnp.any(s.due >= 0), lambda s: jump(problem, s), state)
+
+        def goes_on(inner):
+            return jnp.sum(inner[0].ended) < room
+
+        def round_(inner):
+            state, samples, rounds = inner
+            state = lax.fori_loop(0, self.turns, turn, state)
+            if self.signal is not None:
+                samples, ring = flush(self.signal, samples, state.samples, carry.case)
+                state = state._replace(samples=ring)
+            return state, samples, rounds + 1
+
+        before = jnp.sum(state.attempts)
+        state, samples, rounds = lax.while_loop(
+            goes_on, round_, (state, carry.samples, jnp.int64(0))
+        )
+        return carry._replace(
+            state=state,
+            samples=samples,
+            useful=carry.useful + jnp.sum(state.attempts) - before,
+            executed=carry.executed + rounds * (self.turns * self.flows * self.lanes),
+        )
+
+
 def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome, Any, Effort]:
     """Run every case of ``pool``; return (outcomes, samples or None, effort).
 
     ``lanes`` trajectories are in flight at any time; ``flows`` is `flows_per_jump` unless given.
     The result of a case does not depend on its lane, its neighbours or their order. Samples come
-    back as `averaging.Samples`, case after case in rows of ``problem.signal.length``. To be called
+    back as `sampling.means.Samples`, case after case in rows of ``signal.length``. To be called
     inside `jax.jit`.
     """
-    capacity = pool.position[0].shape[-1]
-    cases = jnp.minimum(pool.count, capacity).astype(jnp.int32)
-    problem = pool.problem
-    if flows is None:
-        flows = flows_per_jump(problem.solver)
-    turns = max(1, ROUND // flows)
-    varying, shared = _split(problem, capacity)
-    signal: Signal | None = problem.signal
-
-    def fill(at):
-        """Problem parts and initial states of the cases ``at``."""
-        parts, q, v = jax.tree.map(lambda x: x[..., at], (varying, pool.position, pool.velocity))
-        start = jnp.broadcast_to(pool.start, at.shape)
-        state = initial_state(_rebuild(problem, parts, shared), q, v, start)
-        if signal is not None:
-            state = state._replace(samples=signal.empty(q[0]))
-        return parts, state
-
-    # Every lane is idle at first, and filled inside the loop like any other: the same arithmetic
-    # compiled in two places rounds in two ways.
-    parts, state = fill(jnp.zeros(lanes, jnp.int32))
-    case = jnp.full(lanes, capacity, jnp.int32)
-    state = state._replace(result=jnp.full_like(state.result, int(Result.FINISHED)))
-    blank = jax.tree.map(
-        lambda x: jnp.zeros((capacity, *x.shape[:-1]), x.dtype),
-        _outcome(_rebuild(problem, parts, shared), state),
-    )
-    wait = max(1, lanes // 32)  # lanes that may idle before a refill is worth its cost
-
-    def refill(parts, state, case, upcoming, outcome):
-        """Keep what has ended, and give its lanes the next cases."""
-        ended = state.ended
-        at = jnp.where(ended, case, capacity)
-        outcome = jax.tree.map(
-            lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"),
-            outcome,
-            _outcome(_rebuild(problem, parts, shared), state),
-        )
-        new = upcoming + jnp.cumsum(ended, dtype=jnp.int32) - 1
-        takes = ended & (new < cases)
-        fresh_parts, fresh = fill(jnp.clip(new, 0, capacity - 1))
-        state, parts = where(takes, fresh, state), where(takes, fresh_parts, parts)
-        case = jnp.where(takes, new, jnp.where(ended, capacity, case))
-        return parts, state, case, upcoming + jnp.sum(takes, dtype=jnp.int32), outcome
-
-    def stretch(carry):
-        """A refill, and rounds until the next one is worth it."""
-        *inner, samples, useful, executed = carry
-        parts, state, case, upcoming, outcome = refill(*inner)
-        local = _rebuild(problem, parts, shared)
-        room = jnp.where(upcoming < cases, wait, lanes)
-
-        def turn(_, state):
-            state = lax.fori_loop(0, flows, lambda _, s: flow(local, s), state)
-            # once, if any: a loop of its own becomes one compiled function (`launch.COMPILER`)
-            return lax.while_loop(lambda s: jnp.any(s.due >= 0), lambda s: jump(local, s), state)
-
-        def goes_on(carry):
-            return jnp.sum(carry[0].ended) < room
-
-        def round_(carry):
-            state, samples, rounds = carry
-            state = lax.fori_loop(0, turns, turn, state)
-            if signal is not None:
-                samples, ring = flush(signal, samples, state.samples, case)
-                state = state._replace(samples=ring)
-            return state, samples, rounds + 1
-
-        before = jnp.sum(state.attempts)
-        state, samples, rounds = lax.while_loop(goes_on, round_, (state, samples, jnp.int64(0)))
-        useful = useful + jnp.sum(state.attempts) - before
-        executed = executed + rounds * (turns * flows * lanes)
-        return parts, state, case, upcoming, outcome, samples, useful, executed
-
-    def busy(carry):
-        case, upcoming = carry[2:4]
-        return jnp.any(case < capacity) | (upcoming < cases)
-
-    zero = jnp.zeros((), jnp.int64)
-    samples = None if signal is None else signal.record()
-    carry = (parts, state, case, jnp.int32(0), blank, samples, zero, zero)
-    *_, outcome, samples, useful, executed = lax.while_loop(busy, stretch, carry)
-    return outcome, samples, Effort(useful, executed)
+    batch = _Batch(pool, lanes, flows or flows_per_jump(pool.case.problem.solver))
+    done = lax.while_loop(batch.is_busy, batch.advance, batch.begin())
+    return done.outcome, done.samples, Effort(done.useful, done.executed)

@@ -23,7 +23,8 @@ import jax
 import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
 
-from .carry.state import Problem, State
+from .carry.problem import Problem
+from .carry.state import State
 from .step import advance
 
 

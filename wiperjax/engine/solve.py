@@ -4,15 +4,13 @@
 for many trajectories `wiperjax.sweep`, or `lanes.run_pool`, is far faster.
 """
 
-import math
 from functools import partial
 from typing import Any, NamedTuple
 
-import diffrax
 import jax
 import jax.numpy as jnp
 
-from ..contact.system import AbstractSystem, rates
+from ..contact.system import AbstractSystem
 from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.codes import RUNNING
@@ -24,8 +22,9 @@ from .arguments import (
     check_system,
     check_tolerances,
 )
+from .carry.problem import Case, Integration, Problem, Recording, make_case
 from .carry.start import initial_state
-from .carry.state import EventLog, Problem, State, final_velocity
+from .carry.state import EventLog, State, final_velocity
 from .observers.base import AbstractObserver
 from .observers.totals import RegimeTotals
 from .reverse import run_reversible
@@ -50,92 +49,6 @@ class Solution(NamedTuple):
     unproved_steps: Scalar  # steps whose guards could not be proved free of zeros
 
 
-class Sample(NamedTuple):
-    """State of motion at one time."""
-
-    position: tuple
-    velocity: tuple
-    regime: Scalar
-    normal_force: Scalar
-    friction_force: Scalar
-
-
-def record_sample(system, t, q, v, regime, forces) -> Sample:
-    """Everything a person plots."""
-    speeds = rates(system, t, q, v)
-    return Sample(q, speeds, regime.astype(jnp.int8), forces.normal, forces.tangential)
-
-
-def make_problem(
-    system: AbstractSystem,
-    duration,
-    *,
-    initial_state,
-    solver,
-    rtol,
-    atol,
-    sample_times=None,
-    signal=None,
-    max_events=0,
-    log_start=-math.inf,
-    max_steps=2**31 - 1,
-    max_step=None,
-    zeno_time=1e-8,
-    mark=None,
-    observer: AbstractObserver | None = None,
-    record=record_sample,
-    pause_when_full=False,
-    dtype=None,
-    start=0.0,
-):
-    """Return (problem, position, velocity, start time) from arguments that were checked.
-
-    Raises ValueError for a missing start.
-    """
-    solver = diffrax.Tsit5() if solver is None else solver
-    if dtype is None:
-        dtype = jnp.result_type(float)
-    if initial_state is None:
-        initial_state = system.default_state()
-    position = tuple(jnp.asarray(x, dtype) for x in initial_state[0])
-    velocity = tuple(jnp.asarray(x, dtype) for x in initial_state[1])
-    n = len(position)
-    rtol = jnp.asarray(rtol, dtype)
-    if atol is None:
-        tolerance = jax.tree.map(lambda s: rtol * jnp.asarray(s, dtype), system.scales(n))
-    elif isinstance(atol, tuple | list):
-        tolerance = tuple(
-            tuple(jnp.asarray(a, dtype) for a in part) * (n // len(part))
-            if isinstance(part, tuple | list)
-            else (jnp.asarray(part, dtype),) * n
-            for part in atol
-        )
-    else:
-        tolerance = ((jnp.asarray(atol, dtype),) * n,) * 2
-    clock = jnp.result_type(float)  # time keeps full precision whatever the state has
-    start = jnp.asarray(start, clock)
-    end = start + jnp.asarray(duration, clock)
-    problem = Problem(
-        system=system.prepared(),
-        end=end,
-        rtol=rtol,
-        atol=tolerance,
-        max_step=jnp.asarray(jnp.inf if max_step is None else max_step, clock),
-        zeno_time=jnp.asarray(zeno_time, dtype),
-        max_steps=jnp.asarray(max_steps, jnp.int32),
-        mark=start if mark is None else jnp.asarray(mark, clock),
-        observer=RegimeTotals() if observer is None else observer,
-        sample_times=None if sample_times is None else jnp.asarray(sample_times, clock),
-        signal=signal,
-        solver=solver,
-        record=record,
-        log_capacity=int(max_events),
-        log_start=float(log_start),
-        pause_when_full=pause_when_full,
-    )
-    return problem, position, velocity, start
-
-
 def active(problem: Problem, state: State):
     """True while there is work that can be done without somebody emptying a buffer."""
     on = state.result == RUNNING
@@ -157,19 +70,19 @@ def run(problem: Problem, state: State, reverse_turns: int | None = None) -> Sta
     return run_reversible((problem, state), active, reverse_turns)
 
 
-def begin(problem: Problem, position, velocity, start) -> State:
+def begin(case: Case) -> State:
     """Return the loop state at the start, with empty buffers.
 
     Raises ValueError for a number of coordinates that is not the system's.
     """
     try:
-        state = initial_state(problem, position, velocity, start)
+        state = initial_state(*case)
     except (IndexError, ValueError) as error:  # of a tuple that is too short, or too long
         raise ValueError(
-            f"initial_state must have the coordinates of {type(problem.system).__name__}, but had "
-            f"{len(position)}: {error}"
+            f"initial_state must have the coordinates of {type(case.problem.system).__name__}, "
+            f"but had {len(case.position)}: {error}"
         ) from error
-    return state._replace(samples=empty_samples(problem, state))
+    return state._replace(samples=empty_samples(case.problem, state))
 
 
 def solve(
@@ -224,24 +137,16 @@ def solve(
     )
     if observer is None:
         observer = RegimeTotals(start if statistics_start is None else statistics_start)
-    problem, q, v, start = make_problem(
+    case = make_case(
         system,
         duration,
-        initial_state=initial_state,
-        solver=solver,
-        rtol=rtol,
-        atol=atol,
-        sample_times=sample_times,
-        max_events=max_events,
-        max_steps=max_steps,
-        max_step=max_step,
-        zeno_time=zeno_time,
-        mark=statistics_start,
-        observer=observer,
-        start=start,
+        initial_state,
+        Integration(solver, rtol, atol, max_steps, max_step, zeno_time),
+        Recording(sample_times, max_events=max_events, observer=observer, mark=statistics_start),
+        start,
     )
-    state = begin(problem, q, v, start)
-    return solution(problem, run(problem, state, int(max_steps) if reverse else None))
+    state = run(case.problem, begin(case), int(max_steps) if reverse else None)
+    return solution(case.problem, state)
 
 
 def solution(problem: Problem, state: State) -> Solution:

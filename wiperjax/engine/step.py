@@ -15,8 +15,9 @@ from ..contact.system import rates
 from ..numerics.arrays import where
 from ..numerics.fusion_barrier import keep
 from ..vocabulary.codes import RUNNING, Regime, Result
+from .carry.problem import Problem
 from .carry.recall import remember
-from .carry.state import BREAK, Problem, State
+from .carry.state import BREAK, State
 from .event.event_time import time_to_event
 from .event.plan import Plan, locate
 from .event.transition import transition

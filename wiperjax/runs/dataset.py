@@ -13,7 +13,8 @@ from ..blade.bar import Bar
 from ..blade.belts import AbstractBelt
 from ..blade.block import Block
 from ..blade.wiper import ENGINE_FIELDS, Wiper
-from ..engine.carry.state import Problem, State, final_velocity
+from ..engine.carry.problem import Problem
+from ..engine.carry.state import State, final_velocity
 from ..vocabulary import cf
 from ..vocabulary.cf import units_text
 from ..vocabulary.codes import RESULTS, Event, Regime

@@ -26,9 +26,10 @@ from ..engine.arguments import (
     regular_times,
     tolerances,
 )
-from ..engine.carry.state import Problem, State
+from ..engine.carry.problem import Case, Integration, Problem, Recording, make_case
+from ..engine.carry.state import State
 from ..engine.observers.base import Nothing
-from ..engine.solve import active, begin, make_problem
+from ..engine.solve import active, begin
 from ..engine.step import advance
 from ..machine import provenance
 from ..vocabulary import checks
@@ -102,21 +103,14 @@ def simulate(
     slots = max(FEWEST_SLOTS, 1 << len(times).bit_length())
     padded = np.full(slots, np.inf)
     padded[: len(times)] = times
-    problem, position, velocity, zero = make_problem(
+    case = make_case(
         system,
         duration,
-        initial_state=start,
-        solver=solver,
-        rtol=rtol,
-        atol=tolerances(atol, len(start[0])),
-        sample_times=padded,
-        max_events=EVENTS_AT_ONCE,
-        max_steps=most,
-        zeno_time=zeno_time,
-        observer=Nothing(),
-        pause_when_full=True,
+        start,
+        Integration(solver, rtol, tolerances(atol, len(start[0])), most, zeno_time=zeno_time),
+        Recording(padded, max_events=EVENTS_AT_ONCE, observer=Nothing(), pause_when_full=True),
     )
-    state = _begin(problem, position, velocity, zero)
+    problem, state = case.problem, _begin(case)
     _check_start(system, start, int(state.result))
 
     pieces = []
@@ -147,9 +141,9 @@ def simulate(
 
 
 @eqx.filter_jit
-def _begin(problem: Problem, position, velocity, start) -> State:
+def _begin(case: Case) -> State:
     """Return the loop state at the start, with the first sample taken: no run is without any."""
-    state = begin(problem, position, velocity, start)
+    problem, state = case.problem, begin(case)
     system = problem.system.on_piece(state.piece)
     f = forces(system, contact(system, state.time, state.position, state.velocity), state.regime)
     first = problem.record(system, state.time, state.position, state.velocity, state.regime, f)

@@ -50,14 +50,14 @@ class Profile(NamedTuple):
     load: float  # average of the last minute
 
 
-def problem_of(scene: Scene, precision: str):
-    """Return (problem, position, velocity, start) of a scene as `bench speed` runs it."""
+def case_of(scene: Scene, precision: str):
+    """Return the `Case` of a scene as `bench speed` runs it."""
     wiper, position, velocity, scales = jax.tree.map(
         lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x,
         engine.arrays(scene, precision),
     )
     control = engine.Control(*map(jnp.asarray, (RTOL[diffrax.Tsit5, precision], 1.0, np.inf)))
-    return engine._problem(
+    return engine.case_of(
         wiper, position, velocity, scene.duration, control, scales, diffrax.Tsit5(), precision
     )
 
@@ -67,9 +67,10 @@ class Bench:
 
     def __init__(self, precision: str, lanes: int, rounds: int = 150):
         # so long that no lane ends
-        self.problem, q, v, start = problem_of(workload(lanes, 10.0), precision)
+        case = case_of(workload(lanes, 10.0), precision)
+        self.problem = case.problem
         self.lanes, self.precision = lanes, precision
-        parts, self.tree = jax.tree.flatten((self.problem, q, v, start))
+        parts, self.tree = jax.tree.flatten(case)
         self.where = [i for i, x in enumerate(parts) if isinstance(x, jax.Array)]
         self.leaves = parts
         self.given = [parts[i] for i in self.where]
@@ -121,8 +122,8 @@ class Bench:
 
 def whole(precision: str, cells: int, lanes: int, flows: int) -> tuple[float, Any, Any]:
     """Return (seconds, outcome, effort) of a batch of ``cells``, 20 ms each."""
-    problem, q, v, start = problem_of(workload(cells, 0.02), precision)
-    parts, tree = jax.tree.flatten((problem, q, v, start))
+    case = case_of(workload(cells, 0.02), precision)
+    parts, tree = jax.tree.flatten(case)
     where = [i for i, x in enumerate(parts) if isinstance(x, jax.Array)]
 
     @jax.jit
@@ -130,8 +131,7 @@ def whole(precision: str, cells: int, lanes: int, flows: int) -> tuple[float, An
         full = list(parts)
         for i, x in zip(where, given, strict=True):
             full[i] = x
-        problem, q, v, start = jax.tree.unflatten(tree, full)
-        pool = Pool(problem, q, v, start, jnp.asarray(cells, jnp.int32))
+        pool = Pool(jax.tree.unflatten(tree, full), jnp.asarray(cells, jnp.int32))
         outcome, _, effort = run_pool(pool, lanes, flows)
         return (outcome.steps, outcome.events), effort
 

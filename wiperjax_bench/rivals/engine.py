@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from wiperjax import Result, Wiper
+from wiperjax.engine.carry.problem import Integration, Recording, make_case
 from wiperjax.engine.lanes import Pool, run_pool
-from wiperjax.engine.solve import begin, make_problem, solution
+from wiperjax.engine.solve import begin, solution
 from wiperjax.engine.solve import run as run_one
 from wiperjax.maps.cells.devices import dearest_first, lane_count
 
@@ -66,10 +67,8 @@ class Control(NamedTuple):
 @eqx.filter_jit
 def batch(wiper, position, velocity, count, duration, control, scales, solver, precision, lanes):
     """Return (outcome, effort) of `run_pool`; ``solver``, ``precision``, ``lanes`` are static."""
-    problem, q, v, start = _problem(
-        wiper, position, velocity, duration, control, scales, solver, precision
-    )
-    outcome, _, effort = run_pool(Pool(problem, q, v, start, count), lanes)
+    case = case_of(wiper, position, velocity, duration, control, scales, solver, precision)
+    outcome, _, effort = run_pool(Pool(case, count), lanes)
     return outcome, effort
 
 
@@ -82,30 +81,29 @@ def histories(wiper, position, velocity, duration, control, scales, times, solve
 
     def one(varying):
         wiper, position, velocity, scales = eqx.combine(varying, shared)
-        problem, q, v, start = _problem(
+        case = case_of(
             wiper, position, velocity, duration, control, scales, solver, precision,
-            sample_times=times, max_events=LOG,
+            Recording(times, max_events=LOG),
         )  # fmt: skip
-        return solution(problem, run_one(problem, begin(problem, q, v, start)))
+        return solution(case.problem, run_one(case.problem, begin(case)))
 
     return jax.vmap(one)(varying)
 
 
-def _problem(wiper, position, velocity, duration, control, scales, solver, precision, **more):
+def case_of(
+    wiper, position, velocity, duration, control, scales, solver, precision, recording=None
+):
+    """Return the `Case` of a scene at a setting."""
     rtol = jnp.asarray(control.rtol, precision)
     share = jnp.asarray(control.atol_share, precision)
     atol = tuple((rtol * share * s,) * 2 for s in scales)
-    return make_problem(
+    return make_case(
         wiper,
         duration,
-        initial_state=(position, velocity),
-        solver=solver,
-        rtol=rtol,
-        atol=atol,
-        max_step=control.max_step,
+        (position, velocity),
+        Integration(solver, rtol, atol, MAX_STEPS, control.max_step),
+        recording or Recording(),
         dtype=jnp.dtype(precision),
-        max_steps=MAX_STEPS,
-        **more,
     )
 
 

@@ -1,18 +1,22 @@
 """The loop state at the start of a trajectory."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 
 from ...contact.guards import first_switch, guard_values, start_of_slip_order, starting_sides
 from ...contact.projection import settle
 from ...contact.regimes import acceleration, decide, forces
-from ...contact.space import contact
+from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.arrays import where
 from ...numerics.bernstein import largest
+from ...numerics.types import Scalar
 from ...vocabulary.codes import RUNNING, Regime, Result
+from .problem import Problem
 from .recall import nothing
-from .state import EventLog, Problem, State
+from .state import EventLog, State
 
 ROUNDINGS = 64  # last digits of the typical speed below which a contact is at rest
 
@@ -44,6 +48,82 @@ def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
     return still, c._replace(normal_speed=zero[0], slip_speed=zero[1])
 
 
+class _Entry(NamedTuple):
+    """The regime a trajectory begins in."""
+
+    regime: Scalar
+    order: Scalar  # of the zero with which the first guard begins
+    code: Scalar  # `RUNNING`, or why it cannot begin
+    flagged: Scalar  # the regime is not the only one
+
+
+def _entry(system, c: Contact, position) -> _Entry:
+    """Return how a trajectory begins in contact ``c``: decided at acceleration level where it is
+    closed.
+    """
+    if system.unilateral:
+        size = jnp.max(jnp.abs(jnp.stack(position)), axis=0)
+        inside = c.gap < -1e-12 * jnp.maximum(size, 1e-30)
+        closed = (c.gap <= 0) & (c.normal_speed == 0)
+    else:
+        inside = jnp.zeros_like(c.b_t, bool)
+        closed = ~inside
+    decision = decide(system, c)
+    at_rest = c.slip_speed == 0
+    # a jam while sliding is resolved by the impact without collision: start it as slip
+    jam = closed & decision.jam
+    slip = jnp.where(c.slip_speed >= 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
+    regime = jnp.where(closed, jnp.where(jam & ~at_rest, slip, decision.regime), int(Regime.FLIGHT))
+    regime = regime.astype(jnp.int32)
+    code = jnp.where(inside | (jam & at_rest), int(Result.INCONSISTENT_START), RUNNING)
+
+    flying = regime == Regime.FLIGHT
+    sliding = ~flying & (regime != Regime.STICK)
+    order = jnp.where(
+        flying & (c.gap <= 0) & (c.normal_speed >= 0),
+        jnp.where(c.normal_speed > 0, 1, 2),
+        jnp.where(sliding & at_rest, start_of_slip_order(system, c, regime), 0),
+    ).astype(jnp.int32)
+    return _Entry(regime, order, code, closed & decision.indeterminate)
+
+
+def _first_step(problem: Problem, start, motion, rate) -> Scalar:
+    """Return a hundredth of the shortest time in which a coordinate changes by its scale."""
+    leaves = (jax.tree.leaves(tree) for tree in (rate, motion, problem.atol))
+    speeds = [
+        jnp.abs(f) / (a / problem.rtol + jnp.abs(y) + 1e-30)
+        for f, y, a in zip(*leaves, strict=True)
+    ]
+    speed = jnp.max(jnp.stack(speeds), axis=0)
+    span = problem.end - start
+    step = jnp.clip(0.01 / jnp.maximum(speed, 1e-30), 1e-9 * span, 0.1 * span)
+    return jax.lax.stop_gradient(step).astype(start.dtype)
+
+
+def _is_finite(problem: Problem, start, motion, rate) -> Scalar:
+    """Whether a trajectory can be integrated from here, tolerances included: traced, they were seen
+    by nobody else.
+    """
+    finite = jnp.isfinite(start) & jnp.isfinite(problem.end)
+    for leaf in jax.tree.leaves((motion, rate)):
+        finite = finite & jnp.isfinite(leaf)
+    for tolerance in (problem.rtol, *jax.tree.leaves(problem.atol)):
+        finite = finite & (tolerance > 0) & (tolerance < jnp.inf)
+    return finite
+
+
+def _empty_log(capacity: int, start, dtype) -> EventLog:
+    shape = (capacity, *start.shape)
+    return EventLog(
+        time=jnp.full(shape, jnp.nan, start.dtype),
+        kind=jnp.zeros(shape, jnp.int8),
+        before=jnp.full(shape, -1, jnp.int8),
+        after=jnp.full(shape, -1, jnp.int8),
+        impulse=jnp.zeros(shape, dtype),
+        count=jnp.zeros_like(start, jnp.int32),
+    )
+
+
 def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> State:
     """Return the loop state at ``start``: regime, sides of the switches and a first step size.
 
@@ -57,78 +137,30 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         for x, p in zip(local.from_rates(start, position, velocity), position, strict=True)
     )
     velocity, c = _contact(problem, local, start, position, velocity)
-    z, no = jnp.zeros_like(start, jnp.int32), jnp.zeros_like(start, bool)
-
-    if system.unilateral:
-        size = jnp.max(jnp.abs(jnp.stack(position)), axis=0)
-        inside = c.gap < -1e-12 * jnp.maximum(size, 1e-30)
-        closed = (c.gap <= 0) & (c.normal_speed == 0)
-    else:
-        inside, closed = no, ~no
-    decision = decide(local, c)
-    at_rest = c.slip_speed == 0
-    # a jam while sliding is resolved by the impact without collision: start it as slip
-    jam = closed & decision.jam
-    slip = jnp.where(c.slip_speed >= 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
-    regime = jnp.where(closed, jnp.where(jam & ~at_rest, slip, decision.regime), int(Regime.FLIGHT))
-    regime = regime.astype(jnp.int32)
-    inconsistent = inside | (jam & at_rest)
-    start_code = jnp.where(inconsistent, int(Result.INCONSISTENT_START), RUNNING)
-
-    flying = regime == Regime.FLIGHT
-    sliding = ~flying & (regime != Regime.STICK)
-    first_order = jnp.where(
-        flying & (c.gap <= 0) & (c.normal_speed >= 0),
-        jnp.where(c.normal_speed > 0, 1, 2),
-        jnp.where(sliding & at_rest, start_of_slip_order(local, c, regime), 0),
-    ).astype(jnp.int32)
+    entry = _entry(local, c, position)
     sides = starting_sides(local, start, position, velocity)
-    dtype = position[0].dtype
-    slots = first_switch(system) + len(sides)
-    orders = (first_order, *[jnp.zeros_like(first_order)] * (slots - 1))
+    switches = first_switch(system) + len(sides) - 1
 
     local = local.on_sides(sides)
     c = contact(local, start, position, velocity)
-    reactions = forces(local, c, regime)
+    reactions = forces(local, c, entry.regime)
     rate = (rates(local, start, position, velocity), acceleration(c, reactions))
-    guards = guard_values(local, c, start, position, velocity, regime, sides)
-    pairs = zip(
-        jax.tree.leaves(rate),
-        jax.tree.leaves((position, velocity)),
-        jax.tree.leaves(problem.atol),
-        strict=True,
-    )
-    speed = jnp.max(
-        jnp.stack([jnp.abs(f) / (a / problem.rtol + jnp.abs(y) + 1e-30) for f, y, a in pairs]),
-        axis=0,
-    )
-    finite = jnp.isfinite(start) & jnp.isfinite(problem.end)
-    for leaf in jax.tree.leaves((position, velocity, rate)):
-        finite = finite & jnp.isfinite(leaf)
-    for tolerance in (problem.rtol, *jax.tree.leaves(problem.atol)):  # traced: seen by nobody else
-        finite = finite & (tolerance > 0) & (tolerance < jnp.inf)
-    span = problem.end - start
-    step = jnp.clip(0.01 / jnp.maximum(speed, 1e-30), 1e-9 * span, 0.1 * span)
-    step = jax.lax.stop_gradient(step).astype(start.dtype)
+    guards = guard_values(local, c, start, position, velocity, entry.regime, sides)
+    motion = (position, velocity)
+    step = _first_step(problem, start, motion, rate)
+    finite = _is_finite(problem, start, motion, rate)
 
-    n = problem.log_capacity
-    log = EventLog(
-        jnp.full((n, *start.shape), jnp.nan, start.dtype),
-        jnp.zeros((n, *start.shape), jnp.int8),
-        jnp.full((n, *start.shape), -1, jnp.int8),
-        jnp.full((n, *start.shape), -1, jnp.int8),
-        jnp.zeros((n, *start.shape), dtype),
-        z,
-    )
+    dtype = position[0].dtype
+    z, no = jnp.zeros_like(start, jnp.int32), jnp.zeros_like(start, bool)
     return State(
         time=start,
         position=position,
         velocity=velocity,
         rest=_no_rest(position, velocity),
-        regime=regime,
+        regime=entry.regime,
         piece=piece,
         sides=sides,
-        orders=orders,
+        orders=(entry.order, *[jnp.zeros_like(entry.order)] * switches),
         reach=tuple(jnp.abs(g) for g in guards),
         due=z - 1,
         rate=rate,
@@ -142,15 +174,15 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         target=z - 1,
         trial=step,
         tries=z,
-        result=jnp.where(finite, start_code, int(Result.NON_FINITE)).astype(jnp.int32),
-        flagged=closed & decision.indeterminate,
+        result=jnp.where(finite, entry.code, int(Result.NON_FINITE)).astype(jnp.int32),
+        flagged=entry.flagged,
         attempts=z,
         rejected=z,
         unproved=z,
         streak=z,
         paced_time=jnp.full_like(start, -jnp.inf),
         events=z,
-        log=log,
+        log=_empty_log(problem.log_capacity, start, dtype),
         sample_index=z,
         samples=None,
         full=no,

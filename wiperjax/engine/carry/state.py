@@ -1,42 +1,18 @@
-"""What a trajectory carries through the event loop, and what it is asked to do."""
+"""What a trajectory carries through the event loop."""
 
-import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax
-import equinox as eqx
 import jax
 
 from ...contact.regimes import Forces, vector_field
-from ...contact.system import AbstractSystem, rates
+from ...contact.system import rates
 from ...numerics.types import Scalar
 from ...vocabulary.codes import RUNNING
-from ..observers.base import AbstractObserver
+from .problem import Problem
 from .recall import Memory
 
 BREAK = 1000  # in place of a slot: a smooth piece of the prescribed motion ends
-
-
-class Problem(eqx.Module):
-    """One trajectory to compute: the system, the tolerances, and what to keep."""
-
-    system: AbstractSystem
-    end: Scalar
-    rtol: Scalar
-    atol: tuple  # (positions, velocities), one value a coordinate
-    max_step: Scalar  # from `mark` on
-    zeno_time: Scalar
-    max_steps: Scalar
-    mark: Scalar  # a time to be stepped onto exactly (start of observation)
-    observer: AbstractObserver
-    sample_times: jax.Array | None  # increasing
-    signal: Any  # an `averaging.Signal`, or None
-    solver: diffrax.AbstractERK = eqx.field(static=True)
-    record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree
-    log_capacity: int = eqx.field(static=True, default=0)
-    pause_when_full: bool = eqx.field(static=True, default=False)
-    log_start: float = eqx.field(static=True, default=-math.inf)  # time of the first event logged
 
 
 class EventLog(NamedTuple):

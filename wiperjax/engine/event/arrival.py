@@ -10,7 +10,8 @@ from ...numerics.arrays import pick
 from ...numerics.elementary import larger, smaller, within
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
-from ..carry.state import Problem, State
+from ..carry.problem import Problem
+from ..carry.state import State
 from ..trial.attempt import Trial
 
 SLOPE_ERROR = 4  # of a guard's polynomial at the end of the step, over the polynomial's own

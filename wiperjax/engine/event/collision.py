@@ -14,7 +14,7 @@ from ...numerics.arrays import where
 from ...numerics.fusion_barrier import keep
 from ...numerics.known_zeros import plus, times
 from ...numerics.types import Scalar
-from ..carry.state import Problem
+from ..carry.problem import Problem
 from .event_kind import Fired
 
 

@@ -20,7 +20,8 @@ from ...contact.guards import JAM
 from ...numerics.elementary import larger, within
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
-from ..carry.state import Problem, State
+from ..carry.problem import Problem
+from ..carry.state import State
 from ..trial.attempt import Trial
 from .arrival import approach, stands_still
 from .first_zero import first_obstacle

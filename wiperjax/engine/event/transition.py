@@ -14,7 +14,8 @@ from ...numerics.bernstein import largest
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
-from ..carry.state import Problem, State
+from ..carry.problem import Problem
+from ..carry.state import State
 from .collision import collide, complete
 from .event_kind import event_kind, what_fires
 from .succession import first_order, regime_after

@@ -7,7 +7,8 @@ import numpy as np
 from ...contact.regimes import forces
 from ...contact.space import contact
 from ...numerics.runge_kutta import dense_weights
-from ..carry.state import Problem, State
+from ..carry.problem import Problem
+from ..carry.state import State
 from ..trial.attempt import Trial
 
 _POINTS = 9  # the dense output of every supported solver has degree < 9

@@ -20,8 +20,9 @@ from ...numerics.fusion_barrier import keep
 from ...numerics.runge_kutta import NODES, Step, node_states, rk_step
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
+from ..carry.problem import Problem
 from ..carry.recall import aim
-from ..carry.state import TERM, Problem, State
+from ..carry.state import TERM, State
 from .guard_proof import COARSE, Guard, examine
 from .step_control import error_norm, propose, rounding_share
 

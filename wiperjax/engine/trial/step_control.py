@@ -12,7 +12,8 @@ from ...numerics.elementary import exp, larger, log, smaller, within
 from ...numerics.known_zeros import plus, times
 from ...numerics.runge_kutta import Step
 from ...numerics.types import Scalar
-from ..carry.state import TERM, Problem, State
+from ..carry.problem import Problem
+from ..carry.state import TERM, State
 
 LEAST_GROWTH = 0.2  # of a step over the last one, as the controller may ask for
 ROUNDINGS = 2  # last digits of a position that its rates may be uncertain by

@@ -13,12 +13,12 @@ from ...blade.rungs import on_rung, start_on_rung
 from ...blade.wiper import Wiper
 from ...contact.system import AbstractSystem
 from ...datasets.map_dataset import raster_index
+from ...engine.carry.problem import Integration, Recording, make_case
 from ...engine.lanes import Outcome, Pool, run_pool
 from ...engine.observers.margins import watch
 from ...engine.observers.reversal import ReversalTotals
 from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
-from ...engine.solve import make_problem
 from ...numerics.runge_kutta import SOLVERS
 from .columns import columns_of
 from .devices import capacity, deal, dearest_first, lane_count
@@ -164,30 +164,28 @@ def outcomes(
     if watched:
         totals = watch(system, totals)
     solver = SOLVERS[s.solver]()
-    problem, q, v, start = make_problem(
+    cases = position[0].shape[-1]
+    signal = Signal(
+        s.transient,
+        sampling.interval,
+        sampling.count,
+        room=cases * (s.samples + RING),
+        ring=RING,
+        inner=not steady,  # of a steady belt the statistics tell it
+        regimes=s.raster is not None,
+    )
+    case = make_case(
         system,
         s.transient + s.window,
-        initial_state=(position, velocity),
-        solver=solver,
-        rtol=s.rtol,
-        atol=s.atol,
-        signal=Signal(
-            s.transient,
-            sampling.interval,
-            sampling.count,
-            room=position[0].shape[-1] * (s.samples + RING),
-            ring=RING,
-            inner=not steady,  # of a steady belt the statistics tell it
-            regimes=s.raster is not None,
+        (position, velocity),
+        Integration(solver, s.rtol, s.atol, max_steps, zeno_time=s.zeno_time),
+        Recording(
+            signal=signal,
+            max_events=s.event_log or 0,
+            log_start=s.transient,
+            observer=totals,
+            mark=s.transient,
         ),
-        max_events=s.event_log or 0,
-        log_start=s.transient,
-        max_steps=max_steps,
-        zeno_time=s.zeno_time,
-        mark=s.transient,
-        observer=totals,
         dtype=jnp.dtype(s.precision),
     )
-    pool = Pool(problem, q, v, start, count)
-    lanes = lane_count(s.precision, q[0].shape[-1])
-    return run_pool(pool, lanes)
+    return run_pool(Pool(case, count), lane_count(s.precision, cases))

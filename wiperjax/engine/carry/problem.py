@@ -1,0 +1,145 @@
+"""What a trajectory is asked to do: the system, the tolerances, and what to keep."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...contact.system import AbstractSystem, rates
+from ...numerics.types import Scalar
+from ..observers.base import AbstractObserver
+from ..observers.totals import RegimeTotals
+
+
+class Sample(NamedTuple):
+    """State of motion at one time."""
+
+    position: tuple
+    velocity: tuple
+    regime: Scalar
+    normal_force: Scalar
+    friction_force: Scalar
+
+
+def record_sample(system, t, q, v, regime, forces) -> Sample:
+    """Everything a person plots."""
+    speeds = rates(system, t, q, v)
+    return Sample(q, speeds, regime.astype(jnp.int8), forces.normal, forces.tangential)
+
+
+class Problem(eqx.Module):
+    """One trajectory to compute: the system, the tolerances, and what to keep."""
+
+    system: AbstractSystem
+    end: Scalar
+    rtol: Scalar
+    atol: tuple  # (positions, velocities), one value a coordinate
+    max_step: Scalar  # from `mark` on
+    zeno_time: Scalar
+    max_steps: Scalar
+    mark: Scalar  # a time to be stepped onto exactly (start of observation)
+    observer: AbstractObserver
+    sample_times: jax.Array | None  # increasing
+    signal: Any  # an `averaging.Signal`, or None
+    solver: diffrax.AbstractERK = eqx.field(static=True)
+    record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree
+    log_capacity: int = eqx.field(static=True, default=0)
+    pause_when_full: bool = eqx.field(static=True, default=False)
+    log_start: float = eqx.field(static=True, default=-math.inf)  # time of the first event logged
+
+
+class Integration(NamedTuple):
+    """How a trajectory is integrated; see `solve` for the meaning of each."""
+
+    solver: Any = None
+    rtol: Any = 1e-8
+    atol: Any = None
+    max_steps: Any = 2**31 - 1
+    max_step: Any = None
+    zeno_time: Any = 1e-8
+
+
+class Recording(NamedTuple):
+    """What is kept of a trajectory; see `Problem`."""
+
+    sample_times: Any = None
+    signal: Any = None
+    max_events: int = 0
+    log_start: float = -math.inf
+    observer: AbstractObserver | None = None
+    mark: Any = None
+    record: Callable = record_sample
+    pause_when_full: bool = False
+
+
+INTEGRATION, RECORDING = Integration(), Recording()
+
+
+class Case(NamedTuple):
+    """A problem, and where it begins; a batch of cases has them as last axis."""
+
+    problem: Problem
+    position: tuple
+    velocity: tuple  # q'
+    start: Scalar
+
+
+def make_case(
+    system: AbstractSystem,
+    duration,
+    initial_state=None,
+    integration: Integration = INTEGRATION,
+    recording: Recording = RECORDING,
+    start=0.0,
+    dtype=None,
+) -> Case:
+    """Return the `Case` of arguments that were checked; state and tolerances in ``dtype``, times
+    always in full precision.
+    """
+    if dtype is None:
+        dtype = jnp.result_type(float)
+    if initial_state is None:
+        initial_state = system.default_state()
+    position, velocity = (tuple(jnp.asarray(x, dtype) for x in part) for part in initial_state)
+    clock = jnp.result_type(float)
+    start = jnp.asarray(start, clock)
+    rtol = jnp.asarray(integration.rtol, dtype)
+    max_step, times = integration.max_step, recording.sample_times
+    problem = Problem(
+        system=system.prepared(),
+        end=start + jnp.asarray(duration, clock),
+        rtol=rtol,
+        atol=_absolute(integration.atol, rtol, system, len(position)),
+        max_step=jnp.asarray(jnp.inf if max_step is None else max_step, clock),
+        zeno_time=jnp.asarray(integration.zeno_time, dtype),
+        max_steps=jnp.asarray(integration.max_steps, jnp.int32),
+        mark=start if recording.mark is None else jnp.asarray(recording.mark, clock),
+        observer=RegimeTotals() if recording.observer is None else recording.observer,
+        sample_times=None if times is None else jnp.asarray(times, clock),
+        signal=recording.signal,
+        solver=diffrax.Tsit5() if integration.solver is None else integration.solver,
+        record=recording.record,
+        log_capacity=int(recording.max_events),
+        log_start=float(recording.log_start),
+        pause_when_full=recording.pause_when_full,
+    )
+    return Case(problem, position, velocity, start)
+
+
+def _absolute(atol, rtol, system: AbstractSystem, n: int) -> tuple:
+    """Return (positions, velocities) of absolute tolerances, n values each."""
+    dtype = rtol.dtype
+    if atol is None:
+        return jax.tree.map(lambda s: rtol * jnp.asarray(s, dtype), system.scales(n))
+    if isinstance(atol, tuple | list):
+        return tuple(
+            tuple(jnp.asarray(a, dtype) for a in part) * (n // len(part))
+            if isinstance(part, tuple | list)
+            else (jnp.asarray(part, dtype),) * n
+            for part in atol
+        )
+    return ((jnp.asarray(atol, dtype),) * n,) * 2
