@@ -275,9 +275,9 @@ def test_thresholds_are_arguments_and_those_of_a_sweep_fit():
 
 
 def test_class_table_counts_what_is_there():
-    codes = np.array([[0, 0, 1], [6, 2, -1]], dtype=np.int8)  # -1: not computed
+    cells = np.array([[0, 0, 1], [6, 2, -1]], dtype=np.int8)  # -1: not computed
     column = schema.SCHEMA["label"]
-    ds = xr.Dataset({"label": (("a", "b"), codes, column.attributes())})
+    ds = xr.Dataset({"label": (("a", "b"), cells, column.attributes())})
     table = class_counts.class_table(ds)
     assert [name for name, *_ in table] == list(codes.LABELS)
     assert {name: count for name, count, _ in table if count} == {

@@ -20,7 +20,7 @@ from wiperjax.plots.maps import categories, planes
 from wiperjax.plots.style import axes as plot_axes  # noqa: E402
 from wiperjax.plots.style import palette  # noqa: E402
 from wiperjax.specs.load import parse_sweep  # noqa: E402
-from wiperjax.store import map_file
+from wiperjax.store import whole
 from wiperjax.vocabulary import schema  # noqa: E402
 from wiperjax.vocabulary.codes import RESULTS  # noqa: E402
 
@@ -190,10 +190,10 @@ def test_nothing_reaches_beyond_a_page_of_a_map(small_map):
         units="(m/s)/(N m/rad/m)",
     )
     names = list(palette.MECHANISMS)
-    codes = xr.zeros_like(small_map["label"])
-    codes[:] = np.arange(codes.size).reshape(codes.shape) % len(names)
-    codes.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
-    ds = small_map.assign(mechanism=codes, d_velocity_rms_d_shoulder_stiffness=long)
+    drawn = xr.zeros_like(small_map["label"])
+    drawn[:] = np.arange(drawn.size).reshape(drawn.shape) % len(names)
+    drawn.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
+    ds = small_map.assign(mechanism=drawn, d_velocity_rms_d_shoulder_stiffness=long)
     at = {"normal_load": 5.0}
     for drawn in (
         plots.mechanism_map(ds, at=at)[0].figure,
@@ -350,10 +350,10 @@ def test_regime_map_names_what_occurs_in_the_motion(small_map):
 
 def test_mechanism_map_shows_also_what_failed(small_map):
     names = list(palette.MECHANISMS)
-    codes = xr.zeros_like(small_map["label"])
-    codes[:] = np.arange(codes.size).reshape(codes.shape) % len(names)
-    codes.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
-    ds = small_map.assign(mechanism=codes)
+    drawn = xr.zeros_like(small_map["label"])
+    drawn[:] = np.arange(drawn.size).reshape(drawn.shape) % len(names)
+    drawn.attrs = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(names)}
+    ds = small_map.assign(mechanism=drawn)
     ds["label"] = ds["label"].copy(deep=True)
     ds["label"][0] = codes.LABELS["failed"]
     axes = plots.mechanism_map(ds)
@@ -388,16 +388,16 @@ def _is_marks(collection):
 
 def test_raster_shows_the_regime_over_time(small_map):
     times = np.arange(4) * 0.01
-    codes = np.arange(small_map["label"].size * 4).reshape(*small_map["label"].shape, 4) % 4
+    regimes = np.arange(small_map["label"].size * 4).reshape(*small_map["label"].shape, 4) % 4
     raster = schema.SCHEMA["regime_raster"]
     dims = (*small_map["label"].dims, "raster_time")
     ds = small_map.assign_coords(raster_time=("raster_time", times))
-    ds["regime_raster"] = (dims, codes.astype(np.uint8), raster.attributes())
+    ds["regime_raster"] = (dims, regimes.astype(np.uint8), raster.attributes())
     ds["regime_raster"][0] = 255  # ended before
     ax = plots.regime_raster(ds, along="attack_angle")
     values = ax.collections[0].get_array()
     assert values.shape == (17, 4) and values.mask[0].all() and not values.mask[1:].any()
-    np.testing.assert_array_equal(values[1:], codes[1:, 1, 4])
+    np.testing.assert_array_equal(values[1:], regimes[1:, 1, 4])
     assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
     with pytest.raises(ValueError, match="no regime over time"):
         plots.regime_raster(small_map)
@@ -428,14 +428,14 @@ def test_speckled_maps_are_not_hatched_cell_by_cell():
 
 def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypatch):
     partial = small_map.copy(deep=True)
-    codes = partial["label"].attrs["flag_values"]
-    partial["label"].attrs["flag_values"] = np.append(codes, np.int8(-1))
+    known = partial["label"].attrs["flag_values"]
+    partial["label"].attrs["flag_values"] = np.append(known, np.int8(-1))
     partial["label"].attrs["flag_meanings"] += " not_computed"
     partial["label"][8:] = codes.NOT_COMPUTED
     partial.attrs |= {"cells": 459, "cells_done": 216}
     parts = tmp_path / "map.h5.parts"
     parts.mkdir()
-    monkeypatch.setattr(map_file, "open_partial", lambda path, variables: partial)
+    monkeypatch.setattr(whole, "open_partial", lambda path, variables: partial)
     for picture in ("overview", "regimes"):
         plots.plot_file(parts, tmp_path / f"{picture}.png", picture=picture, dpi=30)
     texts = [entry.get_label() for entry in categories.category_legend(partial)]

@@ -98,7 +98,7 @@ def test_attributes_tell_all_parameters_tolerances_and_statistics(squeal):
     assert attrs["hinge_mass"] == 0 and "piece" not in attrs
     assert (attrs["solver"], attrs["rtol"], attrs["zeno_time"]) == ("Tsit5", 1e-8, 1e-8)
     np.testing.assert_allclose(attrs["atol_position"], 1e-8 * 6e-3)
-    assert attrs["steps"] > attrs["rejected_steps"] > 0 and attrs["unproved_steps"] == 0
+    assert attrs["steps"] > attrs["rejected_steps"] >= 0 and attrs["unproved_steps"] == 0
     assert attrs["result_message"] == ADVICE[Result.FINISHED]
     assert "diffrax" in json.loads(attrs["versions"])
 

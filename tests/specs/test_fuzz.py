@@ -37,7 +37,7 @@ tip_mass = 2e-3
 [run]
 transient = 0.2
 window = 0.1
-rtol = 1e-6
+rtol = 1e-9
 atol = 1e-9
 precision = "float64"
 solver = "tsit5"

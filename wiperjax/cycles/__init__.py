@@ -5,6 +5,11 @@ Read `cycle` (a periodic motion with its multipliers), `return_map`, `shooting`,
 """
 
 from .branch.dataset import branch_dataset as branch_dataset
+from .branch.follow import Branch as Branch
 from .branch.follow import follow as follow
 from .branch.up_and_down import up_and_down as up_and_down
+from .cycle import Cycle as Cycle
+from .cycle import close as close
+from .cycle import cycle_at as cycle_at
 from .cycle import find_cycle as find_cycle
+from .return_map import Found as Found

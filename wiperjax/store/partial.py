@@ -101,8 +101,8 @@ def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> x
     )
     for variable in ds.data_vars.values():
         if "flag_values" in variable.attrs and variable.dtype.kind == "i":
-            codes = variable.attrs["flag_values"]
-            variable.attrs["flag_values"] = np.append(codes, codes.dtype.type(codes.NOT_COMPUTED))
+            known = variable.attrs["flag_values"]
+            variable.attrs["flag_values"] = np.append(known, known.dtype.type(codes.NOT_COMPUTED))
             variable.attrs["flag_meanings"] += " not_computed"
     ds["done"] = (
         tuple(described["coords"]),

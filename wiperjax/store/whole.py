@@ -10,6 +10,7 @@ from ..machine.files import StoreError, check_input, check_output, naming, write
 from ..vocabulary import checks
 from . import checksums
 from .manifest import parts_of
+from .partial import open_partial
 
 
 def write_dataset(ds: xr.Dataset, path: str | Path, force: bool = False) -> None:
@@ -55,8 +56,6 @@ def open_map(
         checks.names("variables", variables)
     path = Path(path)
     if path.is_dir():
-        from .partial import open_partial  # which is built on this module
-
         return open_partial(path, variables)
     _check_exists(path)
     if check and not sound(path):

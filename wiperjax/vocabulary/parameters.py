@@ -25,11 +25,12 @@ class Parameter:
         table: table of a sweep file that fixes it, `blade` or `belt`.
         symbol: symbol in MODEL.md.
         unit: unit in code (SI, radians), `1` if dimensionless.
-        range: allowed values, in edge units.
+        range: values of files, in edge units: what lies outside is no blade.
         long_name: what it is, in words; becomes the `long_name` of a map coordinate.
         reference: value of the reference blade in SI units, None where a belt must state it.
         smallest: least size that a file may ask for, of a parameter of either sign.
         never_small: whether an angle below pi/2 degrees can only be a slip for radians.
+        exact: whether `range` is that of the mechanics, which holds in Python too.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Parameter:
     reference: float | None
     smallest: float = 0.0
     never_small: bool = False
+    exact: bool = False
 
     @property
     def edge_unit(self) -> str:
@@ -78,14 +80,20 @@ class Parameter:
         return None
 
     def argument_problem(self, values: Any) -> str | None:
-        """The same of an argument in code units, where angles are radians.
+        """The same of an argument in code units, where angles are radians. Only what mechanics
+        forbids is refused: in Python a wiper may be of any size, as a limit or another system.
 
         Returns: text such as `must lie inside (-1.5708, 1.5708) rad, but was 5; were degrees
         meant? 5 degrees are 0.08727 rad`; None if all is well.
         """
-        low, high = (float(self.to_si(end)) for end in (self.range.low, self.range.high))
         unit = "" if self.unit == "1" else self.unit
-        allowed = replace(self.range, low=low, high=high, unit=unit)
+        if self.exact:
+            low, high = (float(self.to_si(end)) for end in (self.range.low, self.range.high))
+            allowed = replace(self.range, low=low, high=high, unit=unit)
+        elif self.range.low < 0:
+            allowed = Range(unit=unit)
+        else:
+            allowed = Range(0, low_open=self.range.low > 0, unit=unit)
         wrong = allowed.outside(values)
         if wrong is None:
             return None
@@ -112,14 +120,17 @@ _TABLE = (
     ),
     Parameter(
         "shoulder_angle", "blade", "phi_s", "rad", Range(0.1, 180), "shoulder angle", 0.6,
-        never_small=True,
+        never_small=True, exact=True,
     ),
     Parameter(
         "attack_angle", "blade", "alpha", "rad", Range(-90, 90, low_open=True, high_open=True),
-        "attack angle", 0.0,
+        "attack angle", 0.0, exact=True,
     ),
     Parameter("normal_load", "blade", "N0", "N/m", Range(1e-3, 1e4), "normal load", 15.0),
-    Parameter("restitution", "blade", "e", "1", Range(0, 1), "coefficient of restitution", 0.3),
+    Parameter(
+        "restitution", "blade", "e", "1", Range(0, 1), "coefficient of restitution", 0.3,
+        exact=True,
+    ),
     Parameter("mu_static", "blade", "mu_s", "1", Range(0, 10), "static friction coefficient", 1.0),
     Parameter(
         "mu_minimum", "blade", "mu_m", "1", Range(0, 10),
@@ -128,7 +139,7 @@ _TABLE = (
     Parameter("stribeck_speed", "blade", "v_s", "m/s", Range(1e-6, 100), "Stribeck speed", 0.1),
     Parameter(
         "stribeck_shape", "blade", "delta", "1", Range(1, 10),
-        "Stribeck shape exponent", 1.0,
+        "Stribeck shape exponent", 1.0, exact=True,
     ),
     Parameter(
         "viscous_slope", "blade", "beta", "s/m", Range(0, 10),
@@ -139,7 +150,7 @@ _TABLE = (
     Parameter("gravity", "blade", "g", "m/s^2", Range(-100, 100), "gravity towards the glass", 0.0),
     Parameter(
         "collapse_angle", "blade", "phi_max", "rad", Range(0.1, 90, high_open=True),
-        "collapse angle", math.radians(89), never_small=True,
+        "collapse angle", math.radians(89), never_small=True, exact=True,
     ),
     # The belt. Files cannot ask for rest: tolerances and the quiet class are relative to its speed.
     Parameter(
@@ -147,7 +158,7 @@ _TABLE = (
     ),
     Parameter("belt_frequency", "belt", "f", "Hz", Range(1e-4, 1e3), "belt frequency", None),
     Parameter("belt_ramp", "belt", "t_ramp", "s", Range(1e-6, 1e3), "belt ramp duration", None),
-    Parameter("belt_phase", "belt", "psi", "rad", Range(-360, 360), "belt phase", 0.0),
+    Parameter("belt_phase", "belt", "psi", "rad", Range(-360, 360), "belt phase", 0.0, exact=True),
 )  # fmt: skip
 
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType({entry.name: entry for entry in _TABLE})

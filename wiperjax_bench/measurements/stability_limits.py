@@ -11,6 +11,7 @@ not grow, by bisection on the actual methods. Set-valued methods (the engine, Mo
 neither of the first two stiffnesses: they are measured on the same blade.
 """
 
+import dataclasses
 import json
 from collections.abc import Callable
 from functools import partial
@@ -28,7 +29,6 @@ from ..harness.measure import machine, versions
 from ..rivals import moreau_jean
 from ..rivals.penalty import SmoothContact, damping_ratio
 from ..rivals.regularised import scaled_field
-from ..scenes.scene import at_limit
 from .stability_theory import RANGE, stability_function, theoretical, theta_function
 
 STEPS = 2000  # of a trial; a disturbance outside the region grows by far more than GROWTH in them
@@ -124,14 +124,14 @@ def swinging_blade(stiffness: float) -> tuple[Wiper, float]:
         belt=SteadyBelt(0.0),
         support_stiffness=0.0,
         support_damping=0.0,
+        normal_load=1e-9,
         neck_stiffness=stiffness,
         shoulder_stiffness=stiffness,
     )
-    wiper = at_limit(wiper, normal_load=1e-9)
     inertia = wiper.tip_mass * wiper.lip_length**2
     natural = float(np.sqrt(stiffness / inertia))
     damped = 2 * 0.2 * natural * inertia
-    return at_limit(wiper, hinge_damping=damped), natural
+    return dataclasses.replace(wiper, hinge_damping=damped), natural
 
 
 @partial(jax.jit, static_argnames="solver")

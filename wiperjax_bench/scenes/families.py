@@ -12,7 +12,7 @@ from scipy.stats import qmc
 
 from wiperjax import SteadyBelt, TrapezoidBelt, Wiper
 
-from .scene import Scene, at_limit
+from .scene import Scene
 
 LENGTH = 6e-3  # m, the reference lip
 TURN_SPEED = 0.8  # m/s, of the belt that turns
@@ -152,19 +152,16 @@ def block(cells: int = CELLS) -> Scene:
     stiffness = (1.0 + load / BLOCK_LENGTH) * BLOCK_LENGTH**2
     wiper = Wiper(
         belt=_steady(_spread(rng, cells, 0.5)),
+        tip_mass=1.0,
+        lip_length=BLOCK_LENGTH,
         support_stiffness=0.0,
         support_damping=0.0,
+        neck_stiffness=stiffness,
+        shoulder_stiffness=stiffness,
         normal_load=load,
         mu_static=0.5,
         mu_minimum=0.5,
         viscous_slope=0.0,
-    )
-    wiper = at_limit(
-        wiper,
-        tip_mass=1.0,
-        lip_length=BLOCK_LENGTH,
-        neck_stiffness=stiffness,
-        shoulder_stiffness=stiffness,
     )
     start = np.tile([BLOCK_START, 0.0, 0.0, 0.0], (cells, 1))
     return Scene(

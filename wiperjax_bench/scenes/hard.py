@@ -12,7 +12,7 @@ import numpy as np
 from wiperjax import SteadyBelt, Wiper
 
 from .families import GRAZE_SPEED, LENGTH, TURN_SPEED, turning
-from .scene import Scene, at_limit
+from .scene import Scene
 
 CELLS = 4
 SAMPLES = 60
@@ -105,9 +105,11 @@ def large_step() -> Scene:
         belt=SteadyBelt(0.3),
         support_stiffness=0.0,
         support_damping=0.0,
+        neck_stiffness=1e-9,
+        shoulder_stiffness=1e-9,
+        normal_load=1e-6,
         gravity=-pull,
     )
-    wiper = at_limit(wiper, neck_stiffness=1e-9, shoulder_stiffness=1e-9, normal_load=1e-6)
     start = _at(0.0, upward=fall)
     start[:, 1] = fall**2 / (2 * pull) - depth
     return _scene("large step", "a dip through the glass in free fall", wiper, start, 0.02, 0.5)

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import equinox as eqx
 import numpy as np
 
 from wiperjax import Wiper
@@ -56,13 +55,3 @@ def blade_fields(wiper: Wiper) -> dict:
 
 def _fields(module, change: Callable) -> dict:
     return {f.name: change(getattr(module, f.name)) for f in dataclasses.fields(module)}
-
-
-def at_limit(wiper: Wiper, **values) -> Wiper:
-    """Return the wiper with values beyond the range of blades, to which a person is held: an exact
-    answer is often that of a limit of the model.
-    """
-    fields = tuple(values)
-    return eqx.tree_at(
-        lambda w: [getattr(w, name) for name in fields], wiper, list(values.values())
-    )

@@ -54,7 +54,7 @@ def blades(**extra):
 def found():
     """Columns of each block, and the differences behind their agreement."""
     gaps = []
-    check = validity._check
+    check = validity.check
 
     def spy(*arguments):
         other, found = check(*arguments)
@@ -195,7 +195,7 @@ def test_a_largest_value_about_to_be_overtaken_is_masked():
         columns |= {name: np.zeros(count), second: np.zeros(count)}
         slopes |= {name: np.zeros((count, 1)), second: np.zeros((count, 1))}
     theta = {"normal_load": np.full(count, 15.0)}
-    validity._mask_contested(slopes, columns, theta, Wiper(), asked)
+    validity.mask_contested(slopes, columns, theta, Wiper(), asked)
     assert np.isnan(slopes["normal_force_max"][:, 0]).tolist() == [True, False, False, False]
     assert np.all(slopes["gap_max"] == 0)
 
@@ -220,7 +220,7 @@ def test_settled_is_judged_by_the_first_and_the_last_periods():
         "velocity_rms": 0.3 * np.std(signals, axis=1),
         "belt_speed_rms": np.full(4, 0.3),
     }
-    settled = validity._is_settled(columns, spec)
+    settled = validity.is_settled(columns, spec)
     assert settled.tolist() == [True, False, True, False]  # slow: not two periods
 
 
@@ -295,7 +295,7 @@ def test_what_a_quiet_cell_keeps_of_its_start_has_no_derivative():
         "velocity_rms": 0.3 * np.array([0.5, 1e-3, 1e-6]),
         "belt_speed_rms": np.full(3, 0.3),
     }
-    validity._mask_rounding(slopes, columns, spec)
+    validity.mask_rounding(slopes, columns, spec)
     known = {name: np.isfinite(x[:, 0]).tolist() for name, x in slopes.items()}
     assert known["final_vx"] == known["final_vy"] == [True, False, False]
     assert known["velocity_rms"] == [True, True, False]
