@@ -9,6 +9,7 @@ import xarray as xr
 from ..datasets import map_dataset
 from ..machine.files import StoreError
 from ..vocabulary import schema
+from ..vocabulary.codes import NOT_COMPUTED
 from .blocks import BlockStore
 
 
@@ -102,7 +103,7 @@ def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> x
     for variable in ds.data_vars.values():
         if "flag_values" in variable.attrs and variable.dtype.kind == "i":
             known = variable.attrs["flag_values"]
-            variable.attrs["flag_values"] = np.append(known, known.dtype.type(codes.NOT_COMPUTED))
+            variable.attrs["flag_values"] = np.append(known, known.dtype.type(NOT_COMPUTED))
             variable.attrs["flag_meanings"] += " not_computed"
     ds["done"] = (
         tuple(described["coords"]),
