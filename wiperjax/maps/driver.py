@@ -71,7 +71,7 @@ def run(
     - `block`: cells computed, and lost at worst, together; `block_size` if None. A sweep that
         is resumed keeps its own.
     - `evaluate`: what computes cells, `wiperjax.maps.cells.batch.evaluate` if None.
-    - `workers`: who computes, as `wiperjax.cluster.connect` gives them; this process if None.
+    - `workers`: who computes, as `maps.cluster.connect` gives them; this process if None.
     - `identity`: what else must agree between parts of one map (such as the kind of device), text
         -> text.
     - `progress`: show it, if standard error is a terminal.
@@ -80,30 +80,16 @@ def run(
     Raises: `StoreError` (one line) for everything about files; `SpecError` (one line) for a wrong
     sweep; `SweepInterrupted` on Ctrl-C.
     """
-    for name, value in (("resume", resume), ("force", force), ("progress", progress)):
-        checks.flag(name, value)
-    if block is not None:
-        block = checks.whole("block", block, Range(1, MOST_CELLS, whole=True))
-    if evaluate is not None and not callable(evaluate):
-        raise ValueError(f"evaluate must be a function, but was {checks.shown(evaluate)}")
-    if output is not None:
-        checks.path("output", output)
+    _check(resume, force, progress, block, evaluate, output)
     source = Path(spec) if isinstance(spec, str | os.PathLike) else None
     spec = _sweep(spec)
     if block is None:
         block = block_size(spec, 1 if workers is None else workers.count)
-    known = made_by(spec) | dict(identity or {})
-    if workers is not None:
-        known |= workers.made_by(spec, evaluate)
-        blocks: Blocks = partial(workers.blocks, evaluate=evaluate)
-    else:
-        if evaluate is None:
-            evaluate, described = engine()
-            known |= described
-        blocks = partial(_one_by_one, evaluate=evaluate)
+    blocks, known = _computing(spec, evaluate, workers)
+    known |= dict(identity or {})
     if output is None:
         check_memory(spec)
-        return _in_memory(spec, blocks, block, known, progress, command)
+        return _in_memory(spec, blocks, int(block), known, progress, command)
     output = Path(output)
     stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
     found = finished(output, stated) if resume and output.exists() else None
@@ -126,11 +112,7 @@ def run(
     ) as store:
         if found:
             salvage(output, found.damaged, store)
-        with Report(store.cells, title=spec.title, show=progress) as report:
-            try:
-                _compute(spec, store, blocks, report)
-            except KeyboardInterrupt:
-                raise SweepInterrupted(_how_to_resume(store, output, command)) from None
+        _fill(spec, store, blocks, progress, lambda: _how_to_resume(store, output, command))
         if output.exists() and not replace:
             raise StoreError(
                 f"{output}: was made by another program meanwhile; move it away and go on with "
@@ -139,6 +121,39 @@ def run(
         host = workers.host if workers is not None else None
         finalize(store, output, _made(known) | provenance.record(command, 0.0, host))
     return open_map(output)
+
+
+def _check(resume, force, progress, block, evaluate, output) -> None:
+    """Raises `ValueError` for arguments of `run` that cannot be meant."""
+    for name, value in (("resume", resume), ("force", force), ("progress", progress)):
+        checks.flag(name, value)
+    if block is not None:
+        checks.whole("block", block, Range(1, MOST_CELLS, whole=True))
+    if evaluate is not None and not callable(evaluate):
+        raise ValueError(f"evaluate must be a function, but was {checks.shown(evaluate)}")
+    if output is not None:
+        checks.path("output", output)
+
+
+def _computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[str, str]]:
+    """What computes blocks, and what of it must not change within a map."""
+    known = made_by(spec)
+    if workers is not None:
+        known |= workers.made_by(spec, evaluate)
+        return partial(workers.blocks, evaluate=evaluate), known
+    if evaluate is None:
+        evaluate, described = engine()
+        known |= described
+    return partial(_one_by_one, evaluate=evaluate), known
+
+
+def _fill(spec, store: BlockStore, blocks: Blocks, progress: bool, hint: Callable[[], str]) -> None:
+    """Computes what a store lacks. Raises: `SweepInterrupted` on Ctrl-C, with the `hint`."""
+    with Report(store.cells, title=spec.title, show=progress) as report:
+        try:
+            _compute(spec, store, blocks, report)
+        except KeyboardInterrupt:
+            raise SweepInterrupted(hint()) from None
 
 
 def _sweep(spec: Any) -> Any:

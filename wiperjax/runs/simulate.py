@@ -6,7 +6,9 @@ in it: a second call for a system of the same type does not compile again.
 """
 
 import json
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -83,7 +85,7 @@ def simulate(
     check_system(system)
     duration = checks.number("duration", duration, POSITIVE)
     check_integration(solver, rtol, zeno_time, max_steps)
-    rtol, zeno_time = float(rtol), checks.number("zeno_time", zeno_time, POSITIVE)
+    zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
     most = int(COUNT.high) if max_steps is None else checks.whole("max_steps", max_steps, COUNT)
     if sample_interval is None:
         sample_interval = duration / SAMPLES
@@ -91,45 +93,61 @@ def simulate(
     sample_interval = checks.number("sample_interval", sample_interval, within)
     times = regular_times(duration, sample_interval)
 
-    given = system
-    system = _traced(system)
+    given, system = system, _traced(system)
     start = coordinates(system.default_state() if initial_state is None else initial_state)
     if isinstance(system, Wiper) and len(start[0]) != 2:
         raise ValueError(
             f"initial_state must have the 2 coordinates of Wiper, but had {len(start[0])}"
         )
-    # the length of the buffer is part of the compiled program: few lengths, few compilations. At
-    # least one time is never reached, so that a full buffer does not pause the loop.
-    slots = max(FEWEST_SLOTS, 1 << len(times).bit_length())
-    padded = np.full(slots, np.inf)
-    padded[: len(times)] = times
-    case = make_case(
-        system,
-        duration,
-        start,
-        Integration(solver, rtol, tolerances(atol, len(start[0])), most, zeno_time=zeno_time),
-        Recording(padded, max_events=EVENTS_AT_ONCE, observer=Nothing(), pause_when_full=True),
+    atol = tolerances(atol, len(start[0]))
+    integration = Integration(solver, float(rtol), atol, most, zeno_time=zeno_time)
+    padded = _padded(times)
+    recording = Recording(
+        padded, max_events=EVENTS_AT_ONCE, observer=Nothing(), pause_when_full=True
     )
-    problem, state = case.problem, _begin(case)
-    _check_start(system, start, int(state.result))
-
-    pieces = []
-    while int(state.result) == RUNNING:
-        state = _advance(problem, state)
-        count = int(state.log.count)
-        pieces.append([np.asarray(column)[:count] for column in state.log[:-1]])
-    log = Events(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+    case = make_case(system, duration, start, integration, recording)
+    state, log = _watched(case, lambda code: _check_start(system, start, code))
     attributes = {
         "duration": duration,
         "sample_interval": sample_interval,
         "initial_position": np.asarray(start[0]),
         "initial_velocity": np.asarray(start[1]),
-        "solver": type(problem.solver).__name__,
-        "rtol": rtol,
-        "atol_position": np.asarray(problem.atol[0]),
-        "atol_velocity": np.asarray(problem.atol[1]),
-        "zeno_time": zeno_time,
         "max_steps": most,
+    }
+    return labelled(
+        given, case.problem, state, log, attributes | _account(case, integration, state)
+    )
+
+
+def _padded(times: np.ndarray) -> np.ndarray:
+    """Sample times in a buffer whose length is part of the compiled program: few lengths, few
+    compilations. At least one is never reached, so that a full buffer does not pause the loop.
+    """
+    padded = np.full(max(FEWEST_SLOTS, 1 << len(times).bit_length()), np.inf)
+    padded[: len(times)] = times
+    return padded
+
+
+def _watched(case: Case, check_start: Callable[[int], None]) -> tuple[State, Events]:
+    """Return (the final state, all events) of a case whose start was checked by its code."""
+    state = _begin(case)
+    check_start(int(state.result))
+    pieces = []
+    while int(state.result) == RUNNING:
+        state = _advance(case.problem, state)
+        count = int(state.log.count)
+        pieces.append([np.asarray(column)[:count] for column in state.log[:-1]])
+    return state, Events(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+
+
+def _account(case: Case, integration: Integration, state: State) -> dict[str, Any]:
+    """Return the attributes that say how a run was made, and how it ended."""
+    return {
+        "solver": type(case.problem.solver).__name__,
+        "rtol": integration.rtol,
+        "atol_position": np.asarray(case.problem.atol[0]),
+        "atol_velocity": np.asarray(case.problem.atol[1]),
+        "zeno_time": integration.zeno_time,
         "steps": int(state.attempts),
         "rejected_steps": int(state.rejected),
         "unproved_steps": int(state.unproved),
@@ -137,7 +155,6 @@ def simulate(
         "source": f"wiperjax {provenance.version('wiperjax')}",
         "versions": json.dumps(provenance.versions(), sort_keys=True),
     }
-    return labelled(given, problem, state, log, attributes)
 
 
 @eqx.filter_jit
