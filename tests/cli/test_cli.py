@@ -440,4 +440,4 @@ def test_memory_is_that_of_this_process_alone():
     held = np.ones(2**27)  # 1 GiB
     code = "from wiperjax.machine.memory import peak_memory; print(peak_memory())"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert 5e7 < int(ran.stdout) < 0.8 * held.nbytes
+    assert 5e6 < int(ran.stdout) < 0.8 * held.nbytes
