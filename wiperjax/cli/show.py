@@ -11,6 +11,7 @@ from .options import (
     SOUND_SUFFIXES,
     STILL_SUFFIXES,
     Force,
+    beside,
     check_input,
     check_output,
     cuts,
@@ -42,14 +43,15 @@ def plot(
         ),
     ],
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "-o",
             "--output",
             metavar="FILE.png",
             help="Picture to make: .png, .pdf, .svg; .gif or .mp4 for an animation.",
+            show_default="FILE-NAME.png",
         ),
-    ],
+    ] = None,
     force: Force = False,
     picture: Annotated[
         str | None,
@@ -88,6 +90,10 @@ def plot(
     ] = None,
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
 ) -> None:
+    if output is None:
+        moving = picture == "animation"
+        name = "" if every else f"-{picture or 'overview'}"  # --all adds the names itself
+        output = beside(file, f"{name}{'.gif' if moving else '.png'}")
     check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, force or every, file)
     check_input(file)
     if every and picture is not None:
@@ -116,8 +122,15 @@ def plot(
 def listen(
     file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="A run.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="RUN.wav", help="Sound to make.")
-    ],
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="RUN.wav",
+            help="Sound to make.",
+            show_default="RUN.wav, beside it",
+        ),
+    ] = None,
     force: Force = False,
     quantity: Annotated[
         str, typer.Option(metavar="NAME", help="velocity (of the tip) or normal_force.")
@@ -137,6 +150,7 @@ def listen(
     ] = None,
     stop: Annotated[float | None, typer.Option("--to", metavar="S", help="End here (s).")] = None,
 ) -> None:
+    output = output or beside(file, ".wav")
     check_output(output, SOUND_SUFFIXES, force, file)
     check_input(file)
     from ..datasets.run_dataset import is_run
@@ -171,7 +185,7 @@ def info(
         ),
     ],
 ) -> None:
-    """Show what a file holds, how it was made, and the classes of a map."""
+    """Show what a file holds, its classes, and how it was made."""
     from ..noise.class_counts import anatomy, class_table, unsettled, untold
     from ..store.whole import open_map, sound
 
@@ -179,14 +193,6 @@ def info(
     with open_map(file) as dataset:
         print(", ".join(f"{name} {count}" for name, count in dataset.sizes.items()))
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
-        for name, value in dataset.attrs.items():
-            if name in ("specification", "specification_canonical"):  # for machines
-                continue
-            lines = str(value).splitlines()
-            if len(lines) > 1:
-                print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")
-            else:
-                print(f"{name}: {value}")
         if "label" in dataset:
             print_classes(class_table(dataset))
             if fast := untold(dataset):
@@ -215,3 +221,12 @@ def info(
                 pitch += "too fast for run.sample_interval" if fast else "no line"
             print(f"{'frequency':<12}{pitch}")
         print_events(dataset)
+        print()
+        for name, value in dataset.attrs.items():
+            if name in ("specification", "specification_canonical"):  # for machines
+                continue
+            lines = str(value).splitlines()
+            if len(lines) > 1:
+                print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")
+            else:
+                print(f"{name}: {value}")
