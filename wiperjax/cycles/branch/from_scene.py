@@ -21,6 +21,7 @@ from ..cycle import Found, find_cycle
 from .dataset import branch_dataset
 from .follow import follow
 from .up_and_down import up_and_down
+from ...vocabulary.wording import not_there
 
 _ADVICE = {
     Found.AT_REST: "its motion dies out: quiet; start where it makes a noise",
@@ -48,7 +49,7 @@ def run(
     wiper = build_wiper(spec.parameters(), spec.belt.kind)
     entry = PARAMETERS.get(over)
     if entry is None:
-        raise ValueError(f"--over must be one of {', '.join(PARAMETERS)}, but was {over!r}")
+        raise ValueError(f"--over: {not_there(over, 'blade or its belt', PARAMETERS)}")
     for end in (low, high):
         if problem := entry.problem(end):
             raise ValueError(f"{over}: {problem}")
