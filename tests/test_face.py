@@ -49,3 +49,18 @@ except AttributeError as error:
     kinds, error = python(code).splitlines()
     assert kinds == "function function function"
     assert error == "module 'wiperjax' has no attribute 'solv'"
+
+
+@pytest.mark.parametrize(
+    ("name", "end"),
+    [
+        ("velocty_rms", "did you mean velocity_rms?"),
+        ("load", "did you mean normal_load?"),
+        ("zzz", "it holds normal_load, velocity_rms"),
+    ],
+)
+def test_a_misspelt_name_is_answered_with_the_nearest(name, end):
+    from wiperjax.wording import not_there
+
+    names = ["normal_load", "velocity_rms"]
+    assert not_there(name, "map", names) == f"{name!r} is not in this map; {end}"

@@ -13,8 +13,9 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # which would take any name for one of a module with `__getattr__`
     from .face import *  # noqa: F403
+
 
 __version__ = "0.1.0"
 
@@ -23,14 +24,16 @@ if _jax := sys.modules.get("jax"):  # it was before
     _jax.config.update("jax_enable_x64", True)
 
 
-def __getattr__(name: str) -> Any:
-    # not what Python asks any module for, nor `from . import MODULE`, which asks here first
-    asked = name == "__all__" or not name.startswith("__")
-    if asked and importlib.util.find_spec(f"{__name__}.{name}") is None:
-        face = importlib.import_module(".face", __name__)
-        if name == "__all__" or name in face.__all__:
-            return getattr(face, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        # not what Python asks any module for, nor `from . import MODULE`, which asks here first
+        asked = name == "__all__" or not name.startswith("__")
+        if asked and importlib.util.find_spec(f"{__name__}.{name}") is None:
+            face = importlib.import_module(".face", __name__)
+            if name == "__all__" or name in face.__all__:
+                return getattr(face, name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
