@@ -451,9 +451,9 @@ def test_follow_simulates_where_it_is_asked_to(words, values, folder, stubs, mon
         asked.append(simulate)
         raise ValueError("far enough")
 
-    piece = types.ModuleType("wiperjax.branch_run")
+    piece = types.ModuleType("wiperjax.cycles.branch.from_scene")
     piece.run = run  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "wiperjax.branch_run", piece)
+    monkeypatch.setitem(sys.modules, "wiperjax.cycles.branch.from_scene", piece)
     line = "follow scene.toml --over belt_speed --from 0.2 --to 0.4 -o b.h5"
     assert main([*line.split(), *words]) == 1
     assert asked == [values]
@@ -476,14 +476,14 @@ def test_help_keeps_its_brackets(capsys, monkeypatch):
     ],
 )
 def test_plot_chooses_a_name(words, output, folder, stubs):
-    storage.write_dataset(small_map(), Path("m.h5"))
+    whole.write_dataset(small_map(), Path("m.h5"))
     Path("m.h5.parts").mkdir()
     assert main(words.split()) == 0
     assert stubs.calls[-1][2] == Path(output)
 
 
 def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
-    storage.write_dataset(squeal, Path("r.h5"))
+    whole.write_dataset(squeal, Path("r.h5"))
     assert main(["info", "r.h5"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(re.match(r"label +squeal$", line) for line in lines[:4])

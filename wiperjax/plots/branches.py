@@ -6,9 +6,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..datasets.branch_dataset import rest, simulations
+from ..vocabulary.wording import not_there
 from .style.axes import label, legend_below, long_name, page, shown, shown_unit
 from .style.caption import set_caption
-from ..vocabulary.wording import not_there
 
 BRANCH = "#0072B2"
 REST = "#882255"

@@ -17,11 +17,11 @@ from ...specs.scene import SceneSpec
 from ...vocabulary import cf
 from ...vocabulary.cf import units_text
 from ...vocabulary.parameters import PARAMETERS
+from ...vocabulary.wording import not_there
 from ..cycle import Found, find_cycle
 from .dataset import branch_dataset
 from .follow import follow
 from .up_and_down import up_and_down
-from ...vocabulary.wording import not_there
 
 _ADVICE = {
     Found.AT_REST: "its motion dies out: quiet; start where it makes a noise",

@@ -12,6 +12,7 @@ from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 from ...vocabulary.cf import flag_names
 from ...vocabulary.codes import LABELS
 from ...vocabulary.schema import is_derivative
+from ...vocabulary.wording import not_there
 from ..style.axes import (
     edges,
     label,
@@ -25,7 +26,6 @@ from ..style.axes import (
 )
 from ..style.caption import set_caption
 from ..style.palette import BOUNDARY, UNKNOWN
-from ...vocabulary.wording import not_there
 
 At = Mapping[str, float]  # where a dimension that is not drawn is cut, in the units of the map
 SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody

@@ -30,7 +30,7 @@ def test_dir_shows_the_public_names_alone():
 
 @pytest.mark.parametrize(
     "first",
-    ["import wiperjax; wiperjax.Wiper", "import jax, wiperjax", "import wiperjax.polynomials"],
+    ["import wiperjax; wiperjax.Wiper", "import jax, wiperjax", "import wiperjax.numerics.types"],
 )
 def test_numbers_are_64_bit_ones_whatever_is_imported_first(first):
     code = f"{first}; import jax.numpy as jnp; print(jnp.asarray(0.1).dtype)"
@@ -39,7 +39,7 @@ def test_numbers_are_64_bit_ones_whatever_is_imported_first(first):
 
 def test_a_public_name_is_the_same_whatever_was_imported_before():
     code = """
-import wiperjax.trajectory, wiperjax.verification, wiperjax.driver
+import wiperjax.runs.simulate, wiperjax.maps.verify, wiperjax.cycles
 print(*(type(getattr(wiperjax, name)).__name__ for name in ("solve", "verify", "sweep")))
 try:
     wiperjax.solv
@@ -60,7 +60,7 @@ except AttributeError as error:
     ],
 )
 def test_a_misspelt_name_is_answered_with_the_nearest(name, end):
-    from wiperjax.wording import not_there
+    from wiperjax.vocabulary.wording import not_there
 
     names = ["normal_load", "velocity_rms"]
     assert not_there(name, "map", names) == f"{name!r} is not in this map; {end}"
