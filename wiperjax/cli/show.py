@@ -16,7 +16,7 @@ from .options import (
     check_output,
     cuts,
 )
-from .tables import print_classes, print_events, print_special
+from .tables import print_attributes, print_class, print_classes, print_events, print_special
 
 PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map, a run or a branch.\n\n"
@@ -90,10 +90,7 @@ def plot(
     ] = None,
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
 ) -> None:
-    if output is None:
-        moving = picture == "animation"
-        name = "" if every else f"-{picture or 'overview'}"  # --all adds the names itself
-        output = beside(file, f"{name}{'.gif' if moving else '.png'}")
+    output = output or _picture_of(file, picture, every)
     check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, force or every, file)
     check_input(file)
     if every and picture is not None:
@@ -117,6 +114,12 @@ def plot(
         return
     plot_file(file, output, picture=picture, force=force, dpi=dpi, **chosen)
     print(f"picture  {output}")
+
+
+def _picture_of(file: Path, picture: str | None, every: bool) -> Path:
+    """The name of a picture where none is given: FILE-NAME.png; `--all` adds the names itself."""
+    name = "" if every else f"-{picture or 'overview'}"
+    return beside(file, f"{name}{'.gif' if picture == 'animation' else '.png'}")
 
 
 def listen(
@@ -207,26 +210,6 @@ def info(
         elif "special_kind" in dataset:
             print_special(dataset)
         elif "belt_kind" in dataset.attrs:
-            import numpy as np
-
-            from ..noise.run_class import assess, words
-
-            found = assess(dataset)
-            for name, word in words(found).items():
-                print(f"{name:<12}{word}")
-            known = bool(np.isfinite(found["dominant_frequency"]))
-            pitch = f"{float(found['dominant_frequency']):.1f} Hz" if known else "not known: "
-            if not known:
-                fast = found.get("frequency_told", 1) == 0
-                pitch += "too fast for run.sample_interval" if fast else "no line"
-            print(f"{'frequency':<12}{pitch}")
+            print_class(dataset)
         print_events(dataset)
-        print()
-        for name, value in dataset.attrs.items():
-            if name in ("specification", "specification_canonical"):  # for machines
-                continue
-            lines = str(value).splitlines()
-            if len(lines) > 1:
-                print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")
-            else:
-                print(f"{name}: {value}")
+        print_attributes(dataset)
