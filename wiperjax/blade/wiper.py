@@ -13,7 +13,7 @@ from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent
 from ..numerics.types import Scalar
 from ..vocabulary import checks
-from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.parameters import PARAMETERS, described
 from .belts import AbstractBelt, SteadyBelt
 
 ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
@@ -42,7 +42,7 @@ class Constants(NamedTuple):
 class Wiper(AbstractSystem):
     """Lip of a windscreen wiper, per metre of blade, in the coordinates (x, y) of its tip.
 
-    Parameters, units and reference values are those of MODEL.md section 9; angles in rad.
+    Parameters are listed at the end (docs/model.md, section 9); angles in rad.
 
     Raises ValueError for values outside the ranges of `parameters.PARAMETERS`, those of sweep files
     (checked where they are known: not while traced).
@@ -253,3 +253,6 @@ class Wiper(AbstractSystem):
         weight = self.gravity * (self.tip_mass * q[1] + self.hinge_mass * eta)
         support = self.normal_load * eta + 0.5 * self.support_stiffness * sink**2
         return 0.5 * kinetic + 0.5 * rotation + support + weight
+
+
+Wiper.__doc__ = f"{Wiper.__doc__}\n    Parameters:\n{described('blade')}"

@@ -103,17 +103,17 @@ class SweepRun(Table):
     Attributes:
         transient: time [s] integrated and discarded.
         window: time [s] after it, in which the statistics are gathered.
-        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver, `rtol` to
-            `SweepSpec.rtol`.
+        rtol: relative tolerance of the integrator; left out: 1e-6, with sensitivities 1e-9.
+        atol: absolute tolerances; left out: the solver chooses them by the blade's size and speed.
         precision: of the state.
         solver: Runge-Kutta method.
         max_steps: step budget of one cell; a cell that spends it gets that result code.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
-        samples: of the settled window, at a first look; None: as many as the highest squeal needs
-            (`SweepSpec.samples`). Cells that they cannot tell the frequency of are looked at again.
-        raster: instants of the settled window at which the regime is stored; None: it is not.
+        samples: of the settled window, at a first look; left out: as many as the highest squeal
+            needs. Cells that they cannot tell the frequency of are looked at again.
+        raster: instants of the settled window at which the regime is stored; left out: it is not.
         event_log: events of the settled window, from its start on, that are stored of each cell
-            (more are counted and flagged); None: none.
+            (more are counted and flagged); left out: none.
     """
 
     transient: float
@@ -161,9 +161,15 @@ class Sensitivities(Table):
 
 
 class SceneRun(Table):
-    """How one trajectory is integrated and sampled: `duration` and `sample_interval` in seconds.
+    """How one trajectory is integrated and sampled.
 
-    The other keys are those of `SweepRun`; None leaves a choice to the solver.
+    The keys not named here are those of `SweepRun`.
+
+    Attributes:
+        duration: time [s] that is computed.
+        sample_interval: time [s] between samples; left out: 1/2000 of the duration.
+        rtol: relative tolerance of the integrator.
+        max_steps: step budget; left out: no end but that of the run.
     """
 
     duration: float
@@ -181,7 +187,8 @@ class Start(Table):
     Attributes:
         angle: lip angle phi [degrees] at which the touching tip starts at rest.
         equilibrium: offset from the steady-slip equilibrium of largest phi, as a fraction of L.
-        position, velocity: of the tip, (x, y) [m] and (x', y') [m/s]; velocity None: at rest.
+        position: of the tip, (x, y) [m]: along the glass and above it.
+        velocity: of the tip there, (x', y') [m/s]; left out: at rest.
     """
 
     angle: float | None = None
@@ -215,10 +222,11 @@ class Start(Table):
 
 
 class Classes(Table):
-    """Thresholds of the noise classes, MODEL.md section 11.
+    """Thresholds of the noise classes (docs/model.md, section 11).
 
     Attributes:
-        quiet_velocity_ratio: std of the tip velocity over belt speed, below which a cell is quiet.
+        quiet_velocity_ratio: rms of the tip velocity about its mean, over the belt speed, below
+            which a cell is quiet.
         squeal_band, chatter_band: lowest and highest dominant frequency [Hz].
         reversal_window: time [s] on either side of V = 0 that counts as the reversal.
         reversal_ratio: largest normal force there over the mean outside, above which it is noise.

@@ -145,7 +145,7 @@ def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns)
     return xr.Dataset(
         {
             "maximum": ((*plane, "peak"), maximum, about),
-            "velocity_rms": settled(rms, f"standard deviation of the {words['velocity']}", speed),
+            "velocity_rms": settled(rms, f"rms of the {words['velocity']} about its mean", speed),
             "stick_fraction": settled(stick, "share of the window in stick", "1"),
             "flight_fraction": settled(flight, "share of the window in flight", "1"),
             "result": (plane, result.astype(np.int8), flags),
