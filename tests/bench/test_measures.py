@@ -110,6 +110,7 @@ def test_the_batch_of_one_thread_equals_that_of_all():
     assert np.all(one.result == 0)
 
 
+@pytest.mark.slow
 def test_scipy_finds_the_same_events():
     scene = families.zeno(4).head(1)
     true = LOOP.prepare(scene, 1e-11).answer()

@@ -139,6 +139,7 @@ def test_time_of_a_motion_that_comes_back_and_of_one_that_does_not():
         assert float(repeat_time(jnp.asarray(other), 7.3)) == 7.3
 
 
+@pytest.mark.slow
 def test_neimark_sacker_of_a_driven_oscillator():
     # multipliers of x'' + a x' + x = cos(w t) are exp(-a T/2 +- i ...): on the circle at a = 0
     system = Ring(a=0.2, b=0.0, c=0.0, drive=1.0)

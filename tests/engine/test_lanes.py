@@ -323,6 +323,7 @@ def test_a_tip_that_is_carried_has_the_share_one_exactly(precision):
     assert np.all(found["mechanism"] == codes.MECHANISMS["carried"])
 
 
+@pytest.mark.slow
 def test_float32_does_not_creep_behind_a_stiff_shoulder():
     """The last digit of x, times the shoulder's stiffness, is an error that no short step lowers:
     steps that tried took nine times as many. And steps shorter than that digit must add up: where

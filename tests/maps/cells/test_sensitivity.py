@@ -301,6 +301,7 @@ def test_what_a_quiet_cell_keeps_of_its_start_has_no_derivative():
     assert known["final_x"] == [True, True, True]
 
 
+@pytest.mark.slow
 def test_a_mirrored_blade_has_mirrored_derivatives():
     """(alpha, V, x) -> -(alpha, V, x); a parameter at an end of its range is not checked."""
     found = {}
