@@ -1,4 +1,4 @@
-"""Prescribed motion of the glass (MODEL.md section 8), piece by smooth piece.
+"""Prescribed motion of the glass (docs/model.md, section 8), piece by smooth piece.
 
 A belt is smooth between its breaks (corners and reversals). Breaks are known in advance, so the
 engine steps exactly onto them; piece ``k`` ends at ``break_time(k)``. ``velocity(t, k)`` is the
@@ -142,8 +142,8 @@ class TrapezoidBelt(AbstractBelt):
     """Plateaus of +-``speed`` joined by linear ramps of duration ``ramp`` [s] centred on V = 0.
 
     With s = frequency t + phase / (2 pi), V rises through 0 at integer s and falls through 0 at
-    s = 1/2 (MODEL.md section 8). Every half period j has three breaks: start of the ramp, V = 0
-    (s = j/2) and end of the ramp; pieces are numbered 3 j + (0: plateau, 1 and 2: ramp).
+    s = 1/2 (docs/model.md, section 8). Every half period j has three breaks: start of the ramp,
+    V = 0 (s = j/2) and end of the ramp; pieces are numbered 3 j + (0: plateau, 1 and 2: ramp).
     """
 
     kind = "trapezoid"

@@ -1,4 +1,4 @@
-"""The wiper: a rigid lip on springs whose tip touches moving glass (MODEL.md sections 1 to 3)."""
+"""The wiper: a rigid lip on springs, its tip on moving glass (docs/model.md, sections 1 to 3)."""
 
 from typing import NamedTuple
 
@@ -42,7 +42,7 @@ class Constants(NamedTuple):
 class Wiper(AbstractSystem):
     """Lip of a windscreen wiper, per metre of blade, in the coordinates (x, y) of its tip.
 
-    Parameters, units and reference values are those of MODEL.md section 9; angles in rad.
+    Parameters, units and reference values are those of docs/model.md, section 9; angles in rad.
 
     Raises ValueError for values outside the ranges of `parameters.PARAMETERS`, those of sweep files
     (checked where they are known: not while traced).

@@ -1,4 +1,4 @@
-"""Set-valued friction laws: a limit at rest and a coefficient in slip (MODEL.md section 4)."""
+"""Set-valued friction laws: a limit at rest, a coefficient in slip (docs/model.md, section 4)."""
 
 from abc import abstractmethod
 from dataclasses import fields

@@ -135,7 +135,7 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
 
 
 def _since_reversal(run: xr.Dataset, time: np.ndarray) -> np.ndarray:
-    """Time [s] since the nearest V = 0 (MODEL.md section 8)."""
+    """Time [s] since the nearest V = 0 (docs/model.md, section 8)."""
     turns = run.attrs["belt_frequency"] * time + run.attrs.get("belt_phase", 0.0) / 360
     return (2 * turns - np.round(2 * turns)) / (2 * run.attrs["belt_frequency"])
 

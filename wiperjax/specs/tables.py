@@ -215,7 +215,7 @@ class Start(Table):
 
 
 class Classes(Table):
-    """Thresholds of the noise classes, MODEL.md section 11.
+    """Thresholds of the noise classes, docs/model.md, section 11.
 
     Attributes:
         quiet_velocity_ratio: std of the tip velocity over belt speed, below which a cell is quiet.

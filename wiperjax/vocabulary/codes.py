@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class Regime(IntEnum):
-    """Contact state of the tip (MODEL.md section 5)."""
+    """Contact state of the tip (docs/model.md, section 5)."""
 
     STICK = 0
     SLIP_POS = 1

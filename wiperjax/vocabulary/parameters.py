@@ -23,7 +23,7 @@ class Parameter:
     Attributes:
         name: name in code, files and maps, without a unit.
         table: table of a sweep file that fixes it, `blade` or `belt`.
-        symbol: symbol in MODEL.md.
+        symbol: symbol in docs/model.md.
         unit: unit in code (SI, radians), `1` if dimensionless.
         range: values of files, in edge units: what lies outside is no blade.
         long_name: what it is, in words; becomes the `long_name` of a map coordinate.

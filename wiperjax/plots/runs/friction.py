@@ -96,7 +96,7 @@ def _regime_dots(ds: xr.Dataset) -> list[Line2D]:
 
 
 def coefficient(ds: xr.Dataset, speed: np.ndarray) -> np.ndarray:
-    """mu at slip speeds >= 0 (m/s) by the law in the attributes of a run (MODEL.md section 4)."""
+    """mu at slip speeds >= 0 (m/s) by the law of a run (docs/model.md, section 4)."""
     static, minimum, stribeck, shape, slope = (float(ds.attrs[name]) for name in LAW)
     return minimum + (static - minimum) * np.exp(-((speed / stribeck) ** shape)) + slope * speed
 
