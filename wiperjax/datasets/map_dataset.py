@@ -28,12 +28,14 @@ def raster_index(samples: int, instants: int) -> list[int]:
 
 
 def select(columns: Mapping[str, Any], length: int) -> dict[str, np.ndarray]:
-    """Columns of the schema among `columns`, in its order and types, each of shape (length,), or
-    (length, size of the further dimension).
+    """`columns` in the order and types of the schema, each of shape (length,), or (length, size of
+    the further dimension).
 
-    Raises: `ValueError` if a column has another shape, or an integer column holds what its type
-    cannot.
+    Raises: `ValueError` if a column is not in the schema (it would be lost unseen), has another
+    shape, or is one of integers and holds what its type cannot.
     """
+    if strange := sorted(set(columns) - set(SCHEMA)):
+        raise ValueError(f"columns must be in schema.SCHEMA, but {', '.join(strange)} are not")
     chosen = {}
     for name, column in SCHEMA.items():
         if name not in columns:

@@ -33,6 +33,10 @@ class Event(IntEnum):
     TOUCH = 12  # the gap closed at zero speed; or a regime was re-decided at a tie
 
 
+HITS = (Event.IMPACT, Event.ZENO, Event.JAM)
+"""Events that count as a hit: those with an impulse."""
+
+
 class Result(IntEnum):
     """How a trajectory ended. All but FINISHED and COLLAPSED are failures of that one alone."""
 
