@@ -20,7 +20,8 @@ from wiperjax.maps import estimate
 from wiperjax.maps.block import BLOCK_BYTES, block_size
 from wiperjax.maps.block import MOST_CELLS as BLOCK_CELLS
 from wiperjax.specs.load import SpecError, load_scene, load_sweep, parse_scene, parse_sweep
-from wiperjax.vocabulary.parameters import BELTS, PARAMETERS
+from wiperjax.vocabulary.kinds import BELTS
+from wiperjax.vocabulary.parameters import PARAMETERS
 from wiperjax.vocabulary.ranges import MOST_CELLS, MOST_SAMPLES, MOST_VALUES, SETTINGS
 
 SWEEP = """

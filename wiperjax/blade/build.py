@@ -7,12 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..specs.tables import Start
-from ..vocabulary.parameters import BELTS, PARAMETERS
-from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
+from ..vocabulary.kinds import BELTS, known
+from ..vocabulary.parameters import PARAMETERS
+from .belts import CLASSES as BELT_CLASSES
 from .steady_slip import map_shape, steady_slip
 from .wiper import Wiper
-
-_BELTS = {belt.kind: belt for belt in (SteadyBelt, WipingBelt, TrapezoidBelt)}
 
 
 def build_wiper(parameters: Mapping[str, Any], belt_kind: str) -> Wiper:
@@ -24,15 +23,13 @@ def build_wiper(parameters: Mapping[str, Any], belt_kind: str) -> Wiper:
 
     Raises ValueError for an unknown kind or name, and for impossible values.
     """
-    if belt_kind not in BELTS:
-        raise ValueError(f"belt_kind must be one of {', '.join(BELTS)}, but was {belt_kind!r}")
-    keys = BELTS[belt_kind]
+    keys = known("belt_kind", belt_kind, BELTS)
     blade = {name for name, entry in PARAMETERS.items() if entry.table == "blade"}
     if strange := sorted(set(parameters) - blade - set(keys.values())):
         raise ValueError(f"parameters must suit belt_kind {belt_kind!r}, but had {strange[0]!r}")
     belt = {key: parameters[name] for key, name in keys.items() if name in parameters}
     return Wiper(
-        belt=_BELTS[belt_kind](**belt),
+        belt=BELT_CLASSES[belt_kind](**belt),
         **{name: value for name, value in parameters.items() if name in blade},
     )
 

@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..contact.system import AbstractSystem
-from ..vocabulary.parameters import BELTS, PARAMETERS
+from ..vocabulary.kinds import BELTS
+from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.wording import shown
 from .wiper import ENGINE_FIELDS, Wiper
 

@@ -13,7 +13,7 @@ from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent
 from ..numerics.types import Scalar
 from ..vocabulary import checks
-from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.parameters import PARAMETERS, REFERENCE
 from .belts import AbstractBelt, SteadyBelt
 
 ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
@@ -48,26 +48,26 @@ class Wiper(AbstractSystem):
     (checked where they are known: not while traced).
     """
 
-    belt: AbstractBelt = SteadyBelt(0.3)
-    tip_mass: Scalar = 2.4e-3  # kg/m
-    lip_length: Scalar = 6e-3  # m
-    support_stiffness: Scalar = 2000.0  # N/m per m
-    support_damping: Scalar = 1.0  # N s/m per m
-    neck_stiffness: Scalar = 0.05  # N m/rad per m
-    shoulder_stiffness: Scalar = 2.0  # N m/rad per m
-    shoulder_angle: Scalar = 0.6  # rad
-    attack_angle: Scalar = 0.0  # rad
-    normal_load: Scalar = 15.0  # N/m
-    restitution: Scalar = 0.3
-    mu_static: Scalar = 1.0
-    mu_minimum: Scalar = 0.3
-    stribeck_speed: Scalar = 0.1  # m/s
-    stribeck_shape: Scalar = 1.0
-    viscous_slope: Scalar = 0.02  # s/m
-    hinge_mass: Scalar = 0.0  # kg/m
-    hinge_damping: Scalar = 0.0  # N m s/rad per m
-    gravity: Scalar = 0.0  # m/s^2
-    collapse_angle: Scalar = float(np.deg2rad(89.0))  # rad
+    belt: AbstractBelt = SteadyBelt()
+    tip_mass: Scalar = REFERENCE["tip_mass"]  # kg/m
+    lip_length: Scalar = REFERENCE["lip_length"]  # m
+    support_stiffness: Scalar = REFERENCE["support_stiffness"]  # N/m per m
+    support_damping: Scalar = REFERENCE["support_damping"]  # N s/m per m
+    neck_stiffness: Scalar = REFERENCE["neck_stiffness"]  # N m/rad per m
+    shoulder_stiffness: Scalar = REFERENCE["shoulder_stiffness"]  # N m/rad per m
+    shoulder_angle: Scalar = REFERENCE["shoulder_angle"]  # rad
+    attack_angle: Scalar = REFERENCE["attack_angle"]  # rad
+    normal_load: Scalar = REFERENCE["normal_load"]  # N/m
+    restitution: Scalar = REFERENCE["restitution"]
+    mu_static: Scalar = REFERENCE["mu_static"]
+    mu_minimum: Scalar = REFERENCE["mu_minimum"]
+    stribeck_speed: Scalar = REFERENCE["stribeck_speed"]  # m/s
+    stribeck_shape: Scalar = REFERENCE["stribeck_shape"]
+    viscous_slope: Scalar = REFERENCE["viscous_slope"]  # s/m
+    hinge_mass: Scalar = REFERENCE["hinge_mass"]  # kg/m
+    hinge_damping: Scalar = REFERENCE["hinge_damping"]  # N m s/rad per m
+    gravity: Scalar = REFERENCE["gravity"]  # m/s^2
+    collapse_angle: Scalar = REFERENCE["collapse_angle"]  # rad
     piece: Scalar = 0  # smooth piece of the belt's motion (set by the engine)
     sides: tuple | None = None  # signs of the switches (set by the engine)
     constants: Constants | None = None  # (set by the engine: `prepared`)

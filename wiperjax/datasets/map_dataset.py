@@ -12,14 +12,9 @@ import xarray as xr
 
 from ..machine.provenance import version
 from ..vocabulary.cf import CONVENTIONS, plain_attributes
+from ..vocabulary.kinds import MODELS
 from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.schema import SCHEMA
-
-DEFAULT_STARTS: Mapping[str, str] = {
-    "lip": "touching at the attack angle, at rest",
-    "bar": "touching at the attack angle, at rest",
-    "block": "at rest where the spring is relaxed",
-}
 
 
 def raster_index(samples: int, instants: int) -> list[int]:
@@ -105,7 +100,7 @@ def _attributes(spec: Any) -> dict[str, Any]:
     attrs["belt_kind"] = str(meaning.get("belt", ""))
     attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
-    attrs["start"] = json.dumps(start, sort_keys=True) if start else DEFAULT_STARTS[attrs["model"]]
+    attrs["start"] = json.dumps(start, sort_keys=True) if start else MODELS[attrs["model"]]
     tables = (("run", "run_"), ("classes", "class_"), ("sensitivities", "sensitivity_"))
     for table, prefix in tables:
         for key, value in sorted((meaning.get(table) or {}).items()):

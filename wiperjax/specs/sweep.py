@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic import model_validator
 
-from ..vocabulary.parameters import BELTS, PARAMETERS
+from ..vocabulary.kinds import BELTS
+from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.ranges import MOST_CELLS
 from ..vocabulary.wording import digits
 from .axis import Axis

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from pydantic import PrivateAttr
 
-from ..vocabulary.parameters import BELTS, PARAMETERS, longest_ramp
+from ..vocabulary.kinds import BELTS
+from ..vocabulary.parameters import PARAMETERS, longest_ramp
 from .axis import Axis
 from .errors import Fault
 from .tables import Belt, Blade, ModelName, Start, Table, Title
@@ -104,7 +105,7 @@ class System(Table):
                 raise Fault("start.position", f"{must}, was {x:g}")
         if self.model != "lip":
             self._check_rung(values, key_of)
-        if kind == "trapezoid":
+        if "belt_ramp" in BELTS[kind].values():
             ramp, longest = values("belt_ramp").max(), longest_ramp(values("belt_frequency").max())
             if ramp > longest:
                 must = f"must be at most half a period ({longest:g} s)"

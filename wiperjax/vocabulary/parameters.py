@@ -164,23 +164,10 @@ _TABLE = (
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType({entry.name: entry for entry in _TABLE})
 """Every parameter by name, in the order in which maps and messages list them."""
 
-BELTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
-    {
-        "steady": {"speed": "belt_speed"},
-        "wiping": {
-            "amplitude": "belt_speed",
-            "frequency": "belt_frequency",
-            "phase": "belt_phase",
-        },
-        "trapezoid": {
-            "speed": "belt_speed",
-            "frequency": "belt_frequency",
-            "ramp": "belt_ramp",
-            "phase": "belt_phase",
-        },
-    }
+REFERENCE: Mapping[str, float] = MappingProxyType(
+    {entry.name: entry.reference for entry in _TABLE if entry.reference is not None}
 )
-"""Kinds of belt: key in `[belt]`, which is also the argument of the belt's class -> parameter."""
+"""Parameter -> its reference value in SI units, of those that have one."""
 
 
 def longest_ramp(frequency: Any) -> Any:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from ....blade.build import start_state
 from ....blade.steady_slip import steady_slip
 from ....blade.wiper import Wiper
-from ....vocabulary.parameters import BELTS
+from ....vocabulary.kinds import BELTS
 from .. import batch
 from ..columns import statistics
 
