@@ -13,11 +13,13 @@ from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent
 from ..numerics.types import Scalar
 from ..vocabulary import checks
+from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS, REFERENCE
 from .belts import AbstractBelt, SteadyBelt
 
 ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
 _BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
+_OWN_LAW = tuple(FRICTIONS["stribeck"].values())  # numbers of the law that the wiper has by itself
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
 
 
@@ -43,6 +45,8 @@ class Wiper(AbstractSystem):
     """Lip of a windscreen wiper, per metre of blade, in the coordinates (x, y) of its tip.
 
     Parameters, units and reference values are those of docs/model.md, section 9; angles in rad.
+    Friction is Stribeck's law of its ``mu_static`` to ``viscous_slope``, or ``friction``, a law of
+    its own, in place of them.
 
     Raises ValueError for values outside the ranges of `parameters.PARAMETERS`, those of sweep files
     (checked where they are known: not while traced).
@@ -68,6 +72,7 @@ class Wiper(AbstractSystem):
     hinge_damping: Scalar = REFERENCE["hinge_damping"]  # N m s/rad per m
     gravity: Scalar = REFERENCE["gravity"]  # m/s^2
     collapse_angle: Scalar = REFERENCE["collapse_angle"]  # rad
+    friction: AbstractFriction | None = None  # None: Stribeck's law of the numbers above
     piece: Scalar = 0  # smooth piece of the belt's motion (set by the engine)
     sides: tuple | None = None  # signs of the switches (set by the engine)
     constants: Constants | None = None  # (set by the engine: `prepared`)
@@ -75,6 +80,21 @@ class Wiper(AbstractSystem):
     def __check_init__(self):
         checks.parameters({name: getattr(self, name) for name in _BLADE})
         checks.instance("belt", self.belt, AbstractBelt, "a belt such as SteadyBelt(0.3)")
+        if self.friction is None:
+            return
+        checks.instance("friction", self.friction, AbstractFriction, "a law such as Coulomb(0.5)")
+        for name in self.idle:
+            value = getattr(self, name)
+            if not checks.is_traced(value) and np.any(np.asarray(value) != REFERENCE[name]):
+                raise ValueError(
+                    f"{name} must be left out with friction, whose own number counts, but was "
+                    f"{checks.shown(value)}"
+                )
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Names of the numbers that have no part: those of its own law, if it is given one."""
+        return () if self.friction is None else _OWN_LAW
 
     @property
     def _constants(self) -> Constants:
@@ -197,13 +217,7 @@ class Wiper(AbstractSystem):
 
     @property
     def law(self) -> AbstractFriction:
-        return Stribeck(
-            self.mu_static,
-            self.mu_minimum,
-            self.stribeck_speed,
-            self.stribeck_shape,
-            self.viscous_slope,
-        )
+        return self.friction or Stribeck(*(getattr(self, name) for name in _OWN_LAW))
 
     @property
     def bounce(self):

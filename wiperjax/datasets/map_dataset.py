@@ -98,6 +98,8 @@ def _attributes(spec: Any) -> dict[str, Any]:
         units.append(f"{name}: {entry.edge_unit if entry else '1'}")
     attrs["parameter_units"] = "; ".join(units)
     attrs["belt_kind"] = str(meaning.get("belt", ""))
+    if "friction" in meaning:
+        attrs["friction"] = str(meaning["friction"])
     attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
     attrs["start"] = json.dumps(start, sort_keys=True) if start else MODELS[attrs["model"]]

@@ -18,6 +18,7 @@ from ..engine.carry.state import EventLog, State, final_velocity
 from ..vocabulary import cf
 from ..vocabulary.cf import units_text
 from ..vocabulary.codes import RESULTS, Event, Regime
+from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.schema import EVENT_COLUMNS
 
@@ -103,10 +104,15 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in fields(module):  # type: ignore[arg-type]
         name, value = prefix + field.name, getattr(module, field.name)
-        if field.name in ENGINE_FIELDS:
+        if field.name in ENGINE_FIELDS or (isinstance(module, Wiper) and field.name in module.idle):
             continue
         if isinstance(value, eqx.Module):
             found[name] = type(value).__name__
+            if isinstance(module, Wiper) and field.name == "friction":  # as it is called in files
+                keys = FRICTIONS.get(value.kind, {})
+                law = _parameters(value).items()
+                found |= {prefix + keys.get(key, f"friction_{key}"): x for key, x in law}
+                continue
             found |= _parameters(value, f"{name}_")
             continue
         if isinstance(module, AbstractBelt) and field.name == "amplitude":

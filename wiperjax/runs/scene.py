@@ -28,7 +28,7 @@ def run(spec: SceneSpec) -> xr.Dataset:
     Raises ValueError for a start that is impossible for these parameters.
     """
     begun = time.perf_counter()
-    wiper = build_wiper(spec.parameters(), spec.belt.kind)
+    wiper = build_wiper(spec.parameters(), spec.belt.kind, spec.blade.friction)
     start = start_state(wiper, spec.start)
     if spec.start.kind == "equilibrium" and not bool(jnp.isfinite(start[0][0])):
         raise ValueError(
@@ -55,6 +55,7 @@ def run(spec: SceneSpec) -> xr.Dataset:
         "title": spec.title or "trajectory of a wiper lip",
         "model": spec.model,
         "belt_kind": spec.belt.kind,
+        "friction": spec.blade.friction,
         "start": json.dumps(spec.start.model_dump(mode="json", exclude_none=True), sort_keys=True)
         if spec.start.kind != "default"
         else MODELS[spec.model],

@@ -97,7 +97,13 @@ _BELT_KEYS = {key: name for belt in BELTS.values() for key, name in belt.items()
 
 
 class Blade(limited("_BladeKeys", _BLADE_KEYS)):
-    """Parameters of the blade that are not axes (edge units); None: the reference value."""
+    """Parameters of the blade that are not axes (edge units); None: the reference value.
+
+    Attributes:
+        friction: its law, with the parameters of `kinds.FRICTIONS`; checked in `system.py`.
+    """
+
+    friction: FrictionName = "stribeck"
 
 
 class Belt(limited("_BeltKeys", _BELT_KEYS)):
