@@ -106,6 +106,14 @@ def law_of(ds: xr.Dataset) -> str:
     return kind
 
 
+def has_law(ds: xr.Dataset) -> bool:
+    """Whether a run tells its friction law and the velocity of its glass."""
+    try:
+        return bool(law_of(ds)) and "belt_velocity" in ds
+    except ValueError:
+        return False
+
+
 def coefficient(ds: xr.Dataset, speed: np.ndarray) -> np.ndarray:
     """mu at slip speeds >= 0 (m/s) by the law of a run (docs/model.md, section 4)."""
     return FRICTION_KINDS[law_of(ds)].of(ds.attrs, speed)
