@@ -23,6 +23,7 @@ from wiperjax.specs.load import SpecError, load_scene, load_sweep, parse_scene, 
 from wiperjax.vocabulary.kinds import BELTS
 from wiperjax.vocabulary.parameters import PARAMETERS
 from wiperjax.vocabulary.ranges import MOST_CELLS, MOST_SAMPLES, MOST_VALUES, SETTINGS
+from wiperjax.vocabulary.thresholds import LIMITS
 
 SWEEP = """
 title = "small"
@@ -255,7 +256,11 @@ def test_every_number_of_a_file_is_bounded(kind, belt, route):
 
 def test_every_range_has_ends():
     """Wide as they are: what is beyond them is what nobody means."""
-    for allowed in (*SETTINGS.values(), *(entry.range for entry in PARAMETERS.values())):
+    for allowed in (
+        *SETTINGS.values(),
+        *LIMITS.values(),
+        *(entry.range for entry in PARAMETERS.values()),
+    ):
         assert np.isfinite([allowed.low, allowed.high]).all() and not allowed.infinite
 
 

@@ -24,11 +24,12 @@ from ..vocabulary import kinds
 from ..vocabulary.kinds import BELTS
 from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.ranges import SETTINGS
-from ..vocabulary.thresholds import Thresholds
+from ..vocabulary.thresholds import LIMITS, Thresholds
 from ..vocabulary.wording import digits
 from .errors import Fault, show
 
 LONGEST_TITLE = 500
+_ALLOWED = SETTINGS | LIMITS
 
 
 def checked(name: str, value: float | None) -> float | None:
@@ -75,7 +76,7 @@ class Table(BaseModel):
     @classmethod
     def _is_in_range(cls, value: Any, info: ValidationInfo) -> Any:
         """`value`, a number, a pair or a list of them."""
-        allowed = SETTINGS.get(info.field_name or "")
+        allowed = _ALLOWED.get(info.field_name or "")
         if allowed is not None and isinstance(value, int | float | tuple | list):
             wrong = allowed.outside(value if isinstance(value, int | float) else np.asarray(value))
             if wrong is not None:

@@ -1,6 +1,10 @@
 """The borders between the classes of noise."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+
+from .ranges import Range
 
 
 @dataclass(frozen=True)
@@ -35,3 +39,19 @@ class Thresholds:
     tone_time: float = 0.015
     stick_share: float = 0.01
     settled_change: float = 0.1
+
+
+LIMITS: Mapping[str, Range] = MappingProxyType(
+    {
+        "quiet_velocity_ratio": Range(1e-12, 10),
+        "squeal_band": Range(0, 1e6, unit="Hz"),
+        "chatter_band": Range(0, 1e6, unit="Hz"),
+        "reversal_window": Range(1e-9, 1e3, unit="s"),
+        "reversal_ratio": Range(1e-6, 1e6),
+        "vibration_ratio": Range(1e-6, 1e6),
+        "tone_time": Range(1e-9, 1e3, unit="s"),
+        "stick_share": Range(1e-12, 1),
+        "settled_change": Range(1e-12, 10),
+    }
+)
+"""Allowed range of each of them."""
