@@ -138,7 +138,7 @@ def _watched(case: Case, check_start: Callable[[int], None]) -> tuple[State, Eve
         state = _advance(case.problem, state)
         count = int(state.log.count)
         pieces.append([np.asarray(column)[:count] for column in state.log[:-1]])
-    columns = [np.concatenate(column) for column in zip(*pieces, strict=True)]
+    columns: Any = [np.concatenate(column) for column in zip(*pieces, strict=True)]
     return state, EventLog(*columns, count=len(columns[0]))
 
 

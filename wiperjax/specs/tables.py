@@ -29,7 +29,7 @@ from ..vocabulary.wording import digits
 from .errors import Fault, show
 
 LONGEST_TITLE = 500
-_ALLOWED = SETTINGS | LIMITS
+_ALLOWED = {**SETTINGS, **LIMITS}
 
 
 def checked(name: str, value: float | None) -> float | None:
