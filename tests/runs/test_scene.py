@@ -68,12 +68,12 @@ def test_wipers_of_cells_keep_arrays_and_plain_zeros():
         (
             {"tip_mas": 1.0},
             "steady",
-            "parameters must suit belt_kind 'steady' and friction 'stribeck', but had 'tip_mas'",
+            "and friction 'stribeck', but had 'tip_mas'",
         ),
         (
             {"belt_ramp": 1.0},
             "wiping",
-            "must suit belt_kind 'wiping' and friction 'stribeck', but had 'belt_ramp'",
+            "belt_kind 'wiping' and friction 'stribeck', but had 'belt_ramp'",
         ),
         ({}, "still", "belt_kind must be one of steady, wiping, trapezoid, but was 'still'"),
         (
