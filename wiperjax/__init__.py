@@ -1,32 +1,40 @@
 """wiperjax: stick, slip and flight of a wiper lip, swept in parallel.
 
-Importing it switches JAX to 64-bit numbers: events are located to 1e-9 and better, which 32-bit
-numbers cannot express. A float32 state is an option of the sweep.
+Importing it takes no time: its names, and JAX under them, are loaded with the first that is used.
+
+It makes JAX's numbers 64-bit ones, for events are located to 1e-9 and better, which 32-bit numbers
+cannot express; processes started from here inherit that (`JAX_ENABLE_X64`). A float32 state is an
+option of the sweep.
 """
 
-import jax as _jax
+import importlib
+import importlib.util
+import os
+import sys
+from typing import TYPE_CHECKING, Any
 
-_jax.config.update("jax_enable_x64", True)
+if TYPE_CHECKING:  # which would take any name for one of a module with `__getattr__`
+    from .face import *  # noqa: F403
 
-from .blade.belts import SteadyBelt as SteadyBelt  # noqa: E402
-from .blade.belts import TrapezoidBelt as TrapezoidBelt  # noqa: E402
-from .blade.belts import WipingBelt as WipingBelt  # noqa: E402
-from .blade.wiper import Wiper as Wiper  # noqa: E402
-from .contact.friction import AbstractFriction as AbstractFriction  # noqa: E402
-from .contact.friction import Coulomb as Coulomb  # noqa: E402
-from .contact.friction import Stribeck as Stribeck  # noqa: E402
-from .contact.system import AbstractSystem as AbstractSystem  # noqa: E402
-from .engine.observers.totals import RegimeTotals as RegimeTotals  # noqa: E402
-from .engine.solve import solve as solve  # noqa: E402
-from .machine.jax_settings import configure as configure  # noqa: E402
-from .maps.driver import run as sweep  # noqa: E402, F401
-from .maps.verify import verify as verify  # noqa: E402
-from .runs.simulate import simulate as simulate  # noqa: E402
-from .specs.load import load_scene as load_scene  # noqa: E402
-from .specs.load import load_sweep as load_sweep  # noqa: E402
-from .store.whole import open_map as open_map  # noqa: E402
-from .vocabulary.codes import Event as Event  # noqa: E402
-from .vocabulary.codes import Regime as Regime  # noqa: E402
-from .vocabulary.codes import Result as Result  # noqa: E402
 
 __version__ = "0.1.0"
+
+os.environ["JAX_ENABLE_X64"] = "1"  # read when jax is imported: here or in any module below
+if _jax := sys.modules.get("jax"):  # it was before
+    _jax.config.update("jax_enable_x64", True)
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        # not what Python asks any module for, nor `from . import MODULE`, which asks here first
+        asked = name == "__all__" or not name.startswith("__")
+        if asked and importlib.util.find_spec(f"{__name__}.{name}") is None:
+            face = importlib.import_module(".face", __name__)
+            if name == "__all__" or name in face.__all__:
+                return getattr(face, name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*importlib.import_module(".face", __name__).__all__, "__version__"]

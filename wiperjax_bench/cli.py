@@ -23,7 +23,7 @@ Quick = Annotated[bool, typer.Option("--quick", help="A small form of it, under 
 def _begin(output: Path, cores: int | None, suffixes=(".h5", ".nc")) -> None:
     """Check what can be checked before minutes are spent, and set XLA up."""
     if importlib.util.find_spec("numba") is None:
-        raise ValueError("bench needs numba: pip install 'wiperjax[bench]'")
+        raise ValueError("bench needs numba: pip install numba")
     if output.suffix not in suffixes:
         raise ValueError(f"{output}: must end in {' or '.join(suffixes)}")
     if not output.parent.is_dir():

@@ -60,7 +60,7 @@ def test_axes_of_a_branch_are_in_words_of_the_blade(branch):
     assert top.get_ylabel() == "largest tip position along the glass (mm)"
     assert low.get_ylabel() == "frequency (Hz)" and low.get_xlabel() == "belt speed (m/s)"
     page = plots.branch_page(branch, "velocity_rms")
-    assert page.axes[0].get_ylabel() == "standard deviation of the tip velocity (m/s)"
+    assert page.axes[0].get_ylabel() == "rms of the tip velocity about its mean (m/s)"
     assert branch.rest_position.attrs["long_name"] == "tip position along the glass at rest"
     for drawn in (figure, page, plots.multipliers(branch).figure):
         heading = drawn.get_suptitle().splitlines()

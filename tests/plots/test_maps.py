@@ -408,7 +408,7 @@ def test_cuts_are_at_the_nearest_cell_and_said(small_map):
     assert float(plane.normal_load) == 5.0 and where == "normal load 5 N/m"
     for at, line_ in (
         ({"normal_load": 90.0}, "normal_load must lie inside 5 ... 30, was 90"),
-        ({"lip_length": 1.0}, "'lip_length' is no axis of this map; it has attack_angle"),
+        ({"lip_length": 1.0}, "'lip_length' is not in this map's axes; it holds attack_angle"),
         ({"belt_speed": 0.1}, "'belt_speed' is an axis of the picture"),
     ):
         with pytest.raises(ValueError, match=line_):

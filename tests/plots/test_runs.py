@@ -422,7 +422,12 @@ def folder(tmp_path_factory):
         ("map.h5", "p.png", {"picture": "line"}, "has no dominant_frequency, which the picture"),
         ("run.h5", "p.gif", {}, "has no belt_velocity, which the picture 'animation' needs"),
         ("run.h5", "p.png", {"start": 0.2}, "0 lie from 0.2 s on; the run has"),
-        ("map.h5", "p.png", {"picture": "classes", "x": "load"}, "'load' is no axis of this map"),
+        (
+            "map.h5",
+            "p.png",
+            {"picture": "classes", "x": "load"},
+            "'load' is not in this map's axes; it holds",
+        ),
         ("other.h5", "p.png", {}, "is no map, run or branch"),
         ("none.h5", "p.png", {}, "does not exist"),
     ],

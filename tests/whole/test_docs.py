@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import importlib.util
 import re
 import sys
 import tomllib
@@ -54,6 +55,22 @@ def test_code_cites_sections_that_the_model_has():
         ):
             cited |= {int(first), int(last or first)}
     assert cited and cited <= have
+
+
+def test_the_page_of_keys_is_that_of_the_tables():
+    spec = importlib.util.spec_from_file_location("keys", DOCS / "keys.py")
+    assert spec is not None and spec.loader is not None
+    keys = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(keys)
+    assert (DOCS / "keys.md").read_text() == keys.page(), "run python docs/keys.py"
+
+
+def test_help_names_the_unit_of_every_parameter_of_the_blade():
+    text = wiperjax.Wiper.__doc__
+    for name, entry in PARAMETERS.items():
+        if entry.table == "blade":
+            unit = "" if entry.unit == "1" else f" [{entry.unit}]"
+            assert f"\n        {name}: {entry.long_name}{unit}, {entry.reference:.6g}\n" in text
 
 
 # --- the API --------------------------------------------------------------------------------------

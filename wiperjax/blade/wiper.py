@@ -14,7 +14,7 @@ from ..numerics.known_zeros import absent
 from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.kinds import FRICTIONS
-from ..vocabulary.parameters import PARAMETERS, REFERENCE
+from ..vocabulary.parameters import PARAMETERS, REFERENCE, described
 from .belts import AbstractBelt, SteadyBelt
 
 ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
@@ -44,7 +44,7 @@ class Constants(NamedTuple):
 class Wiper(AbstractSystem):
     """Lip of a windscreen wiper, per metre of blade, in the coordinates (x, y) of its tip.
 
-    Parameters, units and reference values are those of docs/model.md, section 9; angles in rad.
+    Parameters are listed at the end (docs/model.md, section 9); angles in rad.
     Friction is Stribeck's law of its ``mu_static`` to ``viscous_slope``, or ``friction``, a law of
     its own, in place of them.
 
@@ -267,3 +267,6 @@ class Wiper(AbstractSystem):
         weight = self.gravity * (self.tip_mass * q[1] + self.hinge_mass * eta)
         support = self.normal_load * eta + 0.5 * self.support_stiffness * sink**2
         return 0.5 * kinetic + 0.5 * rotation + support + weight
+
+
+Wiper.__doc__ = f"{Wiper.__doc__}\n    Parameters:\n{described('blade')}"

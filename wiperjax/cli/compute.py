@@ -55,7 +55,7 @@ def sweep(
         bool,
         typer.Option(
             "--sensitivities",
-            help="Store derivatives by parameters too; which ones: [sensitivities] in the file.",
+            help="Store derivatives by parameters too; which ones: \\[sensitivities] in the file.",
         ),
     ] = False,
     block: Annotated[
@@ -207,9 +207,9 @@ def follow(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="BRANCH.h5", help="To make.")],
     step: Annotated[float, typer.Option(min=1e-4, max=0.5, help="Length of a step.")] = 0.03,
     simulate: Annotated[
-        int,
+        int | None,
         typer.Option(min=2, metavar="N", help="Simulate up and down the range too, at N values."),
-    ] = 0,
+    ] = None,
     force: Force = False,
 ) -> None:
     """Follow the limit cycle of a scene over a parameter, stable and unstable."""
@@ -225,7 +225,7 @@ def follow(
     from ..plots import plot_file
     from ..store.whole import write_dataset
 
-    branch = run(spec, over, low, high, step, simulate)
+    branch = run(spec, over, low, high, step, simulate or 0)
     write_dataset(branch, output, force)
     plot_file(output, picture, force=force)
     print_special(branch)
@@ -252,12 +252,16 @@ def ladder(
 
     results = []
     for file in files:
-        results.append(compare(file))
+        results.append(compare(file, say=_working))
         print(table(results[-1:], head=len(results) == 1), end="", flush=True)
     if output is not None:
         text = preface() + summary(results) + "\n" + table(results)
         output.write_text(text, encoding="utf-8")
         print(f"table    {output}")
+
+
+def _working(text: str) -> None:
+    print(f"running {text}", file=sys.stderr, flush=True)
 
 
 def verify(

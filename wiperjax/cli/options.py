@@ -38,6 +38,11 @@ def check_input(path: Path) -> None:
         pass
 
 
+def beside(path: Path, ending: str) -> Path:
+    """The name of what is made of `path` where none is given: its own with another ending."""
+    return path.with_name(Path(path.name.removesuffix(".parts")).stem + ending)
+
+
 def check_output(path: Path, suffixes: Sequence[str], force: bool, *sources: Path) -> None:
     """Raises ValueError or StoreError if `path` is no place for a new file made from `sources`."""
     if path.suffix not in suffixes:

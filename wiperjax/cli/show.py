@@ -11,11 +11,12 @@ from .options import (
     SOUND_SUFFIXES,
     STILL_SUFFIXES,
     Force,
+    beside,
     check_input,
     check_output,
     cuts,
 )
-from .tables import print_classes, print_events, print_special
+from .tables import print_attributes, print_class, print_classes, print_events, print_special
 
 PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map, a run or a branch.\n\n"
@@ -42,14 +43,15 @@ def plot(
         ),
     ],
     output: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "-o",
             "--output",
             metavar="FILE.png",
             help="Picture to make: .png, .pdf, .svg; .gif or .mp4 for an animation.",
+            show_default="FILE-NAME.png",
         ),
-    ],
+    ] = None,
     force: Force = False,
     picture: Annotated[
         str | None,
@@ -88,6 +90,7 @@ def plot(
     ] = None,
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
 ) -> None:
+    output = output or _picture_of(file, picture, every)
     check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, force or every, file)
     check_input(file)
     if every and picture is not None:
@@ -113,11 +116,24 @@ def plot(
     print(f"picture  {output}")
 
 
+def _picture_of(file: Path, picture: str | None, every: bool) -> Path:
+    """The name of a picture where none is given: FILE-NAME.png; `--all` adds the names itself."""
+    name = "" if every else f"-{picture or 'overview'}"
+    return beside(file, f"{name}{'.gif' if picture == 'animation' else '.png'}")
+
+
 def listen(
     file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="A run.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="RUN.wav", help="Sound to make.")
-    ],
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="RUN.wav",
+            help="Sound to make.",
+            show_default="RUN.wav, beside it",
+        ),
+    ] = None,
     force: Force = False,
     quantity: Annotated[
         str, typer.Option(metavar="NAME", help="velocity (of the tip) or normal_force.")
@@ -137,6 +153,7 @@ def listen(
     ] = None,
     stop: Annotated[float | None, typer.Option("--to", metavar="S", help="End here (s).")] = None,
 ) -> None:
+    output = output or beside(file, ".wav")
     check_output(output, SOUND_SUFFIXES, force, file)
     check_input(file)
     from ..datasets.run_dataset import is_run
@@ -171,7 +188,7 @@ def info(
         ),
     ],
 ) -> None:
-    """Show what a file holds, how it was made, and the classes of a map."""
+    """Show what a file holds, its classes, and how it was made."""
     from ..noise.class_counts import anatomy, class_table, unsettled, untold
     from ..store.whole import open_map, sound
 
@@ -179,14 +196,6 @@ def info(
     with open_map(file) as dataset:
         print(", ".join(f"{name} {count}" for name, count in dataset.sizes.items()))
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
-        for name, value in dataset.attrs.items():
-            if name in ("specification", "specification_canonical"):  # for machines
-                continue
-            lines = str(value).splitlines()
-            if len(lines) > 1:
-                print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")
-            else:
-                print(f"{name}: {value}")
         if "label" in dataset:
             print_classes(class_table(dataset))
             if fast := untold(dataset):
@@ -201,17 +210,6 @@ def info(
         elif "special_kind" in dataset:
             print_special(dataset)
         elif "belt_kind" in dataset.attrs:
-            import numpy as np
-
-            from ..noise.run_class import assess, words
-
-            found = assess(dataset)
-            for name, word in words(found).items():
-                print(f"{name:<12}{word}")
-            known = bool(np.isfinite(found["dominant_frequency"]))
-            pitch = f"{float(found['dominant_frequency']):.1f} Hz" if known else "not known: "
-            if not known:
-                fast = found.get("frequency_told", 1) == 0
-                pitch += "too fast for run.sample_interval" if fast else "no line"
-            print(f"{'frequency':<12}{pitch}")
+            print_class(dataset)
         print_events(dataset)
+        print_attributes(dataset)

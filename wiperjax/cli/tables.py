@@ -31,6 +31,36 @@ def print_classes(table: Sequence[tuple[str, int, float]]) -> None:
         print(f"{name:<12}{count:>9}{share:>9.1%}")
 
 
+def print_class(run: Any) -> None:
+    """Class and frequency of a run."""
+    import numpy as np
+
+    from ..noise.run_class import assess, words
+
+    found = assess(run)
+    for name, word in words(found).items():
+        print(f"{name:<12}{word}")
+    known = bool(np.isfinite(found["dominant_frequency"]))
+    pitch = f"{float(found['dominant_frequency']):.1f} Hz" if known else "not known: "
+    if not known:
+        fast = found.get("frequency_told", 1) == 0
+        pitch += "too fast for run.sample_interval" if fast else "no line"
+    print(f"{'frequency':<12}{pitch}")
+
+
+def print_attributes(dataset: Any) -> None:
+    """How a file was made; texts of several lines indented."""
+    print()
+    for name, value in dataset.attrs.items():
+        if name in ("specification", "specification_canonical"):  # for machines
+            continue
+        lines = str(value).splitlines()
+        if len(lines) > 1:
+            print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")
+        else:
+            print(f"{name}: {value}")
+
+
 def print_sensitivities(dataset: Any) -> None:
     """Where derivatives hold, and how those that were checked agree with central differences."""
     if "sensitivity_code" not in dataset:

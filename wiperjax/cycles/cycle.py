@@ -52,7 +52,7 @@ class Cycle:
     regimes: str = ""  # regimes of a period, in order
     maximum: float = math.nan  # of the first coordinate
     minimum: float = math.nan
-    velocity_rms: float = math.nan  # standard deviation of the system's output over a period
+    velocity_rms: float = math.nan  # of the system's output about its mean, over a period
     stick_fraction: float = math.nan
     flight_fraction: float = math.nan
     normal_force_max: float = math.nan

@@ -10,6 +10,7 @@ import xarray as xr
 from ..noise.classes import stored
 from ..noise.spectrum import interval_means, strongest_lines
 from ..vocabulary.cf import flag_names
+from ..vocabulary.wording import not_there
 
 FEWEST_PERIODS = 2  # in the settled half: less is no period
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
@@ -26,7 +27,7 @@ def check_quantity(ds: xr.Dataset, quantity: str) -> xr.DataArray:
         str(n) for n in ds.data_vars if "time" in ds[n].dims and "flag_values" not in ds[n].attrs
     ]
     if quantity not in names:
-        raise ValueError(f"{quantity!r} is not in this run; it holds {', '.join(names)}")
+        raise ValueError(not_there(quantity, "run", names))
     return ds[quantity]
 
 

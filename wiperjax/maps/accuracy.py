@@ -8,7 +8,7 @@ grown to 1e-6 (beyond it no tolerance helps).
 """
 
 import json
-from importlib import resources
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -24,7 +24,7 @@ class Choice(NamedTuple):
 
 def table() -> list[Choice]:
     """Return all measured settings, cheapest first."""
-    text = resources.files("wiperjax").joinpath("accuracy_table.json").read_text()
+    text = Path(__file__).with_name("accuracy_table.json").read_text()
     rows = [Choice(**row) for row in json.loads(text)["rows"]]
     return sorted(rows, key=lambda row: row.cost)
 

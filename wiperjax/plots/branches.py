@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..datasets.branch_dataset import rest, simulations
+from ..vocabulary.wording import not_there
 from .style.axes import label, legend_below, long_name, page, shown, shown_unit
 from .style.caption import set_caption
 
@@ -186,7 +187,7 @@ def _diagram(branch: xr.Dataset, quantity: str, ax: Axes) -> Axes:
         if variable.dims == ("point",) and variable.dtype.kind == "f"
     ]
     if quantity not in fair:
-        raise ValueError(f"{quantity!r} is not in this branch; it holds {', '.join(fair)}")
+        raise ValueError(not_there(quantity, "branch", fair))
     brute = simulations(branch)
     if brute is not None and quantity not in brute:
         brute = None

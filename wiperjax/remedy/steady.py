@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from ..blade import numbers
-from ..blade.belts import SteadyBelt
+from ..blade.belts import SteadyBelt, operating_speed
 from ..blade.steady_slip import equilibria
 from ..blade.wiper import Wiper
 from ..vocabulary import checks
@@ -66,7 +66,7 @@ def stabilise(
 def _stabilise(system: Any, box: Box, given, angles, margin):
     def rate(share):
         changed = box.blade(system, share)
-        slip = equilibria(replace(changed, belt=SteadyBelt(changed.belt.peak)), 1)
+        slip = equilibria(replace(changed, belt=SteadyBelt(operating_speed(changed.belt))), 1)
         return slip.growth_rate[0]
 
     def price(angle):

@@ -5,7 +5,7 @@ amplitude within a stated tolerance; for a reversal, the same ratio of forces to
 """
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,10 +55,13 @@ class Rung:
     suffices: bool = True
 
 
-def compare(path: str | Path, hinged: bool = True) -> list[Rung]:
+def compare(
+    path: str | Path, hinged: bool = True, say: Callable[[str], None] = lambda text: None
+) -> list[Rung]:
     """Return what every rung says of the scene file `path`, poorest first, the lip judged by none.
 
     `hinged`: whether to run the lip with hinge mass too; it is compared, not a rung below.
+    `say` is called with what begins, `SCENE: MODEL`.
 
     Raises SpecError for a wrong file; a rung that fails numerically says `failed`.
     """
@@ -66,7 +69,10 @@ def compare(path: str | Path, hinged: bool = True) -> list[Rung]:
     specs = {model: load_scene(path, model) for model in MODELS}
     if hinged:
         specs[HINGED] = _hinged(specs["lip"])
-    rungs = {model: _run(name, model, spec) for model, spec in specs.items()}
+    rungs = {}
+    for model, spec in specs.items():
+        say(f"{name}: {model}")
+        rungs[model] = _run(name, model, spec)
     lip = rungs["lip"]
     return [_judged(rung, lip) for rung in rungs.values()]
 
@@ -158,7 +164,8 @@ def _run(name: str, model: str, spec: SceneSpec) -> Rung:
         nothing = ("failed", "none", "none", np.nan, np.nan, np.nan, 0.0, 0)
         return Rung(name, model, *nothing)
     # what a run of no length costs as well (checks, labels) is not the model's
-    seconds = float(np.median([_spent(spec) - _spent(_brief(spec)) for _ in range(TURNS)]))
+    spent = np.median([_spent(spec) - _spent(_brief(spec)) for _ in range(TURNS)])
+    seconds = max(float(spent), 0.0)  # a difference, and nothing where the motion costs nothing
     found = assess(run)
     said = words(found)
     loud = "velocity_rms"
@@ -203,5 +210,5 @@ def _judged(rung: Rung, lip: Rung) -> Rung:
         else:
             same &= abs(rung.ratio - lip.ratio) <= AMPLITUDE * lip.ratio
         same &= abs(rung.amplitude - lip.amplitude) <= AMPLITUDE * lip.amplitude
-    fields = vars(rung) | {"share": rung.seconds / lip.seconds, "suffices": bool(same)}
+    fields = vars(rung) | {"share": rung.seconds / (lip.seconds or np.nan), "suffices": bool(same)}
     return Rung(**fields)

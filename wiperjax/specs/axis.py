@@ -15,7 +15,15 @@ from .tables import Table
 
 
 class Axis(Table):
-    """Values of one parameter (edge units): evenly or geometrically spaced, or listed."""
+    """Values of one parameter (edge units): evenly or geometrically spaced, or listed.
+
+    Attributes:
+        start: the first value.
+        stop: the last one.
+        num: how many.
+        spacing: of the values between.
+        listed: the values themselves, increasing or decreasing.
+    """
 
     start: float | None = None
     stop: float | None = None

@@ -3,6 +3,7 @@
 What concerns two tables at once is checked in `spec.py`.
 """
 
+import inspect
 from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -29,7 +30,7 @@ from ..vocabulary.wording import digits
 from .errors import Fault, show
 
 LONGEST_TITLE = 500
-_ALLOWED = {**SETTINGS, **LIMITS}
+ALLOWED = {**SETTINGS, **LIMITS}  # range of each number by its key
 
 
 def checked(name: str, value: float | None) -> float | None:
@@ -76,7 +77,7 @@ class Table(BaseModel):
     @classmethod
     def _is_in_range(cls, value: Any, info: ValidationInfo) -> Any:
         """`value`, a number, a pair or a list of them."""
-        allowed = _ALLOWED.get(info.field_name or "")
+        allowed = ALLOWED.get(info.field_name or "")
         if allowed is not None and isinstance(value, int | float | tuple | list):
             wrong = allowed.outside(value if isinstance(value, int | float) else np.asarray(value))
             if wrong is not None:
@@ -119,17 +120,17 @@ class SweepRun(Table):
     Attributes:
         transient: time [s] integrated and discarded.
         window: time [s] after it, in which the statistics are gathered.
-        rtol, atol: tolerances of the integrator; None leaves `atol` to the solver, `rtol` to
-            `SweepSpec.rtol`.
+        rtol: relative tolerance of the integrator; left out: 1e-6, with sensitivities 1e-9.
+        atol: absolute tolerances; left out: the solver chooses them by the blade's size and speed.
         precision: of the state.
         solver: Runge-Kutta method.
         max_steps: step budget of one cell; a cell that spends it gets that result code.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
-        samples: of the settled window, at a first look; None: as many as the highest squeal needs
-            (`SweepSpec.samples`). Cells that they cannot tell the frequency of are looked at again.
-        raster: instants of the settled window at which the regime is stored; None: it is not.
+        samples: of the settled window, at a first look; left out: as many as the highest squeal
+            needs. Cells that they cannot tell the frequency of are looked at again.
+        raster: instants of the settled window at which the regime is stored; left out: it is not.
         event_log: events of the settled window, from its start on, that are stored of each cell
-            (more are counted and flagged); None: none.
+            (more are counted and flagged); left out: none.
     """
 
     transient: float
@@ -177,9 +178,15 @@ class Sensitivities(Table):
 
 
 class SceneRun(Table):
-    """How one trajectory is integrated and sampled: `duration` and `sample_interval` in seconds.
+    """How one trajectory is integrated and sampled.
 
-    The other keys are those of `SweepRun`; None leaves a choice to the solver.
+    The keys not named here are those of `SweepRun`.
+
+    Attributes:
+        duration: time [s] that is computed.
+        sample_interval: time [s] between samples; left out: 1/2000 of the duration.
+        rtol: relative tolerance of the integrator.
+        max_steps: step budget; left out: no end but that of the run.
     """
 
     duration: float
@@ -197,7 +204,8 @@ class Start(Table):
     Attributes:
         angle: lip angle phi [degrees] at which the touching tip starts at rest.
         equilibrium: offset from the steady-slip equilibrium of largest phi, as a fraction of L.
-        position, velocity: of the tip, (x, y) [m] and (x', y') [m/s]; velocity None: at rest.
+        position: of the tip, (x, y) [m]: along the glass and above it.
+        velocity: of the tip there, (x', y') [m/s]; left out: at rest.
     """
 
     angle: float | None = None
@@ -240,7 +248,7 @@ def _table_of(record: type) -> Any:
 
 
 class Classes(_table_of(Thresholds)):
-    """Borders of the noise classes (docs/model.md, section 11): those of `Thresholds`."""
+    __doc__ = f"Thresholds of the noise classes.\n\n{inspect.getdoc(Thresholds)}"
 
     @model_validator(mode="after")
     def _bands_are_ordered(self) -> "Classes":

@@ -16,8 +16,6 @@ leaves it unreadable.
 import contextlib
 import hashlib
 import io
-import os
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,10 +29,8 @@ from ..machine.lock import acquire, release
 from ..machine.paths import oddity
 from ..vocabulary import schema
 from . import manifest
+from .folder import LOCK, clear, remove_temporary, scan
 from .manifest import MANIFEST, parts_of
-
-LOCK = "lock"
-BLOCK_NAME = re.compile(r"block-(\d{8})-([0-9a-f]{64})\.h5")
 
 
 class BlockStore:
@@ -48,7 +44,7 @@ class BlockStore:
         self.parts = parts
         self.manifest = described
         self._lock = lock
-        self._names = _scan(parts)
+        self._names = scan(parts)
 
     # -- opening and closing --
 
@@ -93,10 +89,10 @@ class BlockStore:
                     "or --force to start anew"
                 )
             else:
-                _clear(parts)
+                clear(parts)
                 found = manifest.create(parts, spec, block, force, identity)
             store = cls(parts, found, lock)
-            _remove_temporary(parts)
+            remove_temporary(parts)
             store.check()
             return store
         except BaseException:
@@ -131,7 +127,7 @@ class BlockStore:
         again.
         """
         with naming(self.parts, "removed"):
-            _clear(self.parts)
+            clear(self.parts)
             with contextlib.suppress(FileNotFoundError):
                 (self.parts / LOCK).unlink()
             self.parts.rmdir()
@@ -253,33 +249,3 @@ class BlockStore:
         if self._lock is not None:
             with contextlib.suppress(OSError):
                 path.unlink()
-
-
-def _scan(parts: Path) -> dict[int, str]:
-    """Number -> file name of the finished blocks; of two with one number, the newer."""
-    names: dict[int, str] = {}
-    with naming(parts, "read"):
-        for entry in sorted(os.scandir(parts), key=lambda e: e.stat().st_mtime_ns):
-            if match := BLOCK_NAME.fullmatch(entry.name):
-                names[int(match[1])] = entry.name
-    return names
-
-
-def _remove_temporary(parts: Path) -> None:
-    for path in parts.glob(".*.tmp"):
-        path.unlink(missing_ok=True)
-
-
-def _clear(parts: Path) -> None:
-    """Deletes what is ours, the manifest last. Raises `StoreError` if anything else is there."""
-    _remove_temporary(parts)
-    paths = [path for path in parts.iterdir() if path.name != LOCK]
-    strange = [
-        path for path in paths if path.name != MANIFEST and not BLOCK_NAME.fullmatch(path.name)
-    ]
-    if strange:
-        raise StoreError(
-            f"{strange[0]}: is no part of a sweep; move it away, {parts.name} is left as it is"
-        )
-    for path in sorted(paths, key=lambda p: p.name == MANIFEST):
-        path.unlink()

@@ -175,3 +175,16 @@ def longest_ramp(frequency: Any) -> Any:
     of a ramp that is written as 1/(2 f).
     """
     return 0.5 / frequency * (1 + 1e-12)
+
+
+def described(table: str) -> str:
+    """Lines of a docstring: each parameter of a table, what it is, its unit in code, its reference
+    value.
+    """
+    lines = []
+    for name, entry in PARAMETERS.items():
+        if entry.table == table:
+            unit = "" if entry.unit == "1" else f" [{entry.unit}]"
+            reference = "" if entry.reference is None else f", {entry.reference:.6g}"
+            lines.append(f"        {name}: {entry.long_name}{unit}{reference}")
+    return "\n".join(lines) + "\n"

@@ -78,7 +78,7 @@ _TABLE = (
         "frequency_told", "int8", "", "whether the samples tell the frequency", TOLD,
         comment="no: something faster than the finest samples may be as strong",
     ),
-    Column("velocity_rms", "float64", "m/s", "standard deviation of the tip velocity"),
+    Column("velocity_rms", "float64", "m/s", "rms of the tip velocity about its mean"),
     Column(
         "velocity_rms_stroke", "float64", "m/s", "the same away from reversal",
         comment="without what is slower than ten times the wiping frequency",

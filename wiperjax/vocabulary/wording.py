@@ -1,6 +1,8 @@
 """How values stand in error lines: short, on one line, and never mistaken for another value."""
 
+import difflib
 import reprlib
+from collections.abc import Iterable
 from typing import Any
 
 _LONGEST = 60
@@ -31,3 +33,12 @@ def digits(number: Any) -> str:
         return short if float(short) == number or number != number else repr(float(number))
     except OverflowError:
         return f"a whole number of {int(0.30103 * abs(number).bit_length()) + 1} digits"
+
+
+def not_there(name: str, what: str, there: Iterable[str]) -> str:
+    """That `what` (a map, a run) has no `name`: the nearest of the names it has, else all."""
+    names = list(there)
+    near = difflib.get_close_matches(name, names, n=3)
+    near = near or [one for one in names if name and name in one][:3]
+    hint = f"did you mean {' or '.join(near)}?" if near else f"it holds {', '.join(names)}"
+    return f"{shown(name)} is not in this {what}; {hint}"

@@ -62,9 +62,9 @@ def found():
         return other, found
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(evaluate, "_check", spy)
+        patch.setattr(evaluate, "check", spy)
         blocks = [
-            batch.evaluate(blades(), np.arange(start, start + BLOCK))
+            evaluate.evaluate(blades(), np.arange(start, start + BLOCK))
             for start in range(0, CELLS, BLOCK)
         ]
     return blocks, {name: np.concatenate([gap[name] for gap in gaps]) for name in gaps[0]}
@@ -300,3 +300,29 @@ def test_what_a_quiet_cell_keeps_of_its_start_has_no_derivative():
     assert known["final_vx"] == known["final_vy"] == [True, False, False]
     assert known["velocity_rms"] == [True, True, False]
     assert known["final_x"] == [True, True, True]
+
+
+def test_a_mirrored_blade_has_mirrored_derivatives():
+    """(alpha, V, x) -> -(alpha, V, x); a parameter at an end of its range is not checked."""
+    found = {}
+    for sign in (1, -1):
+        spec = parse_sweep(
+            {
+                "axes": {"attack_angle": {"values": [sign * 5.0]}},
+                "belt": {"kind": "steady", "speed": sign * 1.5},
+                "run": {"transient": 0.001, "window": 0.002},
+                "start": {"equilibrium": 0.0},
+                "sensitivities": {
+                    "parameters": ["attack_angle", "belt_speed", "normal_load", "stribeck_shape"],
+                    "check": 1.0,
+                },
+            },
+            "test.toml",
+        )
+        found[sign] = evaluate.evaluate(spec, np.arange(1))
+    for outcome in ("growth_rate", "linear_frequency"):
+        for parameter, parity in (
+            ("attack_angle", -1), ("belt_speed", -1), ("normal_load", 1), ("stribeck_shape", 1),
+        ):  # fmt: skip
+            here, there = (found[sign][f"d_{outcome}_d_{parameter}"] for sign in (1, -1))
+            assert here == pytest.approx(parity * there, rel=1e-9) and here != 0

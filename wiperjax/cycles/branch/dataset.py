@@ -14,7 +14,7 @@ _COLUMNS = {  # name: (unit for a blade, meaning)
     "maximum": ("m", "largest {position}"),
     "minimum": ("m", "smallest {position}"),
     "amplitude": ("m", "half the range of the {position}"),
-    "velocity_rms": ("m/s", "standard deviation of the {velocity}"),
+    "velocity_rms": ("m/s", "rms of the {velocity} about its mean"),
     "stick_fraction": ("1", "share of the period in stick"),
     "flight_fraction": ("1", "share of the period in flight"),
     "normal_force_max": ("N/m", "largest normal force"),

@@ -17,6 +17,7 @@ from ...specs.scene import SceneSpec
 from ...vocabulary import cf
 from ...vocabulary.cf import units_text
 from ...vocabulary.parameters import PARAMETERS
+from ...vocabulary.wording import not_there
 from ..cycle import Found, find_cycle
 from .dataset import branch_dataset
 from .follow import follow
@@ -48,7 +49,7 @@ def run(
     wiper = build_wiper(spec.parameters(), spec.belt.kind, spec.blade.friction)
     entry = PARAMETERS.get(over)
     if entry is None:
-        raise ValueError(f"--over must be one of {', '.join(PARAMETERS)}, but was {over!r}")
+        raise ValueError(f"--over: {not_there(over, 'blade or its belt', PARAMETERS)}")
     for end in (low, high):
         if problem := entry.problem(end):
             raise ValueError(f"{over}: {problem}")

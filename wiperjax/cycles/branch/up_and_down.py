@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ...blade import numbers as named
+from ...blade import numbers
 from ...blade.wiper import Wiper
 from ...contact.system import AbstractSystem
 from ...engine.arguments import check_state, check_system
@@ -51,7 +51,7 @@ def up_and_down(
 ) -> xr.Dataset:
     """Return the motions met on the way up and down ``values`` of the number ``over``.
 
-    **Main arguments:** ``system``; ``over``, its name (`named.path`); ``values``, increasing (SI
+    **Main arguments:** ``system``; ``over``, its name (`numbers.path`); ``values``, increasing (SI
     units, radians); ``settle`` [s] simulated at each value before it is looked at, for ``window``
     [s] or, if it is periodic, as many whole periods as fit (in a second look, after as long).
 
@@ -86,30 +86,46 @@ def up_and_down(
         raise ValueError(f"{must}, but was {checks.shown(period)}")
     if initial_state is not None:
         check_state(initial_state)
-    given = system
-    system = named.traceable(system, over)
-    start = system.default_state() if initial_state is None else initial_state
-    state = jnp.concatenate([jnp.asarray(part, float).ravel() for part in start])
-    state = jnp.broadcast_to(state, (2, *state.shape))
-    if initial_state is None:  # the default start may depend on what is varied
-        ends = [named.replaced(system, over, v).default_state() for v in (values[0], values[-1])]
-        state = jnp.stack([jnp.concatenate([jnp.stack(p) * 1.0 for p in end]) for end in ends])
+    given, system = system, numbers.traceable(system, over)
+    state = _ends(system, over, values, initial_state)
     ways = jnp.stack([values, values[::-1]])
-    numbers = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))
-    found = _march(system, over, period, ways, state, numbers, samples)
+    spans = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))
+    found = _march(system, over, period, ways, state, spans, samples)
     position, velocity, *columns = (np.array(x) for x in found)
     for array in (position, velocity, *columns):
         array[1] = array[1, ::-1]
     stick, flight, rms, highest, result = columns
     typical = float(np.asarray(system.scales(state.shape[1] // 2)[0][0]))
+    ds = _table(given, over, values, _peaks(position, velocity, highest, FLAT * typical), columns)
+    return ds.assign_attrs(settle=settle, window=window)
+
+
+def _ends(system: AbstractSystem, over: str, values, initial_state) -> jax.Array:
+    """Return the states that the two ways begin in, (2, 2n)."""
+    if initial_state is not None:
+        state = jnp.concatenate([jnp.asarray(part, float).ravel() for part in initial_state])
+        return jnp.broadcast_to(state, (2, *state.shape))
+    # the default start may depend on what is varied
+    ends = [numbers.replaced(system, over, v).default_state() for v in (values[0], values[-1])]
+    return jnp.stack([jnp.concatenate([jnp.stack(p) * 1.0 for p in end]) for end in ends])
+
+
+def _peaks(position, velocity, highest, flat: float) -> np.ndarray:
+    """Return `maxima` of every motion, (ways, values, PEAKS), NaN-padded."""
     peaks = np.full((*position.shape[:2], PEAKS), np.nan)
     for at in np.ndindex(position.shape[:2]):
-        highs = maxima(position[at], velocity[at], float(highest[at]), FLAT * typical)
+        highs = maxima(position[at], velocity[at], float(highest[at]), flat)
         if len(highs) > PEAKS:
             highs = highs[np.linspace(0, len(highs) - 1, PEAKS).round().astype(int)]
         peaks[at][: len(highs)] = highs
+    return peaks
+
+
+def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns) -> xr.Dataset:
+    """Return the dataset of `up_and_down`, of ``columns`` (ways, values) as `_march` gives them."""
+    stick, flight, rms, _, result = columns
     fair = np.isin(result, (Result.FINISHED, Result.PAINLEVE_INDETERMINATE))
-    name, attrs, to_file = named.stored(given, over)
+    name, attrs, to_file = numbers.stored(given, over)
     plane = ("way", name)
 
     def settled(values, long_name, units=None):
@@ -117,7 +133,7 @@ def up_and_down(
         return plane, np.where(fair, values, np.nan), {"long_name": long_name, **unit}
 
     flags = {"long_name": "how the trajectory ended"} | cf.flags(RESULTS)
-    words = named.words(given)
+    words = numbers.words(given)
     metre, speed = ("m", "m/s") if isinstance(given, Wiper) else (None, None)
     maximum = np.where(fair[..., None], peaks, np.nan)
     about = {"long_name": f"maxima of the {words['position']}"}
@@ -125,13 +141,13 @@ def up_and_down(
     return xr.Dataset(
         {
             "maximum": ((*plane, "peak"), maximum, about),
-            "velocity_rms": settled(rms, f"standard deviation of the {words['velocity']}", speed),
+            "velocity_rms": settled(rms, f"rms of the {words['velocity']} about its mean", speed),
             "stick_fraction": settled(stick, "share of the window in stick", "1"),
             "flight_fraction": settled(flight, "share of the window in flight", "1"),
             "result": (plane, result.astype(np.int8), flags),
         },
         coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
-        attrs={"over": name, "system": type(given).__name__, "settle": settle, "window": window},
+        attrs={"over": name, "system": type(given).__name__},
     )
 
 
@@ -173,13 +189,13 @@ def repeat_time(states, window):
 
 
 @eqx.filter_jit
-def _march(system, over, period, ways, states, numbers, samples: int):
-    settle, window, kick, rtol = numbers
+def _march(system, over, period, ways, states, spans, samples: int):
+    settle, window, kick, rtol = spans
     grid = jnp.linspace(0.0, 1.0, samples)
 
     def one(initial, carry, value):
         state, regime = carry
-        local = named.replaced(system, over, value)
+        local = numbers.replaced(system, over, value)
         n = state.shape[0] // 2
         before, after = settle, window
         if period is not None:

@@ -12,6 +12,7 @@ from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 from ...vocabulary.cf import flag_names
 from ...vocabulary.codes import LABELS
 from ...vocabulary.schema import is_derivative
+from ...vocabulary.wording import not_there
 from ..style.axes import (
     edges,
     label,
@@ -58,14 +59,14 @@ def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str
 def check_dim(ds: xr.Dataset, name: str | None) -> None:
     """Raises `ValueError` unless `name` is None or an axis of the map."""
     if name is not None and name not in map_dims(ds):
-        raise ValueError(f"{name!r} is no axis of this map; it has {', '.join(map_dims(ds))}")
+        raise ValueError(not_there(name, "map's axes", map_dims(ds)))
 
 
 def check_cellwise(ds: xr.Dataset, name: str) -> None:
     """Raises `ValueError`, listing what there is, unless the map holds one `name` a cell."""
     held = [str(n) for n in ds.data_vars if set(ds[n].dims) == set(map_dims(ds))]
     if name not in held:
-        raise ValueError(f"{name!r} is not in this map; it holds {', '.join(held)}")
+        raise ValueError(not_there(name, "map", held))
 
 
 def cut(ds: xr.Dataset, keep: tuple[str, ...], at: At | None = None) -> tuple[xr.Dataset, str]:

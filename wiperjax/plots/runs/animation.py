@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -37,20 +38,11 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
     """
     if ds.attrs.get("system") not in ("Wiper", "Bar") or "lip_length" not in ds.attrs:
         raise ValueError("the run must be of a Wiper: only its lip can be drawn")
-    length = 1e3 * float(ds.attrs["lip_length"])  # mm
-    time = np.asarray(ds["time"], dtype=float)
+    length, time, tip, hinge, belt, travel, force, regimes = _scene_of(ds)
     frames = int(min(max(2, round(seconds * FRAMES_PER_SECOND)), time.size))
     chosen = np.linspace(0, time.size - 1, frames).round().astype(int)
-    tip = 1e3 * np.asarray(ds["position"])
-    tip = np.column_stack([tip, 0 * tip]) if tip.shape[1] == 1 else tip  # a bar stays on the glass
-    hinge = tip[:, 1] + np.sqrt(np.maximum(length**2 - tip[:, 0] ** 2, 0.0))
-    belt = np.asarray(ds["belt_velocity"], dtype=float)
-    travel = 1e3 * np.concatenate([[0.0], np.cumsum(0.5 * (belt[1:] + belt[:-1]) * np.diff(time))])
-    force = np.column_stack([ds["friction_force"], ds["normal_force"]])
     largest = float(np.linalg.norm(force, axis=1).max(initial=0.0)) or 1.0
     scale = ARROW * length / largest
-    names = {code: name.lower() for code, name in flag_names(ds["regime"]).items()}
-    regimes = [names[int(code)] for code in np.asarray(ds["regime"])]
 
     figure = page((5.6, 5.6))
     ax, below = figure.subplots(2, 1, height_ratios=[3.6, 1.2])
@@ -69,14 +61,7 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
     words = ax.text(0.02, 0.97, "", transform=ax.transAxes, va="top")
     numbers = ax.text(0.98, 0.97, "", transform=ax.transAxes, va="top", ha="right")
 
-    regime_bands(ds, below)
-    below.plot(time, np.asarray(ds["velocity"])[:, 0], color="black", linewidth=0.9)
-    below.plot(time, belt, color=BELT, linewidth=1.2)
-    below.set_xlim(time[0], time[-1])
-    below.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{1e3 * seconds:g}"))
-    below.set_xlabel("time (ms)")
-    below.set_ylabel("tip, glass (m/s)")
-    cursor = below.axvline(time[0], color="black", linewidth=1.0)
+    cursor = _velocities(below, ds, time, belt)
 
     def draw(frame: int):
         k = chosen[frame]
@@ -104,6 +89,46 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once: the page must not tremble, nor cost again
     return FuncAnimation(figure, draw, frames=frames, interval=1000 / FRAMES_PER_SECOND)
+
+
+class _Scene(NamedTuple):
+    """What is drawn of a run, over its samples; lengths in mm."""
+
+    length: float
+    time: np.ndarray
+    tip: np.ndarray
+    hinge: np.ndarray  # height
+    belt: np.ndarray  # m/s
+    travel: np.ndarray  # of the glass
+    force: np.ndarray
+    regimes: list[str]
+
+
+def _scene_of(ds: xr.Dataset) -> _Scene:
+    """What is drawn of a run."""
+    length = 1e3 * float(ds.attrs["lip_length"])
+    time = np.asarray(ds["time"], dtype=float)
+    tip = 1e3 * np.asarray(ds["position"])
+    tip = np.column_stack([tip, 0 * tip]) if tip.shape[1] == 1 else tip  # a bar stays on the glass
+    hinge = tip[:, 1] + np.sqrt(np.maximum(length**2 - tip[:, 0] ** 2, 0.0))
+    belt = np.asarray(ds["belt_velocity"], dtype=float)
+    travel = 1e3 * np.concatenate([[0.0], np.cumsum(0.5 * (belt[1:] + belt[:-1]) * np.diff(time))])
+    force = np.column_stack([ds["friction_force"], ds["normal_force"]])
+    names = {code: name.lower() for code, name in flag_names(ds["regime"]).items()}
+    regimes = [names[int(code)] for code in np.asarray(ds["regime"])]
+    return _Scene(length, time, tip, hinge, belt, travel, force, regimes)
+
+
+def _velocities(ax, ds: xr.Dataset, time: np.ndarray, belt: np.ndarray):
+    """Velocities of tip and glass over time, with the bands of regime; the line that runs along."""
+    regime_bands(ds, ax)
+    ax.plot(time, np.asarray(ds["velocity"])[:, 0], color="black", linewidth=0.9)
+    ax.plot(time, belt, color=BELT, linewidth=1.2)
+    ax.set_xlim(time[0], time[-1])
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{1e3 * seconds:g}"))
+    ax.set_xlabel("time (ms)")
+    ax.set_ylabel("tip, glass (m/s)")
+    return ax.axvline(time[0], color="black", linewidth=1.0)
 
 
 def _stage(ax, length: float, tip: np.ndarray, hinge: np.ndarray) -> None:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from ....blade import numbers
+from ....blade.belts import operating_speed
 from ....blade.build import start_state
 from ....blade.steady_slip import steady_slip
 from ....blade.wiper import Wiper
@@ -67,7 +68,7 @@ def plain(wiper, theta, state, count, limit, sampling, s):
 def start_of(wiper, theta, spec):
     """Return the initial state, and the outcomes that need no trajectory, (cells,) each."""
     w = with_parameters(wiper, theta)
-    linear = steady_slip(w, w.belt.peak)
+    linear = steady_slip(w, operating_speed(w.belt))
     known = {
         "belt_speed_rms": w.belt.rms,
         "growth_rate": linear.growth_rate,

@@ -78,10 +78,14 @@ def check(spec, theta, base, columns, slopes, checked, word):
     place = np.tile(checked, len(STENCIL) * len(names))
     place = np.concatenate([place, np.full(size - copies, checked[-1])])
     moved = {name: np.asarray(x)[place].copy() for name, x in theta.items()}
+    inside = {
+        name: _is_inside(name, np.asarray(theta[name])[checked], max(STENCIL) * asked.step * size_)
+        for name, size_ in scale.items()
+    }
     for k, name in enumerate(names):
         for j, steps in enumerate(STENCIL):
             part = slice((len(STENCIL) * k + j) * n, (len(STENCIL) * k + j + 1) * n)
-            moved[name][part] += steps * asked.step * scale[name]
+            moved[name][part] += steps * asked.step * scale[name] * inside[name]
     at = jax.tree.map(lambda x: x[place] if eqx.is_array(x) and x.shape == (whole,) else x, base)
     moved = jax.tree.map(jnp.asarray, moved)
     state, known = start_of(at, moved, spec)
@@ -99,8 +103,6 @@ def check(spec, theta, base, columns, slopes, checked, word):
     gaps = {}
     for k, name in enumerate(names):
         unit = float(PARAMETERS[name].to_si(1.0))
-        most = max(STENCIL) * asked.step * scale[name]
-        inside = _is_inside(name, np.asarray(theta[name])[checked], most)
         for outcome in DIFFERENTIABLE:
             value = found[outcome].reshape(len(names), len(STENCIL), n)[k]
             change = np.tensordot(list(STENCIL.values()), value, 1) / asked.step
@@ -108,7 +110,7 @@ def check(spec, theta, base, columns, slopes, checked, word):
             least = FLOOR * _outcome_scale(outcome, columns, base)[checked]
             larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)
             larger = np.where(larger > 0, larger, 1.0)  # both may be zero
-            skip = ~inside | ~np.isfinite(slope) | ~np.isfinite(change)
+            skip = ~inside[name] | ~np.isfinite(slope) | ~np.isfinite(change)
             gaps[outcome, name] = np.where(skip, 0.0, np.abs(change - slope) / larger)
     return other, gaps
 

@@ -1,0 +1,100 @@
+"""Every command line of README and the pages runs, in small form and in a folder of its own.
+
+Commands are those of `sh` blocks and of code spans. What they read is here under the names the
+pages use, and small; `INSTEAD` says what else is not done as it stands there.
+"""
+
+import glob
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from test_docs import CHECKOUT, PAGES, blocks
+
+import wiperjax
+from wiperjax.cli import main
+
+SWEEP = """
+[axes]
+attack_angle = { values = [-20, 5] }
+belt_speed = { values = [0.2, 0.3] }
+[run]
+transient = 0.02
+window = 0.05
+"""
+INSTEAD = {  # part of a command -> what stands for it; None: the command is left to other tests
+    "--scheduler tcp://": None,  # test_cluster: a server
+    "--local-cluster": None,  # test_cluster: processes
+    "bench chart": None,  # test_bench
+    "bench all": None,  # test_bench: each part of it, in small
+    "MAP.h5.parts": None,  # test_storage: an unfinished sweep
+    "FILE.toml": "sweeps/quick.toml",
+    "map.toml": "sweeps/quick.toml",
+    "big.toml": "sweeps/quick.toml",
+    "FILE.h5": "MAP.h5",
+    "docs/bench/chart.h5": f"{CHECKOUT}/docs/bench/chart.h5 -o table.json",
+    "--from 0.25 --to 1.6": "--from 0.29 --to 0.31 --step 0.3",
+    "docs/ladder.md": "ladder.md",
+}
+
+
+def commands(page: Path) -> list[str]:
+    """Lines of arguments of `wiperjax`, with what stands in for large parts of them."""
+    text = "\n".join(blocks(page, "sh")).replace("\\\n", " ")
+    lines = [part for line in text.splitlines() for part in re.split("&&", line.split("#")[0])]
+    prose = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    lines += [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", prose)]
+    found = []
+    for line in lines:
+        words = re.match(r"\s*(?:\S*/)?wiperjax ([a-z]+ .*\S)", line)  # a bare name is no command
+        if not words or words[1].startswith("sweep --") or words[1].startswith("plot --all,"):
+            continue
+        command = words[1]
+        for part, other in INSTEAD.items():
+            if command is not None and part in command:
+                command = None if other is None else command.replace(part, other)
+        if command is not None:
+            found.append(command)
+    return found
+
+
+WITH_COMMANDS = [pytest.param(p, id=str(p.relative_to(CHECKOUT))) for p in PAGES if commands(p)]
+
+
+def test_pages_have_commands():
+    assert len(WITH_COMMANDS) >= 7
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The names that pages use: sweeps, scenes, and a map, a run where a page names one."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("quick", "reference", "remedies/squeal"):
+        file = Path("sweeps", name).with_suffix(".toml")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(SWEEP)
+    Path("sweeps/scenes").mkdir()
+    squeal = (CHECKOUT / "sweeps/scenes/squeal.toml").read_text()
+    Path("sweeps/scenes/squeal.toml").write_text(squeal)
+    wiperjax.sweep(wiperjax.load_sweep("sweeps/quick.toml"), "MAP.h5")
+    assert main("simulate sweeps/scenes/squeal.toml -o RUN.h5".split()) == 0
+    Path("run.h5").write_bytes(Path("RUN.h5").read_bytes())
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_COMMANDS)
+def test_commands_run(page, folder, capsys):
+    for command in commands(page):
+        command, _, target = command.partition(" > ")
+        words = [w for word in shlex.split(command) for w in sorted(glob.glob(word)) or [word]]
+        writes = {"sweep", "simulate", "follow", "plot", "listen"} & {words[0]}
+        if writes and "--force" not in words:  # what another command of the page has made
+            words.append("--force")
+        capsys.readouterr()
+        status = main(words)
+        printed = capsys.readouterr()
+        assert status == 0, f"{' '.join(words)}: {printed.err}"
+        if target:
+            Path(target.strip()).write_text(printed.out)

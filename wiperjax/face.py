@@ -1,0 +1,54 @@
+"""All that `wiperjax.NAME` gives: what the package shows to who uses it.
+
+Loaded with the first of these names (`wiperjax/__init__.py`), and with it JAX.
+"""
+
+from .blade.belts import AbstractBelt, SteadyBelt, TrapezoidBelt, WipingBelt
+from .blade.steady_slip import steady_slip
+from .blade.wiper import Wiper
+from .contact.friction import AbstractFriction, Coulomb, Stribeck
+from .contact.system import AbstractSystem
+from .engine.observers.base import AbstractObserver
+from .engine.observers.totals import RegimeTotals
+from .engine.solve import solve
+from .machine.jax_settings import configure
+from .maps.driver import run as sweep
+from .maps.verify import verify
+from .noise.class_counts import class_table
+from .noise.run_class import assess
+from .runs.scene import run as run_scene
+from .runs.simulate import simulate
+from .specs.load import load_scene, load_sweep, parse_scene, parse_sweep
+from .store.whole import open_map
+from .vocabulary.codes import Event, Regime, Result
+
+__all__ = [
+    "AbstractBelt",
+    "AbstractFriction",
+    "AbstractObserver",
+    "AbstractSystem",
+    "Coulomb",
+    "Event",
+    "Regime",
+    "RegimeTotals",
+    "Result",
+    "SteadyBelt",
+    "Stribeck",
+    "TrapezoidBelt",
+    "Wiper",
+    "WipingBelt",
+    "assess",
+    "class_table",
+    "configure",
+    "load_scene",
+    "load_sweep",
+    "open_map",
+    "parse_scene",
+    "parse_sweep",
+    "run_scene",
+    "simulate",
+    "solve",
+    "steady_slip",
+    "sweep",
+    "verify",
+]
