@@ -44,7 +44,8 @@ def page() -> str:
         HEAD,
         "## At the top\n\n" + table(SweepSpec, tuple(TOP), TOP),
         "## [axes]\n\n" + axes + table(Axis),
-        "## [blade]\n\nAttack angle and lengths are drawn in [the model](model.md). " + laws() + "\n\n"
+        "## [blade]\n\nAttack angle and lengths are drawn in [the model](model.md). "
+        + laws() + "\n\n"
         + parameters({name: p for name, p in PARAMETERS.items() if p.table == "blade"}),
         "## [belt]\n\n`kind`: `steady` (if left out), `wiping` (a sine) or `trapezoid`.\n",
         *(
