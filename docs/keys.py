@@ -15,9 +15,9 @@ from pydantic_core import PydanticUndefined
 from wiperjax.specs.axis import Axis
 from wiperjax.specs.scene import SceneSpec
 from wiperjax.specs.sweep import SweepSpec
-from wiperjax.specs.tables import Classes, SceneRun, Sensitivities, Start, SweepRun, Table
-from wiperjax.vocabulary.parameters import BELTS, PARAMETERS, Parameter
-from wiperjax.vocabulary.ranges import SETTINGS
+from wiperjax.specs.tables import ALLOWED, Classes, SceneRun, Sensitivities, Start, SweepRun, Table
+from wiperjax.vocabulary.kinds import BELTS, FRICTIONS
+from wiperjax.vocabulary.parameters import PARAMETERS, Parameter
 
 HEAD = """# Every key of a sweep and of a scene file
 
@@ -44,7 +44,8 @@ def page() -> str:
         HEAD,
         "## At the top\n\n" + table(SweepSpec, tuple(TOP), TOP),
         "## [axes]\n\n" + axes + table(Axis),
-        "## [blade]\n\nAttack angle and lengths are drawn in [the model](model.md).\n\n"
+        "## [blade]\n\nAttack angle and lengths are drawn in [the model](model.md). "
+        + laws() + "\n\n"
         + parameters({name: p for name, p in PARAMETERS.items() if p.table == "blade"}),
         "## [belt]\n\n`kind`: `steady` (if left out), `wiping` (a sine) or `trapezoid`.\n",
         *(
@@ -63,6 +64,15 @@ def page() -> str:
         *TOP, "axes", "blade", "belt", "start", "run", "classes", "sensitivities"
     }  # fmt: skip
     return "\n".join(text.rstrip() + "\n" for text in texts)
+
+
+def laws() -> str:
+    """The key `friction`, and which numbers each law has."""
+    each = (
+        f"`{kind}` ({', '.join(f'`{name}`' for name in keys.values())})"
+        for kind, keys in FRICTIONS.items()
+    )
+    return f"`friction`: {' or '.join(each)}; if left out, the first."
 
 
 def parameters(shown: dict[str, Parameter]) -> str:
@@ -98,9 +108,9 @@ def allowed(name: str, annotation: typing.Any) -> str:
     """What a value must be, in the words of its error line."""
     if typing.get_origin(annotation) is typing.Literal:
         return " or ".join(f'`"{choice}"`' for choice in typing.get_args(annotation))
-    if name not in SETTINGS:
+    if name not in ALLOWED:
         return "a list of names" if "list" in str(annotation) else "text"
-    must = SETTINGS[name].must.removeprefix("must ").removeprefix("be ")
+    must = ALLOWED[name].must.removeprefix("must ").removeprefix("be ")
     many = "two numbers, each " if "tuple" in str(annotation) else ""
     return many + must.removeprefix("lie ")
 

@@ -1,4 +1,4 @@
-"""Steady slip: closed forms of VERIFICATION.md V11, MODEL.md by hand, and simulations beside it."""
+"""Steady slip: closed forms of VERIFICATION.md V11, docs/model.md by hand, and simulations."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def random_blades(seed, **extra):
 
 
 def friction(w, v):
-    """mu and mu' at slip speed v > 0 (MODEL.md section 4)."""
+    """mu and mu' at slip speed v > 0 (docs/model.md, section 4)."""
     ratio = (v / w.stribeck_speed) ** w.stribeck_shape
     step = (w.mu_static - w.mu_minimum) * np.exp(-ratio)
     slope = -step * ratio * w.stribeck_shape / v + w.viscous_slope
@@ -50,7 +50,7 @@ def friction(w, v):
 
 
 def spring(w, theta):
-    """M and M' (MODEL.md section 2)."""
+    """M and M' (docs/model.md, section 2)."""
     past = np.maximum(theta - w.shoulder_angle, 0) + np.minimum(theta + w.shoulder_angle, 0)
     rise = w.shoulder_stiffness - w.neck_stiffness
     return (
@@ -134,7 +134,7 @@ def test_no_steady_slip_is_nan_and_shapes_are_broadcast():
 
 
 def slip_by_hand(w, i, speed, x, velocity):
-    """x'' of slip under V > 0 with a hinge mass: MODEL.md section 3, two equations by hand."""
+    """x'' of slip under V > 0 with a hinge mass: docs/model.md, section 3, by hand."""
 
     def at(name):
         value = getattr(w, name)

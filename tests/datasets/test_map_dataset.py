@@ -39,7 +39,6 @@ def columns_of(spec):
         "stick_fraction": np.sin(index),
         "impact_count": index * 10,
         "dominant_frequency": np.where(index % 5, 674.4, np.nan),
-        "unheard_of": index,
     }
 
 
@@ -52,9 +51,16 @@ def test_dimensions_coordinates_and_values():
     np.testing.assert_array_equal(ds.attack_angle, np.linspace(-40, 40, 4))
     np.testing.assert_array_equal(ds.stick_fraction.values.ravel(), np.sin(np.arange(60)))
     assert ds.impact_count.sel(attack_angle=40, normal_load=30).values[-1] == 590
-    assert "unheard_of" not in ds and "velocity_rms" not in ds
+    assert "velocity_rms" not in ds
     assert all(ds[name].dtype == schema.SCHEMA[name].dtype for name in ds.data_vars)
     assert all("long_name" in ds[name].attrs for name in ds.variables)
+
+
+def test_a_column_that_the_schema_does_not_know_is_named_not_dropped():
+    spec = small_spec()
+    columns = columns_of(spec) | {"unheard_of": np.zeros(spec.size), "velocity_rmss": 0.0}
+    with pytest.raises(ValueError, match=r"SCHEMA, but unheard_of, velocity_rmss are not"):
+        map_dataset.assemble(spec, columns)
 
 
 def test_attributes_say_how_it_was_made():

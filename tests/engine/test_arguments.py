@@ -19,7 +19,8 @@ from wiperjax.cycles import cycle
 from wiperjax.cycles.branch import dataset as branch_dataset
 from wiperjax.cycles.branch import follow, up_and_down
 from wiperjax.vocabulary.codes import Result
-from wiperjax.vocabulary.parameters import BELTS, PARAMETERS
+from wiperjax.vocabulary.kinds import BELTS
+from wiperjax.vocabulary.parameters import PARAMETERS
 
 BLADE = wiperjax.Wiper()
 SPEC = {"axes": {"attack_angle": {"values": [0.0, 5.0]}}, "run": {"transient": 0.1, "window": 0.1}}

@@ -77,8 +77,8 @@ def flow(given, regime, side, y, duration):
 
 
 def impact(given, side, complete, y):
-    """(state, time that passes): MODEL.md section 6 for a massless hinge; where ``complete``, of
-    the last impact of an accumulating sequence with all that would follow."""
+    """(state, time that passes): docs/model.md, section 6 for a massless hinge; where
+    ``complete``, of the last impact of an accumulating sequence with all that would follow."""
     wiper, e, approach = blade(given), BOUNCE, -y[3]
 
     def slowed(blow):

@@ -60,7 +60,6 @@ def evaluate(spec, index, finer=1, room=None):
         "steps": index * 3,
         "signal": wave.astype(np.float32),
         "occupancy": 0.9,
-        "not_in_the_schema": index,
     }
 
 

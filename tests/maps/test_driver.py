@@ -78,7 +78,7 @@ def test_one_axis_and_block_larger_than_the_map(tmp_path):
 
 def test_columns_that_the_engine_does_not_return_are_not_stored(tmp_path):
     ds = run(make_spec(), tmp_path / "map.h5")
-    assert "gap_max" not in ds and "not_in_the_schema" not in ds and "signal" not in ds
+    assert "gap_max" not in ds and "signal" not in ds
 
 
 def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):

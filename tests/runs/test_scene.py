@@ -65,8 +65,16 @@ def test_wipers_of_cells_keep_arrays_and_plain_zeros():
 @pytest.mark.parametrize(
     ("parameters", "kind", "text"),
     [
-        ({"tip_mas": 1.0}, "steady", "parameters must suit belt_kind 'steady', but had 'tip_mas'"),
-        ({"belt_ramp": 1.0}, "wiping", "must suit belt_kind 'wiping', but had 'belt_ramp'"),
+        (
+            {"tip_mas": 1.0},
+            "steady",
+            "and friction 'stribeck', but had 'tip_mas'",
+        ),
+        (
+            {"belt_ramp": 1.0},
+            "wiping",
+            "belt_kind 'wiping' and friction 'stribeck', but had 'belt_ramp'",
+        ),
         ({}, "still", "belt_kind must be one of steady, wiping, trapezoid, but was 'still'"),
         (
             {"tip_mass": np.array([1e-3, -1e-3])},

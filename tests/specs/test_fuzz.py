@@ -20,8 +20,10 @@ from wiperjax.maps import estimate
 from wiperjax.maps.block import BLOCK_BYTES, block_size
 from wiperjax.maps.block import MOST_CELLS as BLOCK_CELLS
 from wiperjax.specs.load import SpecError, load_scene, load_sweep, parse_scene, parse_sweep
-from wiperjax.vocabulary.parameters import BELTS, PARAMETERS
+from wiperjax.vocabulary.kinds import BELTS
+from wiperjax.vocabulary.parameters import PARAMETERS
 from wiperjax.vocabulary.ranges import MOST_CELLS, MOST_SAMPLES, MOST_VALUES, SETTINGS
+from wiperjax.vocabulary.thresholds import LIMITS
 
 SWEEP = """
 title = "small"
@@ -254,7 +256,11 @@ def test_every_number_of_a_file_is_bounded(kind, belt, route):
 
 def test_every_range_has_ends():
     """Wide as they are: what is beyond them is what nobody means."""
-    for allowed in (*SETTINGS.values(), *(entry.range for entry in PARAMETERS.values())):
+    for allowed in (
+        *SETTINGS.values(),
+        *LIMITS.values(),
+        *(entry.range for entry in PARAMETERS.values()),
+    ):
         assert np.isfinite([allowed.low, allowed.high]).all() and not allowed.infinite
 
 

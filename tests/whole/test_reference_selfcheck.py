@@ -1,7 +1,7 @@
 """Checks of the reference itself (tests/reference): known answers, identities of mechanics, and
 its own convergence.
 
-Nothing here touches the engine. Section numbers are those of MODEL.md, V numbers those of
+Nothing here touches the engine. Section numbers are those of docs/model.md, V numbers those of
 VERIFICATION.md.
 """
 

@@ -12,7 +12,7 @@ from .wiper import Wiper
 
 
 class Bar(AbstractSystem):
-    """The lip held on the glass, y = 0: MODEL.md section 3 with lambda_n = F + m g for any sign.
+    """The lip held on the glass, y = 0: docs/model.md, section 3, with lambda_n = F + m g.
 
     m x'' = f_t + lambda_t with the moment, support force and friction of ``lip``. As long as the
     normal force stays positive this is the lip's own motion, not an approximation to it. Where the

@@ -1,4 +1,4 @@
-"""Prescribed motion of the glass (MODEL.md section 8), piece by smooth piece.
+"""Prescribed motion of the glass (docs/model.md, section 8), piece by smooth piece.
 
 A belt is smooth between its breaks (corners and reversals). Breaks are known in advance, so the
 engine steps exactly onto them; piece ``k`` ends at ``break_time(k)``. ``velocity(t, k)`` is the
@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 
 from ..numerics.types import Scalar
-from ..vocabulary import checks
-from ..vocabulary.parameters import BELTS, longest_ramp
+from ..vocabulary import checks, kinds
+from ..vocabulary.kinds import BELTS
+from ..vocabulary.parameters import REFERENCE, longest_ramp
 
 TURN = 6.283185307179586
 
@@ -23,7 +24,7 @@ TURN = 6.283185307179586
 class AbstractBelt(eqx.Module):
     """Belt velocity V(t) [m/s] along +x."""
 
-    kind: ClassVar[str] = ""  # its name in files (`parameters.BELTS`), if it has one
+    kind: ClassVar[str] = ""  # its name in files (`kinds.BELTS`), if it has one
 
     def __check_init__(self):
         names = BELTS.get(self.kind, {})
@@ -77,7 +78,7 @@ class SteadyBelt(AbstractBelt):
     """Constant velocity ``speed`` [m/s]."""
 
     kind = "steady"
-    speed: float = 0.3
+    speed: float = REFERENCE["belt_speed"]
 
     def velocity(self, time, piece):
         return self.speed
@@ -97,7 +98,7 @@ class SteadyBelt(AbstractBelt):
 
     @property
     def rms(self):
-        return jnp.abs(self.speed)
+        return kinds.steady_rms(self.speed, jnp)
 
 
 class WipingBelt(AbstractBelt):
@@ -106,7 +107,7 @@ class WipingBelt(AbstractBelt):
     kind = "wiping"
     amplitude: float
     frequency: float
-    phase: float = 0.0
+    phase: float = REFERENCE["belt_phase"]
 
     @property
     def wiping_frequency(self):
@@ -126,8 +127,7 @@ class WipingBelt(AbstractBelt):
         return True
 
     def since_reversal(self, time):
-        halves = 2 * (self.frequency * time + self.phase / TURN)
-        return (halves - jnp.round(halves)) / (2 * self.frequency)
+        return kinds.since_reversal(time, self.frequency, self.phase / TURN, jnp)
 
     @property
     def peak(self):
@@ -135,22 +135,22 @@ class WipingBelt(AbstractBelt):
 
     @property
     def rms(self):
-        return jnp.abs(self.amplitude) / jnp.sqrt(2.0)
+        return kinds.wiping_rms(self.amplitude, jnp)
 
 
 class TrapezoidBelt(AbstractBelt):
     """Plateaus of +-``speed`` joined by linear ramps of duration ``ramp`` [s] centred on V = 0.
 
     With s = frequency t + phase / (2 pi), V rises through 0 at integer s and falls through 0 at
-    s = 1/2 (MODEL.md section 8). Every half period j has three breaks: start of the ramp, V = 0
-    (s = j/2) and end of the ramp; pieces are numbered 3 j + (0: plateau, 1 and 2: ramp).
+    s = 1/2 (docs/model.md, section 8). Every half period j has three breaks: start of the ramp,
+    V = 0 (s = j/2) and end of the ramp; pieces are numbered 3 j + (0: plateau, 1 and 2: ramp).
     """
 
     kind = "trapezoid"
     speed: float
     frequency: float
     ramp: float
-    phase: float = 0.0
+    phase: float = REFERENCE["belt_phase"]
 
     def __check_init__(self):
         super().__check_init__()  # equinox calls it too, but after this one
@@ -183,8 +183,7 @@ class TrapezoidBelt(AbstractBelt):
         return piece % 3 == 1
 
     def since_reversal(self, time):
-        halves = 2 * (self.frequency * time + self.phase / TURN)
-        return (halves - jnp.round(halves)) / (2 * self.frequency)
+        return kinds.since_reversal(time, self.frequency, self.phase / TURN, jnp)
 
     @property
     def peak(self):
@@ -192,8 +191,11 @@ class TrapezoidBelt(AbstractBelt):
 
     @property
     def rms(self):
-        # a ramp holds a third of the plateau's mean square
-        return jnp.abs(self.speed) * jnp.sqrt(1 - 2 * self.frequency * self.ramp * 2 / 3)
+        return kinds.trapezoid_rms(self.speed, self.frequency, self.ramp, jnp)
+
+
+CLASSES = {belt.kind: belt for belt in (SteadyBelt, WipingBelt, TrapezoidBelt)}
+"""Kind -> class of the belts that files can ask for."""
 
 
 def operating_speed(belt: AbstractBelt) -> Scalar:

@@ -6,17 +6,18 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from ..contact.friction import CLASSES as LAW_CLASSES
 from ..specs.tables import Start
-from ..vocabulary.parameters import BELTS, PARAMETERS
-from .belts import SteadyBelt, TrapezoidBelt, WipingBelt
+from ..vocabulary.kinds import BELTS, FRICTIONS, LAW_PARAMETERS, known
+from ..vocabulary.parameters import PARAMETERS, REFERENCE
+from .belts import CLASSES as BELT_CLASSES
 from .steady_slip import map_shape, steady_slip
 from .wiper import Wiper
 
-_BELTS = {belt.kind: belt for belt in (SteadyBelt, WipingBelt, TrapezoidBelt)}
 
-
-def build_wiper(parameters: Mapping[str, Any], belt_kind: str) -> Wiper:
-    """Return the wiper of ``parameters`` (SI units, radians) on a belt of ``belt_kind``.
+def build_wiper(parameters: Mapping[str, Any], belt_kind: str, friction: str = "stribeck") -> Wiper:
+    """Return the wiper of ``parameters`` (SI units, radians) on a belt of ``belt_kind``, with the
+    law ``friction``.
 
     **Arguments:** ``parameters``, name -> value as `SweepSpec.cells` and `SceneSpec.parameters`
     give them: floats, or arrays with one entry a cell; left out: the reference value. They are
@@ -24,16 +25,25 @@ def build_wiper(parameters: Mapping[str, Any], belt_kind: str) -> Wiper:
 
     Raises ValueError for an unknown kind or name, and for impossible values.
     """
-    if belt_kind not in BELTS:
-        raise ValueError(f"belt_kind must be one of {', '.join(BELTS)}, but was {belt_kind!r}")
-    keys = BELTS[belt_kind]
-    blade = {name for name, entry in PARAMETERS.items() if entry.table == "blade"}
-    if strange := sorted(set(parameters) - blade - set(keys.values())):
-        raise ValueError(f"parameters must suit belt_kind {belt_kind!r}, but had {strange[0]!r}")
+    keys = known("belt_kind", belt_kind, BELTS)
+    law = known("friction", friction, FRICTIONS)
+    own = {name for name, entry in PARAMETERS.items() if entry.table == "blade"} - LAW_PARAMETERS
+    if strange := sorted(set(parameters) - own - {*keys.values(), *law.values()}):
+        raise ValueError(
+            f"parameters must suit belt_kind {belt_kind!r} and friction {friction!r}, "
+            f"but had {strange[0]!r}"
+        )
+    if friction == "stribeck":  # the law that a wiper has by itself
+        own, given = own | set(law.values()), None
+    else:
+        given = LAW_CLASSES[friction](
+            **{key: parameters.get(name, REFERENCE[name]) for key, name in law.items()}
+        )
     belt = {key: parameters[name] for key, name in keys.items() if name in parameters}
     return Wiper(
-        belt=_BELTS[belt_kind](**belt),
-        **{name: value for name, value in parameters.items() if name in blade},
+        belt=BELT_CLASSES[belt_kind](**belt),
+        friction=given,
+        **{name: value for name, value in parameters.items() if name in own},
     )
 
 

@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..contact.system import AbstractSystem
-from ..vocabulary.parameters import BELTS, PARAMETERS
+from ..vocabulary.kinds import BELTS, FRICTIONS
+from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.wording import shown
 from .wiper import ENGINE_FIELDS, Wiper
 
@@ -26,8 +27,8 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
     """
     names = _names(system)
     if isinstance(system, Wiper):
-        keys = BELTS.get(system.belt.kind, {})
-        names |= {parameter: ("belt", key) for key, parameter in keys.items()}
+        names = {name: to for name, to in names.items() if name not in system.idle}
+        names |= routes(system)
     if not isinstance(name, str) or name not in names:
         raise ValueError(
             f"parameter must be a number of {type(system).__name__} ({', '.join(sorted(names))}), "
@@ -36,14 +37,24 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
     return names[name]
 
 
+def routes(wiper: Wiper) -> dict[str, tuple[str, ...]]:
+    """Parameter of files -> the fields that lead to it: of the wiper, its belt or its law."""
+    blade = (name for name, entry in PARAMETERS.items() if entry.table == "blade")
+    found = {name: (name,) for name in blade if name not in wiper.idle and hasattr(wiper, name)}
+    law = {} if wiper.friction is None else FRICTIONS.get(wiper.friction.kind, {})
+    for field, keys in (("belt", BELTS.get(wiper.belt.kind, {})), ("friction", law)):
+        found |= {name: (field, key) for key, name in keys.items()}
+    return found
+
+
 def value(system: AbstractSystem, name: str) -> float:
     """Return the number ``name`` of ``system``."""
-    return float(np.asarray(_at(path(system, name))(system)))
+    return float(np.asarray(at(path(system, name))(system)))
 
 
 def replaced(system: AbstractSystem, name: str, number) -> AbstractSystem:
     """Return ``system`` with the number ``name`` replaced."""
-    return eqx.tree_at(_at(path(system, name)), system, jnp.asarray(number, float))
+    return eqx.treeat(at(path(system, name)), system, jnp.asarray(number, float))
 
 
 def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
@@ -60,7 +71,7 @@ def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
 
     system = jax.tree.map(leaf, system)
     for name in names:
-        system = replaced(system, name, _at(path(system, name))(system))
+        system = replaced(system, name, at(path(system, name))(system))
     return system
 
 
@@ -74,9 +85,9 @@ def direction(system: AbstractSystem, name: str | None, *others: str):
     tangent = jax.tree.map(lambda x: None, system)
     for each in (*others, name):
         if each is not None:
-            where = _at(path(system, each))
+            where = at(path(system, each))
             size = jnp.ones_like if each == name else jnp.zeros_like
-            tangent = eqx.tree_at(where, tangent, size(where(system)), is_leaf=_is_none)
+            tangent = eqx.treeat(where, tangent, size(where(system)), is_leaf=_is_none)
     return tangent
 
 
@@ -91,9 +102,7 @@ def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Call
     """
     route = path(system, name)
     if isinstance(system, Wiper):
-        keys = BELTS.get(system.belt.kind, {})
-        entry = PARAMETERS.get(keys.get(route[-1], "") if route[0] == "belt" else route[-1])
-        if entry is not None:
+        for entry in (PARAMETERS[each] for each, to in routes(system).items() if to == route):
             attrs = {"long_name": entry.long_name, "units": entry.edge_unit}
             return entry.name, attrs, entry.to_edge
     return "_".join(route), {"long_name": ".".join(route)}, lambda x: x
@@ -107,7 +116,9 @@ def words(system: AbstractSystem) -> dict[str, str]:
     return {"position": "first coordinate", "velocity": "output velocity"}
 
 
-def _at(route: tuple[str, ...]) -> Callable[[Any], Any]:
+def at(route: tuple[str, ...]) -> Callable[[Any], Any]:
+    """Return the function that takes from a tree what the fields ``route`` lead to."""
+
     def where(tree: Any) -> Any:
         for key in route:
             tree = getattr(tree, key)

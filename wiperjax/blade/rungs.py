@@ -11,11 +11,11 @@ sweep file runs on any of them. Their one coordinate is the tip's place x along 
 import numpy as np
 
 from ..contact.system import AbstractSystem
+from ..vocabulary.kinds import MODELS as MODELS
+from ..vocabulary.kinds import known
 from .bar import Bar
 from .block import Block, block_of
 from .wiper import Wiper
-
-MODELS = ("block", "bar", "lip")
 
 
 def on_rung(wiper: Wiper, model: str) -> AbstractSystem:
@@ -24,8 +24,7 @@ def on_rung(wiper: Wiper, model: str) -> AbstractSystem:
     Raises ValueError for another name, and for a block or bar of a wiper with hinge mass: its
     normal force depends on the acceleration, which only the full model resolves.
     """
-    if model not in MODELS:
-        raise ValueError(f"model must be one of {', '.join(MODELS)}, but was {model!r}")
+    known("model", model, MODELS)
     if model == "lip":
         return wiper
     if np.any(np.asarray(wiper.hinge_mass) != 0):

@@ -49,8 +49,8 @@ class SteadySlip(NamedTuple):
 def steady_slip(wiper: Wiper, belt_speed=None) -> SteadySlip:
     """Return steady slip on the branch that leans farthest along the belt's motion.
 
-    For V > 0 that is the equilibrium of largest phi (MODEL.md section 10), for V < 0 its mirror
-    image.
+    For V > 0 that is the equilibrium of largest phi (docs/model.md, section 10), for V < 0 its
+    mirror image.
 
     **Arguments:** ``wiper``, any of whose parameters may be arrays; ``belt_speed`` [m/s], constant,
     any shape (default: that of the wiper's belt at t = 0). Shapes are broadcast together.

@@ -1,4 +1,4 @@
-"""The wiper: a rigid lip on springs whose tip touches moving glass (MODEL.md sections 1 to 3)."""
+"""The wiper: a rigid lip on springs, its tip on moving glass (docs/model.md, sections 1 to 3)."""
 
 from typing import NamedTuple
 
@@ -13,11 +13,13 @@ from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent
 from ..numerics.types import Scalar
 from ..vocabulary import checks
-from ..vocabulary.parameters import PARAMETERS, described
+from ..vocabulary.kinds import FRICTIONS
+from ..vocabulary.parameters import PARAMETERS, REFERENCE, described
 from .belts import AbstractBelt, SteadyBelt
 
 ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
 _BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
+_OWN_LAW = tuple(FRICTIONS["stribeck"].values())  # numbers of the law that the wiper has by itself
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
 
 
@@ -43,31 +45,34 @@ class Wiper(AbstractSystem):
     """Lip of a windscreen wiper, per metre of blade, in the coordinates (x, y) of its tip.
 
     Parameters are listed at the end (docs/model.md, section 9); angles in rad.
+    Friction is Stribeck's law of its ``mu_static`` to ``viscous_slope``, or ``friction``, a law of
+    its own, in place of them.
 
     Raises ValueError for values outside the ranges of `parameters.PARAMETERS`, those of sweep files
     (checked where they are known: not while traced).
     """
 
-    belt: AbstractBelt = SteadyBelt(0.3)
-    tip_mass: Scalar = 2.4e-3  # kg/m
-    lip_length: Scalar = 6e-3  # m
-    support_stiffness: Scalar = 2000.0  # N/m per m
-    support_damping: Scalar = 1.0  # N s/m per m
-    neck_stiffness: Scalar = 0.05  # N m/rad per m
-    shoulder_stiffness: Scalar = 2.0  # N m/rad per m
-    shoulder_angle: Scalar = 0.6  # rad
-    attack_angle: Scalar = 0.0  # rad
-    normal_load: Scalar = 15.0  # N/m
-    restitution: Scalar = 0.3
-    mu_static: Scalar = 1.0
-    mu_minimum: Scalar = 0.3
-    stribeck_speed: Scalar = 0.1  # m/s
-    stribeck_shape: Scalar = 1.0
-    viscous_slope: Scalar = 0.02  # s/m
-    hinge_mass: Scalar = 0.0  # kg/m
-    hinge_damping: Scalar = 0.0  # N m s/rad per m
-    gravity: Scalar = 0.0  # m/s^2
-    collapse_angle: Scalar = float(np.deg2rad(89.0))  # rad
+    belt: AbstractBelt = SteadyBelt()
+    tip_mass: Scalar = REFERENCE["tip_mass"]  # kg/m
+    lip_length: Scalar = REFERENCE["lip_length"]  # m
+    support_stiffness: Scalar = REFERENCE["support_stiffness"]  # N/m per m
+    support_damping: Scalar = REFERENCE["support_damping"]  # N s/m per m
+    neck_stiffness: Scalar = REFERENCE["neck_stiffness"]  # N m/rad per m
+    shoulder_stiffness: Scalar = REFERENCE["shoulder_stiffness"]  # N m/rad per m
+    shoulder_angle: Scalar = REFERENCE["shoulder_angle"]  # rad
+    attack_angle: Scalar = REFERENCE["attack_angle"]  # rad
+    normal_load: Scalar = REFERENCE["normal_load"]  # N/m
+    restitution: Scalar = REFERENCE["restitution"]
+    mu_static: Scalar = REFERENCE["mu_static"]
+    mu_minimum: Scalar = REFERENCE["mu_minimum"]
+    stribeck_speed: Scalar = REFERENCE["stribeck_speed"]  # m/s
+    stribeck_shape: Scalar = REFERENCE["stribeck_shape"]
+    viscous_slope: Scalar = REFERENCE["viscous_slope"]  # s/m
+    hinge_mass: Scalar = REFERENCE["hinge_mass"]  # kg/m
+    hinge_damping: Scalar = REFERENCE["hinge_damping"]  # N m s/rad per m
+    gravity: Scalar = REFERENCE["gravity"]  # m/s^2
+    collapse_angle: Scalar = REFERENCE["collapse_angle"]  # rad
+    friction: AbstractFriction | None = None  # None: Stribeck's law of the numbers above
     piece: Scalar = 0  # smooth piece of the belt's motion (set by the engine)
     sides: tuple | None = None  # signs of the switches (set by the engine)
     constants: Constants | None = None  # (set by the engine: `prepared`)
@@ -75,6 +80,21 @@ class Wiper(AbstractSystem):
     def __check_init__(self):
         checks.parameters({name: getattr(self, name) for name in _BLADE})
         checks.instance("belt", self.belt, AbstractBelt, "a belt such as SteadyBelt(0.3)")
+        if self.friction is None:
+            return
+        checks.instance("friction", self.friction, AbstractFriction, "a law such as Coulomb(0.5)")
+        for name in self.idle:
+            value = getattr(self, name)
+            if not checks.is_traced(value) and np.any(np.asarray(value) != REFERENCE[name]):
+                raise ValueError(
+                    f"{name} must be left out with friction, whose own number counts, but was "
+                    f"{checks.shown(value)}"
+                )
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Names of the numbers that have no part: those of its own law, if it is given one."""
+        return () if self.friction is None else _OWN_LAW
 
     @property
     def _constants(self) -> Constants:
@@ -197,13 +217,7 @@ class Wiper(AbstractSystem):
 
     @property
     def law(self) -> AbstractFriction:
-        return Stribeck(
-            self.mu_static,
-            self.mu_minimum,
-            self.stribeck_speed,
-            self.stribeck_shape,
-            self.viscous_slope,
-        )
+        return self.friction or Stribeck(*(getattr(self, name) for name in _OWN_LAW))
 
     @property
     def bounce(self):

@@ -1,20 +1,25 @@
-"""Set-valued friction laws: a limit at rest and a coefficient in slip (MODEL.md section 4)."""
+"""Set-valued friction laws: a limit at rest, a coefficient in slip (docs/model.md, section 4)."""
 
 from abc import abstractmethod
-from dataclasses import fields
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from ..numerics.elementary import exp, larger
-from ..vocabulary import checks
+from ..vocabulary import checks, kinds
+from ..vocabulary.kinds import FRICTIONS
 
 
 class AbstractFriction(eqx.Module):
     """``|l_t| <= static l_n`` in stick, ``l_t = -sign(v_t) mu(|v_t|) l_n`` in slip."""
 
-    static: eqx.AbstractVar[float]
+    kind: ClassVar[str] = ""  # its name in files (`kinds.FRICTIONS`), if it has one
+    static: eqx.AbstractVar[Any]
+
+    def __check_init__(self):
+        names = FRICTIONS.get(self.kind, {})
+        checks.parameters({key: getattr(self, key) for key in names}, names)
 
     @abstractmethod
     def coefficient(self, speed) -> Any:
@@ -26,41 +31,55 @@ class AbstractFriction(eqx.Module):
 
 
 class Coulomb(AbstractFriction):
-    """Constant coefficient in slip, and one (equal or larger) at rest."""
+    """Constant coefficient in slip, ``dynamic`` (default: ``static``), and one at rest, equal or
+    larger."""
 
-    static: float
-    dynamic: float
+    kind = "coulomb"
+    static: Any
+    dynamic: Any
+
+    def __init__(self, static, dynamic=None):
+        self.static = static
+        self.dynamic = static if dynamic is None else dynamic
 
     def __check_init__(self):
-        checks.parameters(_given(self), {"static": "mu_static", "dynamic": "mu_minimum"})
+        super().__check_init__()  # equinox calls it too, but after this one
         checks.at_most("dynamic", self.dynamic, self.static, "static")
 
     def coefficient(self, speed):
-        return self.dynamic + 0 * speed
+        return kinds.coulomb(speed, self.dynamic)
 
 
 class Stribeck(AbstractFriction):
     """mu(v) = mu_m + (mu_s - mu_m) exp(-(|v|/v_s)^delta) + beta |v|: wet glass."""
 
+    kind = "stribeck"
     static: float
     minimum: float
     stribeck_speed: float
     shape: float = 1.0
     viscous_slope: float = 0.0
 
-    def __check_init__(self):
-        names = {"static": "mu_static", "minimum": "mu_minimum", "shape": "stribeck_shape"}
-        checks.parameters(_given(self), names)
-
     def coefficient(self, speed):
-        ratio = speed * (1 / self.stribeck_speed)
-        if not (isinstance(self.shape, float | int) and self.shape == 1):
-            # |.|^delta has no smooth continuation through zero; the floor keeps its slope finite
-            ratio = jnp.sign(ratio) * jnp.maximum(jnp.abs(ratio), 1e-30) ** self.shape
-        # the clamp keeps wild trial stages finite; accepted states have speed >= 0
-        decay = exp(-larger(-2.0, ratio))
-        return self.minimum + (self.static - self.minimum) * decay + self.viscous_slope * speed
+        return kinds.stribeck(
+            speed,
+            self.static,
+            self.minimum,
+            self.stribeck_speed,
+            self.shape,
+            self.viscous_slope,
+            _decay,
+        )
 
 
-def _given(law: AbstractFriction) -> dict[str, Any]:
-    return {field.name: getattr(law, field.name) for field in fields(law)}  # type: ignore[arg-type]
+def _decay(ratio, shape):
+    """exp(-ratio^shape), smooth through 0."""
+    if not (isinstance(shape, float | int) and shape == 1):
+        # |.|^delta has no smooth continuation through zero; the floor keeps its slope finite
+        ratio = jnp.sign(ratio) * jnp.maximum(jnp.abs(ratio), 1e-30) ** shape
+    # the clamp keeps wild trial stages finite; accepted states have speed >= 0
+    return exp(-larger(-2.0, ratio))
+
+
+CLASSES = {law.kind: law for law in (Stribeck, Coulomb)}
+"""Kind -> class of the laws that files can ask for."""

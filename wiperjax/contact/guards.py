@@ -57,7 +57,7 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> 
     """Return the value of every slot; unused slots are 1.
 
     Lift-off is watched through the free acceleration, -b_n, not through the normal force: the
-    force has a pole where D = 0, b_n is regular there (MODEL.md section 7).
+    force has a pole where D = 0, b_n is regular there (docs/model.md, section 7).
     """
     one = jnp.ones_like(c.b_t)
     sign = slip_sign(regime)
@@ -87,7 +87,7 @@ def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
     """Multiplicity of the zero of s v_t where slip starts from rest.
 
     1 where the tip leaves with an acceleration (after a reversal, or where mu drops at once from
-    static to dynamic), 2 where the cone was reached smoothly (MODEL.md section 5).
+    static to dynamic), 2 where the cone was reached smoothly (docs/model.md, section 5).
     """
     f = forces(system, c, regime)
     a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))

@@ -1,6 +1,6 @@
 """Poisson's impact law with Coulomb friction, in closed form for any contact inertia W.
 
-MODEL.md section 6: along the normal impulse p_n the contact slips with dv_t/dp_n = W_tn - s mu W_tt
+docs/model.md, section 6: along the normal impulse p_n it slips with dv_t/dp_n = W_tn - s mu W_tt
 and dv_n/dp_n = W_nn - s mu W_tn until v_t = 0; from there it sticks if |W_tn| <= mu W_tt, else it
 slips with s = sign(W_tn). Compression ends at v_n = 0 with impulse p_c, expansion adds e p_c. The
 motion is linear in p_n on each side of v_t = 0, so everything is closed form.

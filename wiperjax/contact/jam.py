@@ -1,4 +1,4 @@
-"""The way into a jam: slip braked until no finite force exists (MODEL.md section 7)."""
+"""The way into a jam: slip braked until no finite force exists (docs/model.md, section 7)."""
 
 import jax
 import jax.numpy as jnp

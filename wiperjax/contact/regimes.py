@@ -25,7 +25,7 @@ def slip_sign(regime):
 
 
 def slip_forces(c: Contact, sign, mu, unilateral: bool) -> tuple[Forces, Scalar]:
-    """Forces of slip in direction ``sign`` and D = W_nn - sign mu W_tn (MODEL.md section 7)."""
+    """Forces of slip of ``sign`` and D = W_nn - sign mu W_tn (docs/model.md, section 7)."""
     if not unilateral:
         return Forces(-sign * mu * c.load, c.load), jnp.ones_like(c.load)
     d = plus(c.w_nn, times(c.w_tn, -sign * mu))
@@ -89,7 +89,7 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
     """Regime of a closed contact (gap and normal speed zero) at this instant.
 
     STICK if its forces lie in the cone; else SLIP of a sign whose friction makes s a_t > 0 with
-    lambda_n > 0 and D > 0; else FLIGHT (MODEL.md section 5).
+    lambda_n > 0 and D > 0; else FLIGHT (docs/model.md, section 5).
     """
     unilateral = system.unilateral
     law = system.law

@@ -1,4 +1,4 @@
-"""Sequences of impacts that accumulate, completed by their limit (MODEL.md section 6)."""
+"""Sequences of impacts that accumulate, completed by their limit (docs/model.md, section 6)."""
 
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ class Completion(NamedTuple):
 
 
 def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, time_left):
-    """Return the limit of a bounce sequence, where it is due (MODEL.md section 6).
+    """Return the limit of a bounce sequence, where it is due (docs/model.md, section 6).
 
     ``leaving`` and ``approaching`` are the normal speeds after and before this impact: their ratio
     r is that of successive take-off speeds while b_n hardly changes. The next flight lasts

@@ -165,8 +165,6 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
     values = values[np.argsort(-np.abs(values), kind="stable")]
     isolated = np.min(np.abs(values - 1)) > ISOLATED
     totals, period = motion.totals, point.period
-    mean = float(totals.output_integral) / period
-    square = float(totals.output_square_integral) / period
     word, regimes = words(motion)
     return Cycle(
         system=shooting.at(point.parameter),
@@ -182,7 +180,7 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
         regimes=regimes,
         maximum=float(motion.highest),
         minimum=float(motion.lowest),
-        velocity_rms=math.sqrt(max(square - mean**2, 0.0)),
+        velocity_rms=float(totals.deviation(period)),
         stick_fraction=float(totals.stick_time) / period,
         flight_fraction=float(totals.flight_time) / period,
         normal_force_max=float(totals.normal_force_max),

@@ -12,14 +12,9 @@ import xarray as xr
 
 from ..machine.provenance import version
 from ..vocabulary.cf import CONVENTIONS, plain_attributes
+from ..vocabulary.kinds import MODELS
 from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.schema import SCHEMA
-
-DEFAULT_STARTS: Mapping[str, str] = {
-    "lip": "touching at the attack angle, at rest",
-    "bar": "touching at the attack angle, at rest",
-    "block": "at rest where the spring is relaxed",
-}
 
 
 def raster_index(samples: int, instants: int) -> list[int]:
@@ -28,12 +23,14 @@ def raster_index(samples: int, instants: int) -> list[int]:
 
 
 def select(columns: Mapping[str, Any], length: int) -> dict[str, np.ndarray]:
-    """Columns of the schema among `columns`, in its order and types, each of shape (length,), or
-    (length, size of the further dimension).
+    """`columns` in the order and types of the schema, each of shape (length,), or (length, size of
+    the further dimension).
 
-    Raises: `ValueError` if a column has another shape, or an integer column holds what its type
-    cannot.
+    Raises: `ValueError` if a column is not in the schema (it would be lost unseen), has another
+    shape, or is one of integers and holds what its type cannot.
     """
+    if strange := sorted(set(columns) - set(SCHEMA)):
+        raise ValueError(f"columns must be in schema.SCHEMA, but {', '.join(strange)} are not")
     chosen = {}
     for name, column in SCHEMA.items():
         if name not in columns:
@@ -101,9 +98,11 @@ def _attributes(spec: Any) -> dict[str, Any]:
         units.append(f"{name}: {entry.edge_unit if entry else '1'}")
     attrs["parameter_units"] = "; ".join(units)
     attrs["belt_kind"] = str(meaning.get("belt", ""))
+    if "friction" in meaning:
+        attrs["friction"] = str(meaning["friction"])
     attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
-    attrs["start"] = json.dumps(start, sort_keys=True) if start else DEFAULT_STARTS[attrs["model"]]
+    attrs["start"] = json.dumps(start, sort_keys=True) if start else MODELS[attrs["model"]]
     tables = (("run", "run_"), ("classes", "class_"), ("sensitivities", "sensitivity_"))
     for table, prefix in tables:
         for key, value in sorted((meaning.get(table) or {}).items()):

@@ -81,8 +81,8 @@ def evaluate_block(
     if it tells.
 
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
-    beside columns of the schema, what `naming` takes; whatever else it returns is not stored. Cells
-    whose frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
+    beside columns of the schema, what `naming` takes, and nothing else (ValueError). Cells whose
+    frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
     most, by `evaluate(spec, cells, finer, room)`.
     """
     columns = dict(evaluate(spec, index))

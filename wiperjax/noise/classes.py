@@ -1,4 +1,4 @@
-"""Noise class of each cell from its statistics (MODEL.md section 11), in plain numpy.
+"""Noise class of each cell from its statistics (docs/model.md, section 11), in plain numpy.
 
 The order of the rules matters and is this: what the solver could not finish is `failed`; the phi
 limit is `collapsed`; then squeal, chattering, reversal, quiet, other, the first that holds. Squeal

@@ -12,6 +12,7 @@ import xarray as xr
 
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
+from ..vocabulary.kinds import BELT_KINDS, known, since_reversal
 from .classes import classify, stored
 from .signals import signal_columns
 from .spectrum import interval_means
@@ -33,13 +34,14 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     Returns: a dataset of scalars named as the columns of a map (`label` and the like hold codes,
     see `words`).
 
-    Raises: ValueError for a run that is no run of a scene, or of fewer than 64 samples after the
-    transient.
+    Raises: ValueError for a run that is no run of a scene, on a belt of unknown kind, or of fewer
+    than 64 samples after the transient.
     """
     if "belt_kind" not in run.attrs or "event_time" not in run:
         raise ValueError("run must be a run of a scene file, with its belt among the attributes")
     limits = thresholds if thresholds is not None else stored(run.attrs)
     kind, end = str(run.attrs["belt_kind"]), float(run["final_time"])
+    belt = known("belt_kind", kind, BELT_KINDS)
     if transient is None:
         transient = float(run.attrs["duration"]) / (2 if kind == "steady" else 8)
     kept = run.sel(time=slice(transient, None))
@@ -47,7 +49,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     finished = int(run["result"]) == RESULTS["finished"]
     if finished and time.size < 64:
         raise ValueError(f"run must have 64 samples after the transient, but had {time.size}")
-    columns: dict[str, Any] = {"result": int(run["result"]), "belt_speed_rms": _belt_rms(run)}
+    columns: dict[str, Any] = {"result": int(run["result"]), "belt_speed_rms": belt.of(run.attrs)}
     if not finished or time.size < 64:
         absent = ("velocity_rms", "dominant_frequency", "stick_fraction", "flight_fraction")
         columns |= dict.fromkeys(absent, np.nan)
@@ -135,17 +137,6 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
 
 
 def _since_reversal(run: xr.Dataset, time: np.ndarray) -> np.ndarray:
-    """Time [s] since the nearest V = 0 (MODEL.md section 8)."""
-    turns = run.attrs["belt_frequency"] * time + run.attrs.get("belt_phase", 0.0) / 360
-    return (2 * turns - np.round(2 * turns)) / (2 * run.attrs["belt_frequency"])
-
-
-def _belt_rms(run: xr.Dataset) -> float:
-    """Root mean square of V [m/s] over a period."""
-    speed = abs(float(run.attrs["belt_speed"]))
-    if run.attrs["belt_kind"] == "wiping":
-        return speed / np.sqrt(2)
-    if run.attrs["belt_kind"] == "trapezoid":
-        ramps = 2 * run.attrs["belt_frequency"] * run.attrs["belt_ramp"]
-        return speed * np.sqrt(1 - 2 / 3 * ramps)
-    return speed
+    """Time [s] since the nearest V = 0."""
+    turns = run.attrs.get("belt_phase", 0.0) / 360
+    return since_reversal(time, run.attrs["belt_frequency"], turns)

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import jax.tree_util as jtu
 import numpy as np
 
+from ..vocabulary import kinds
 from .fusion_barrier import keep
 
 NODES = (0.0, 0.25, 0.5, 0.75, 1.0)  # where guards and statistics look at a step, in units of it
@@ -117,9 +118,4 @@ def check_solver(solver) -> None:
         )
 
 
-SOLVERS = {
-    "tsit5": diffrax.Tsit5,
-    "dopri5": diffrax.Dopri5,
-    "dopri8": diffrax.Dopri8,
-    "bosh3": diffrax.Bosh3,
-}
+SOLVERS = {name: getattr(diffrax, name.capitalize()) for name in kinds.SOLVERS}

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
@@ -11,6 +13,7 @@ from ..blade import numbers
 from ..cycles.chart import chart
 from ..cycles.cycle import Cycle, Found
 from ..cycles.shooting import stretch
+from ..engine.observers.totals import variance
 from ..vocabulary import checks
 
 MEASURES = ("velocity_rms", "stick_fraction", "maximum", "period")
@@ -107,8 +110,9 @@ def _slope(cycle: Cycle, m, moved, measure: str) -> float:
         return float(moved[0])  # a cycle without a clock starts at its highest turning point
     if measure == "stick_fraction":
         return float((by.stick_time @ moved - totals.stick_time * change / period) / period)
-    mean = totals.output_integral / period
-    mean_slope = (by.output_integral @ moved - mean * change) / period
-    square = totals.output_square_integral / period
-    square_slope = (by.output_square_integral @ moved - square * change) / period
-    return float((square_slope - 2 * mean * mean_slope) / (2 * cycle.velocity_rms))
+    integrals = totals.output_integral, totals.output_square_integral, period
+    changes = by.output_integral @ moved, by.output_square_integral @ moved, change
+    integrals, changes = (
+        tuple(jnp.asarray(x, float) for x in part) for part in (integrals, changes)
+    )
+    return float(jax.jvp(variance, integrals, changes)[1] / (2 * cycle.velocity_rms))

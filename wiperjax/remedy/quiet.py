@@ -91,12 +91,10 @@ def _quieten(system: Any, box: Box, given, angles, effort, times, rtol, most: in
     def noise(share):
         changed = box.blade(system, share)
         run = solve(changed, duration, rtol=rtol, statistics_start=duration - window, max_events=0)
-        totals = run.statistics
-        mean = totals.output_integral / window
-        spread = totals.output_square_integral / window - mean**2
+        spread = run.statistics.variance(window)
         fine = run.result == Result.FINISHED
         floor = (_FLOOR * changed.belt.peak) ** 2
-        return jnp.sqrt(jnp.where(fine, jnp.maximum(spread, 0.0), 0.0) + floor), fine
+        return jnp.sqrt(jnp.where(fine, spread, 0.0) + floor), fine
 
     before, fine = noise(given)
 

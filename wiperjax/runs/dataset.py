@@ -1,7 +1,7 @@
 """What a person gets of one trajectory: samples, events and parameters as a labelled dataset."""
 
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,27 +14,19 @@ from ..blade.belts import AbstractBelt
 from ..blade.block import Block
 from ..blade.wiper import ENGINE_FIELDS, Wiper
 from ..engine.carry.problem import Problem
-from ..engine.carry.state import State, final_velocity
+from ..engine.carry.state import EventLog, State, final_velocity
 from ..vocabulary import cf
 from ..vocabulary.cf import units_text
 from ..vocabulary.codes import RESULTS, Event, Regime
+from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.schema import EVENT_COLUMNS
 
 REGIMES = {regime.name.lower(): int(regime) for regime in Regime}
 EVENTS = {event.name.lower(): int(event) for event in Event}
 
 
-class Events(NamedTuple):
-    """All events of a trajectory: the columns of `state.EventLog`, without a limit."""
-
-    time: np.ndarray
-    kind: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
-    impulse: np.ndarray
-
-
-def labelled(given, problem: Problem, state: State, log: Events, attributes) -> xr.Dataset:
+def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -> xr.Dataset:
     """Return the dataset of a finished loop state."""
     blade = isinstance(given, Wiper | Bar | Block)
     whose = " of the tip" if blade else ""
@@ -46,15 +38,20 @@ def labelled(given, problem: Problem, state: State, log: Events, attributes) -> 
     def about(long_name, units=None, flags=None):
         attrs: dict[str, Any] = {"long_name": long_name}
         if flags is not None:
-            attrs["flag_values"] = np.array(list(flags.values()), dtype=np.int8)
-            attrs["flag_meanings"] = " ".join(flags)
+            attrs |= cf.flags(flags)
         elif units == "s" or (units is not None and blade):  # other units are known of a blade only
             attrs["units"] = units
         return attrs
 
     position = about(f"position{whose}", "m")
     velocity = about(f"velocity{whose}", "m/s")
-    impulse = about("normal impulse of the event", "N s/m")
+    events = {
+        "time": about("time of the event", "s"),
+        "kind": about("kind of event", flags=EVENTS),
+        "before": about("regime before", flags=REGIMES),
+        "after": about("regime after", flags=REGIMES),
+        "impulse": about("normal impulse of the event", "N s/m"),
+    }
     along = ("time", "axis")
     code = np.int8
     variables = {
@@ -68,11 +65,10 @@ def labelled(given, problem: Problem, state: State, log: Events, attributes) -> 
             if blade
             else {}
         ),
-        "event_time": ("event", log.time, about("time of the event", "s")),
-        "event_kind": ("event", log.kind, about("kind of event", flags=EVENTS)),
-        "regime_before": ("event", log.before, about("regime before", flags=REGIMES)),
-        "regime_after": ("event", log.after, about("regime after", flags=REGIMES)),
-        "event_impulse": ("event", log.impulse, impulse),
+        **{
+            EVENT_COLUMNS[field]: ("event", getattr(log, field), meaning)
+            for field, meaning in events.items()
+        },
         "final_time": ((), float(state.time), about("time reached", "s")),
         "final_position": ("axis", np.stack(state.position), position),
         "final_velocity": ("axis", np.stack(final_velocity(problem, state)), velocity),
@@ -108,10 +104,15 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in fields(module):  # type: ignore[arg-type]
         name, value = prefix + field.name, getattr(module, field.name)
-        if field.name in ENGINE_FIELDS:
+        if field.name in ENGINE_FIELDS or (isinstance(module, Wiper) and field.name in module.idle):
             continue
         if isinstance(value, eqx.Module):
             found[name] = type(value).__name__
+            if isinstance(module, Wiper) and field.name == "friction":  # as it is called in files
+                keys = FRICTIONS.get(value.kind, {})
+                law = _parameters(value).items()
+                found |= {prefix + keys.get(key, f"friction_{key}"): x for key, x in law}
+                continue
             found |= _parameters(value, f"{name}_")
             continue
         if isinstance(module, AbstractBelt) and field.name == "amplitude":

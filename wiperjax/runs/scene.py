@@ -8,12 +8,12 @@ import xarray as xr
 
 from ..blade.build import build_wiper, start_state
 from ..blade.rungs import on_rung, start_on_rung
-from ..datasets import map_dataset
 from ..machine import provenance
 from ..numerics.runge_kutta import SOLVERS
 from ..specs.scene import SceneSpec
 from ..vocabulary import cf
 from ..vocabulary.cf import units_text
+from ..vocabulary.kinds import MODELS
 from ..vocabulary.parameters import PARAMETERS
 from .dataset import as_lip
 from .simulate import simulate
@@ -28,7 +28,7 @@ def run(spec: SceneSpec) -> xr.Dataset:
     Raises ValueError for a start that is impossible for these parameters.
     """
     begun = time.perf_counter()
-    wiper = build_wiper(spec.parameters(), spec.belt.kind)
+    wiper = build_wiper(spec.parameters(), spec.belt.kind, spec.blade.friction)
     start = start_state(wiper, spec.start)
     if spec.start.kind == "equilibrium" and not bool(jnp.isfinite(start[0][0])):
         raise ValueError(
@@ -55,9 +55,10 @@ def run(spec: SceneSpec) -> xr.Dataset:
         "title": spec.title or "trajectory of a wiper lip",
         "model": spec.model,
         "belt_kind": spec.belt.kind,
+        "friction": spec.blade.friction,
         "start": json.dumps(spec.start.model_dump(mode="json", exclude_none=True), sort_keys=True)
         if spec.start.kind != "default"
-        else map_dataset.DEFAULT_STARTS[spec.model],
+        else MODELS[spec.model],
         "parameter_units": units_text({name: PARAMETERS[name].edge_unit for name in stated}),
         **{f"class_{key}": value for key, value in spec.thresholds()},
         "specification_text": spec.text,

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from ..blade.numbers import traceable
 from ..blade.wiper import Wiper
 from ..contact.guards import starting_sides
 from ..contact.regimes import forces
@@ -29,7 +30,7 @@ from ..engine.arguments import (
     tolerances,
 )
 from ..engine.carry.problem import Case, Integration, Problem, Recording, make_case
-from ..engine.carry.state import State
+from ..engine.carry.state import EventLog, State
 from ..engine.observers.base import Nothing
 from ..engine.solve import active, begin
 from ..engine.step import advance
@@ -37,7 +38,7 @@ from ..machine import provenance
 from ..vocabulary import checks
 from ..vocabulary.codes import ADVICE, RUNNING, Result
 from ..vocabulary.ranges import COUNT, POSITIVE, Range
-from .dataset import Events, labelled
+from .dataset import labelled
 
 EVENTS_AT_ONCE = 1024  # capacity of the log on the device
 STEPS_AT_ONCE = 16384  # about a second: Ctrl-C is heard between
@@ -93,7 +94,7 @@ def simulate(
     sample_interval = checks.number("sample_interval", sample_interval, within)
     times = regular_times(duration, sample_interval)
 
-    given, system = system, _traced(system)
+    given, system = system, traceable(system)
     start = coordinates(system.default_state() if initial_state is None else initial_state)
     if isinstance(system, Wiper) and len(start[0]) != 2:
         raise ValueError(
@@ -128,7 +129,7 @@ def _padded(times: np.ndarray) -> np.ndarray:
     return padded
 
 
-def _watched(case: Case, check_start: Callable[[int], None]) -> tuple[State, Events]:
+def _watched(case: Case, check_start: Callable[[int], None]) -> tuple[State, EventLog]:
     """Return (the final state, all events) of a case whose start was checked by its code."""
     state = _begin(case)
     check_start(int(state.result))
@@ -137,7 +138,8 @@ def _watched(case: Case, check_start: Callable[[int], None]) -> tuple[State, Eve
         state = _advance(case.problem, state)
         count = int(state.log.count)
         pieces.append([np.asarray(column)[:count] for column in state.log[:-1]])
-    return state, Events(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+    columns: Any = [np.concatenate(column) for column in zip(*pieces, strict=True)]
+    return state, EventLog(*columns, count=len(columns[0]))
 
 
 def _account(case: Case, integration: Integration, state: State) -> dict[str, Any]:
@@ -196,17 +198,3 @@ def _check_start(system: AbstractSystem, start, result: int) -> None:
             "initial_state must allow a finite contact force, but at this state of rest none "
             "exists (Painleve: friction and hinge_mass jam the tip); start it sliding or lifted"
         )
-
-
-def _traced(system):
-    """Return ``system`` with its numbers as arrays, which are arguments of a compiled program.
-
-    A Python zero stays one: its terms (of a hinge mass, say) are then not computed at all.
-    """
-
-    def traced(leaf):
-        if isinstance(leaf, np.ndarray) or (isinstance(leaf, float | np.floating) and leaf != 0):
-            return jnp.asarray(leaf, float)
-        return leaf
-
-    return jax.tree.map(traced, system)

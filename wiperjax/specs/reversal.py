@@ -10,11 +10,13 @@ def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: fl
     """Time [s] after V = 0 until the glass has travelled `FLIP` lip lengths; inf if it never does.
 
     **Arguments:** `kind` of belt that reverses (`BELTS`), its peak speed [m/s], frequency [Hz] and
-    ramp [s] (of a trapezoid), and the lip's length [m].
+    ramp [s] (of a trapezoid), and the lip's length [m]. Raises ValueError for another kind.
     """
     way = FLIP * length
     if kind == "trapezoid":
         time = math.sqrt(way * ramp / speed)  # V = 2 V0 t/ramp up to t = ramp/2
         return time if time <= ramp / 2 else ramp / 4 + way / speed
+    if kind != "wiping":
+        raise ValueError(f"kind must be a belt that reverses, but was {kind!r}")
     turn = 2 * math.pi * frequency
     return math.acos(1 - way * turn / speed) / turn if way * turn <= 2 * speed else math.inf

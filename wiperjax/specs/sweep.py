@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic import model_validator
 
-from ..vocabulary.parameters import BELTS, PARAMETERS
+from ..vocabulary.kinds import BELTS
+from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.ranges import MOST_CELLS
 from ..vocabulary.wording import digits
 from .axis import Axis
@@ -218,6 +219,8 @@ class SweepSpec(System):
             "run": self.run.model_dump(mode="json") | {"rtol": self.rtol, "samples": self.samples},
             "classes": self.classes.model_dump(mode="json"),
         }
+        if self.blade.friction != "stribeck":
+            meaning["friction"] = self.blade.friction
         if self.sensitivities is not None:
             meaning["sensitivities"] = self.sensitivities.model_dump(mode="json")
         return json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)

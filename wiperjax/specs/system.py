@@ -6,10 +6,13 @@ from typing import Any
 import numpy as np
 from pydantic import PrivateAttr
 
-from ..vocabulary.parameters import BELTS, PARAMETERS, longest_ramp
+from ..vocabulary.kinds import BELTS, FRICTIONS, LAW_PARAMETERS
+from ..vocabulary.parameters import PARAMETERS, longest_ramp
 from .axis import Axis
 from .errors import Fault
 from .tables import Belt, Blade, ModelName, Start, Table, Title
+
+_BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
 
 
 class System(Table):
@@ -31,7 +34,8 @@ class System(Table):
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of all parameters of the blade and of this kind of belt."""
-        blade = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
+        law = set(FRICTIONS[self.blade.friction].values())
+        blade = tuple(name for name in _BLADE if name in law or name not in LAW_PARAMETERS)
         return blade + tuple(BELTS[self.belt.kind].values())
 
     def document(self) -> dict[str, Any]:
@@ -41,7 +45,7 @@ class System(Table):
     def _stated(self) -> dict[str, tuple[str, float]]:
         """Parameter -> (key in the file, value in edge units), of those the file fixes."""
         keys = BELTS[self.belt.kind]
-        tables = [("blade", name, name) for name in type(self.blade).model_fields]
+        tables = [("blade", name, name) for name in _BLADE]
         tables += [("belt", key, name) for key, name in keys.items()]
         stated = {
             name: (f"{table}.{key}", getattr(getattr(self, table), key))
@@ -67,6 +71,11 @@ class System(Table):
         for key in sorted(self.belt.model_fields_set - {"kind"} - set(BELTS[kind])):
             owners = " and ".join(repr(other) for other, keys in BELTS.items() if key in keys)
             raise Fault(f"belt.{key}", f"must be left out with kind = {kind!r}; it is for {owners}")
+        law = self.blade.friction
+        for name in LAW_PARAMETERS - set(self.parameter_names):
+            if name in axes or name in stated:
+                key = f"axes.{name}" if name in axes else f"blade.{name}"
+                raise Fault(key, f"must be left out with blade.friction = {law!r}")
         for name in axes:
             if name not in self.parameter_names:
                 raise Fault(f"axes.{name}", f"must be left out with belt.kind = {kind!r}")
@@ -102,9 +111,12 @@ class System(Table):
             if abs(x) >= reach:
                 must = f"x must be shorter than the lip ({reach:g} m)"
                 raise Fault("start.position", f"{must}, was {x:g}")
+        if law == "coulomb" and (most := values("mu_minimum").max()) > values("mu_static").min():
+            must = f"must be at most mu_static ({values('mu_static').min():g}) with this friction"
+            raise Fault(key_of("mu_minimum"), f"{must}, was {most:g}")
         if self.model != "lip":
             self._check_rung(values, key_of)
-        if kind == "trapezoid":
+        if "belt_ramp" in BELTS[kind].values():
             ramp, longest = values("belt_ramp").max(), longest_ramp(values("belt_frequency").max())
             if ramp > longest:
                 must = f"must be at most half a period ({longest:g} s)"

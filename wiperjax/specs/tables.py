@@ -3,8 +3,10 @@
 What concerns two tables at once is checked in `spec.py`.
 """
 
+import inspect
+from dataclasses import fields
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
@@ -19,12 +21,16 @@ from pydantic import (
     model_validator,
 )
 
-from ..vocabulary.parameters import BELTS, PARAMETERS
+from ..vocabulary import kinds
+from ..vocabulary.kinds import BELTS
+from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.ranges import SETTINGS
+from ..vocabulary.thresholds import LIMITS, Thresholds
 from ..vocabulary.wording import digits
 from .errors import Fault, show
 
 LONGEST_TITLE = 500
+ALLOWED = {**SETTINGS, **LIMITS}  # range of each number by its key
 
 
 def checked(name: str, value: float | None) -> float | None:
@@ -51,8 +57,13 @@ def _one_line(value: str) -> str:
 
 Title = Annotated[str, AfterValidator(_one_line)]
 Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
-ModelName = Literal["block", "bar", "lip"]
-SolverName = Literal["tsit5", "dopri5", "dopri8", "bosh3"]
+if TYPE_CHECKING:
+    ModelName = SolverName = BeltName = FrictionName = str
+else:
+    ModelName = Literal[tuple(kinds.MODELS)]
+    SolverName = Literal[kinds.SOLVERS]
+    BeltName = Literal[tuple(kinds.BELTS)]
+    FrictionName = Literal[tuple(kinds.FRICTIONS)]
 
 
 class Table(BaseModel):
@@ -66,7 +77,7 @@ class Table(BaseModel):
     @classmethod
     def _is_in_range(cls, value: Any, info: ValidationInfo) -> Any:
         """`value`, a number, a pair or a list of them."""
-        allowed = SETTINGS.get(info.field_name or "")
+        allowed = ALLOWED.get(info.field_name or "")
         if allowed is not None and isinstance(value, int | float | tuple | list):
             wrong = allowed.outside(value if isinstance(value, int | float) else np.asarray(value))
             if wrong is not None:
@@ -76,11 +87,11 @@ class Table(BaseModel):
 
 def limited(name: str, keys: dict[str, str]) -> type[Table]:
     """Table with one optional number per key, held to the range of the parameter it stands for."""
-    fields: dict[str, Any] = {
+    numbers: dict[str, Any] = {
         key: (Annotated[float | None, AfterValidator(partial(checked, parameter))], None)
         for key, parameter in keys.items()
     }
-    return create_model(name, __base__=Table, __module__=__name__, **fields)
+    return create_model(name, __base__=Table, __module__=__name__, **numbers)
 
 
 _BLADE_KEYS = {name: name for name, entry in PARAMETERS.items() if entry.table == "blade"}
@@ -88,13 +99,19 @@ _BELT_KEYS = {key: name for belt in BELTS.values() for key, name in belt.items()
 
 
 class Blade(limited("_BladeKeys", _BLADE_KEYS)):
-    """Parameters of the blade that are not axes (edge units); None: the reference value."""
+    """Parameters of the blade that are not axes (edge units); None: the reference value.
+
+    Attributes:
+        friction: its law, with the parameters of `kinds.FRICTIONS`; checked in `system.py`.
+    """
+
+    friction: FrictionName = "stribeck"
 
 
 class Belt(limited("_BeltKeys", _BELT_KEYS)):
     """Motion of the glass (edge units); which keys go with which kind is checked in `spec.py`."""
 
-    kind: Literal["steady", "wiping", "trapezoid"] = "steady"
+    kind: BeltName = "steady"
 
 
 class SweepRun(Table):
@@ -221,32 +238,17 @@ class Start(Table):
         return self
 
 
-class Classes(Table):
-    """Thresholds of the noise classes (docs/model.md, section 11).
+def _table_of(record: type) -> Any:
+    """Table with the keys and defaults of a dataclass."""
+    keys: dict[str, Any] = {
+        field.name: (Pair if isinstance(field.default, tuple) else float, field.default)
+        for field in fields(record)
+    }
+    return create_model("_Keys", __base__=Table, __module__=__name__, **keys)
 
-    Attributes:
-        quiet_velocity_ratio: rms of the tip velocity about its mean, over the belt speed, below
-            which a cell is quiet.
-        squeal_band, chatter_band: lowest and highest dominant frequency [Hz].
-        reversal_window: time [s] on either side of V = 0 that counts as the reversal.
-        reversal_ratio: largest normal force there over the mean outside, above which it is noise.
-        vibration_ratio: vibration just after V = 0 over that of the stroke, above which the
-            reversal starts it.
-        tone_time: time [s] that a tone around V = 0 lasts at least; shorter is a click.
-        stick_share: share of time in stick from which an oscillation is stick-slip.
-        settled_change: most that standard deviation and frequency may change from the first half
-            of the window to the second.
-    """
 
-    quiet_velocity_ratio: float = 0.01
-    squeal_band: Pair = (500.0, 1000.0)
-    chatter_band: Pair = (0.0, 100.0)
-    reversal_window: float = 0.025
-    reversal_ratio: float = 2.0
-    vibration_ratio: float = 2.0
-    tone_time: float = 0.015
-    stick_share: float = 0.01
-    settled_change: float = 0.1
+class Classes(_table_of(Thresholds)):
+    __doc__ = f"Thresholds of the noise classes.\n\n{inspect.getdoc(Thresholds)}"
 
     @model_validator(mode="after")
     def _bands_are_ordered(self) -> "Classes":

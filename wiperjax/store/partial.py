@@ -8,8 +8,7 @@ import xarray as xr
 
 from ..datasets import map_dataset
 from ..machine.files import StoreError
-from ..vocabulary import schema
-from ..vocabulary.codes import NOT_COMPUTED
+from ..vocabulary import cf, codes, schema
 from .blocks import BlockStore
 
 
@@ -102,9 +101,9 @@ def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> x
     )
     for variable in ds.data_vars.values():
         if "flag_values" in variable.attrs and variable.dtype.kind == "i":
-            known = variable.attrs["flag_values"]
-            variable.attrs["flag_values"] = np.append(known, known.dtype.type(NOT_COMPUTED))
-            variable.attrs["flag_meanings"] += " not_computed"
+            names = {name: code for code, name in cf.flag_names(variable).items()}
+            names["not_computed"] = codes.NOT_COMPUTED
+            variable.attrs |= cf.flags(names, variable.dtype)
     ds["done"] = (
         tuple(described["coords"]),
         done.reshape(shape),

@@ -38,6 +38,14 @@ def units_text(units: Mapping[str, str]) -> str:
     return "; ".join(f"{name}: {unit}" for name, unit in units.items())
 
 
+def flags(codes: Mapping[str, int], dtype: Any = np.int8) -> dict[str, Any]:
+    """CF attributes of a categorical variable (`flag_values`, `flag_meanings`): name -> code."""
+    return {
+        "flag_values": np.array(list(codes.values()), dtype=dtype),
+        "flag_meanings": " ".join(codes),
+    }
+
+
 def flag_names(variable: xr.DataArray) -> dict[int, str]:
     """Code -> meaning of a categorical variable, from its CF attributes."""
     values = np.atleast_1d(variable.attrs["flag_values"])

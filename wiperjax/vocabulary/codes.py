@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class Regime(IntEnum):
-    """Contact state of the tip (MODEL.md section 5)."""
+    """Contact state of the tip (docs/model.md, section 5)."""
 
     STICK = 0
     SLIP_POS = 1
@@ -31,6 +31,10 @@ class Event(IntEnum):
     JAM = 10  # Painleve: slip reached D = 0 under load; an impact without collision
     COLLAPSE = 11  # the system's own limit (phi = phi_max) was reached
     TOUCH = 12  # the gap closed at zero speed; or a regime was re-decided at a tie
+
+
+HITS = (Event.IMPACT, Event.ZENO, Event.JAM)
+"""Events that count as a hit: those with an impulse."""
 
 
 class Result(IntEnum):

@@ -23,7 +23,7 @@ class Parameter:
     Attributes:
         name: name in code, files and maps, without a unit.
         table: table of a sweep file that fixes it, `blade` or `belt`.
-        symbol: symbol in MODEL.md.
+        symbol: symbol in docs/model.md.
         unit: unit in code (SI, radians), `1` if dimensionless.
         range: values of files, in edge units: what lies outside is no blade.
         long_name: what it is, in words; becomes the `long_name` of a map coordinate.
@@ -164,23 +164,10 @@ _TABLE = (
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType({entry.name: entry for entry in _TABLE})
 """Every parameter by name, in the order in which maps and messages list them."""
 
-BELTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
-    {
-        "steady": {"speed": "belt_speed"},
-        "wiping": {
-            "amplitude": "belt_speed",
-            "frequency": "belt_frequency",
-            "phase": "belt_phase",
-        },
-        "trapezoid": {
-            "speed": "belt_speed",
-            "frequency": "belt_frequency",
-            "ramp": "belt_ramp",
-            "phase": "belt_phase",
-        },
-    }
+REFERENCE: Mapping[str, float] = MappingProxyType(
+    {entry.name: entry.reference for entry in _TABLE if entry.reference is not None}
 )
-"""Kinds of belt: key in `[belt]`, which is also the argument of the belt's class -> parameter."""
+"""Parameter -> its reference value in SI units, of those that have one."""
 
 
 def longest_ramp(frequency: Any) -> Any:

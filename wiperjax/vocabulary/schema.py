@@ -1,6 +1,6 @@
 """The table of what a map stores for each cell: names, types, units, meanings.
 
-Columns that a caller offers beyond it are not stored, columns of it that are missing are left out.
+A column that a caller offers beyond it is an error, one of it that is missing is left out.
 """
 
 from collections.abc import Mapping
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .cf import flags
 from .codes import (
     BANDS,
     EVENTS,
@@ -40,11 +41,7 @@ class Column:
     def attributes(self) -> dict[str, Any]:
         """CF attributes of the variable; netCDF-valid types only."""
         attrs: dict[str, Any] = {"long_name": self.long_name}
-        if self.flags is None:
-            attrs["units"] = self.units
-        else:
-            attrs["flag_values"] = np.array(list(self.flags.values()), dtype=self.dtype)
-            attrs["flag_meanings"] = " ".join(self.flags)
+        attrs |= {"units": self.units} if self.flags is None else flags(self.flags, self.dtype)
         if self.comment:
             attrs["comment"] = self.comment
         return attrs
@@ -141,6 +138,15 @@ _TABLE = (
     Column("regime_after", "uint8", "", "regime after the event", REGIMES, along="event"),
     Column("event_impulse", "float64", "N s/m", "normal impulse of the event", along="event"),
 )  # fmt: skip
+
+EVENT_COLUMNS = {
+    "time": "event_time",
+    "kind": "event_kind",
+    "before": "regime_before",
+    "after": "regime_after",
+    "impulse": "event_impulse",
+}
+"""Field of the engine's event log -> its column in maps and runs."""
 
 DIFFERENTIABLE = (
     *("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms", "velocity_mean"),

@@ -1,6 +1,10 @@
 """The borders between the classes of noise."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+
+from .ranges import Range
 
 
 @dataclass(frozen=True)
@@ -8,18 +12,17 @@ class Thresholds:
     """Borders of the classes; sources disagree on them, so they are stored with every map.
 
     Attributes:
-        quiet_velocity_ratio: std of the tip velocity over the belt speed below which a cell is
-            quiet.
+        quiet_velocity_ratio: rms of the tip velocity about its mean, over the belt speed, below
+            which a cell is quiet.
         squeal_band: dominant frequency of squeal [Hz], both ends included.
         chatter_band: dominant frequency of chattering [Hz], upper end excluded.
-        reversal_window: time [s] on either side of V = 0 that counts as the reversal (used by the
-            engine).
+        reversal_window: time [s] on either side of V = 0 that counts as the reversal.
         reversal_ratio: largest normal force there over the mean outside, from which it is a noise
             if it starts a vibration.
         vibration_ratio: vibration (faster than `chatter_band`) just after V = 0 over that of the
             strokes, from which the reversal is what starts it.
-        tone_time: time [s] that a tone around the turn lasts at least (`turns.tones`); what is
-            shorter is a click, or rings down.
+        tone_time: time [s] that a tone around the turn lasts at least; what is shorter is a
+            click, or rings down.
         stick_share: share of the time in stick from which an oscillation is stick-slip, and below
             which it is self-excited slip.
         settled_change: most that standard deviation and frequency may change from the first half
@@ -35,3 +38,19 @@ class Thresholds:
     tone_time: float = 0.015
     stick_share: float = 0.01
     settled_change: float = 0.1
+
+
+LIMITS: Mapping[str, Range] = MappingProxyType(
+    {
+        "quiet_velocity_ratio": Range(1e-12, 10),
+        "squeal_band": Range(0, 1e6, unit="Hz"),
+        "chatter_band": Range(0, 1e6, unit="Hz"),
+        "reversal_window": Range(1e-9, 1e3, unit="s"),
+        "reversal_ratio": Range(1e-6, 1e6),
+        "vibration_ratio": Range(1e-6, 1e6),
+        "tone_time": Range(1e-9, 1e3, unit="s"),
+        "stick_share": Range(1e-12, 1),
+        "settled_change": Range(1e-12, 10),
+    }
+)
+"""Allowed range of each of them."""

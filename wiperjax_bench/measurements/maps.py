@@ -50,7 +50,7 @@ QUICK_REFERENCES = ("scalar", {"rtol": 1e-10}), ("scalar", {"rtol": 1e-9})  # co
 
 def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = None) -> dict:
     """Return the columns of cells as `cells.batch.evaluate` does, by the scalar loop."""
-    wiper = build_wiper(spec.cells(index), spec.belt.kind)
+    wiper = build_wiper(spec.cells(index), spec.belt.kind, spec.blade.friction)
     full = lambda x: np.broadcast_to(np.asarray(x, float), index.shape).copy()
     start = np.zeros((len(index), 4))
     start[:, 0] = full(wiper.lip_length) * np.sin(full(wiper.attack_angle))

@@ -12,7 +12,7 @@ LEVEL = 0.6  # an error that is still above this share of the one before has sto
 REASONS = (
     ("Moreau-Jean", "near Painleve",
      "Newton's impact law: an impact without collision begins at zero normal speed and so gives "
-     "back none, while Poisson's law (MODEL.md section 6) gives back e times the impulse of "
+     "back none, while Poisson's law (docs/model.md, section 6) gives back e times the impulse of "
      "compression; without a hinge mass the two agree"),
     ("penalty", "Zeno landing",
      "its friction follows the Stribeck curve during an impact, while the model holds mu at its "

@@ -1,6 +1,6 @@
 """The ceiling of scalar code: one trajectory at a time, compiled by numba, written for speed.
 
-The wiper of MODEL.md with a massless hinge, event-driven, adaptive Tsit5. What makes it fast:
+The wiper of docs/model.md with a massless hinge, event-driven, adaptive Tsit5. What makes it fast:
 
 - no arc sine and no power in a stage: the lean phi is integrated beside x (and set to asin(x / L)
   after every step), friction needs one exponential, the controller two square roots;

@@ -1,4 +1,4 @@
-"""The wiper of MODEL.md with a massless hinge: its codes, its parameters, its forces."""
+"""The wiper of docs/model.md with a massless hinge: its codes, its parameters, its forces."""
 
 import math
 from typing import NamedTuple
@@ -142,7 +142,7 @@ def cone(p, kz, mz, x, speed, pull, jerk):
 
 @cached
 def regime_at_rest(p, g, zone, t, x):
-    """Return the regime of a closed contact without slip (MODEL.md section 5)."""
+    """Return the regime of a closed contact without slip (docs/model.md, section 5)."""
     v, a = belt(g, t)
     kz, mz = spring(p, zone)
     up, down, _, _, n = cone(p, kz, mz, x, v, a, 0.0)

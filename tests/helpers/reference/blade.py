@@ -1,9 +1,9 @@
-"""Event-driven reference of the wiper lip of MODEL.md, phase by phase, independent of the engine.
+"""Event-driven reference of the lip of docs/model.md, phase by phase, independent of the engine.
 
 Every smooth phase is integrated by DOP853 at rtol 1e-12; the guards are tested on fine samples of
 the dense output (with a search for double roots), the earliest root is located with brentq, the
 step is integrated again up to that root, and one Newton correction puts the state on the guard.
-Section numbers below are those of MODEL.md.
+Section numbers below are those of docs/model.md.
 
 The independent variable inside a phase is sigma with dt/dsigma = 1 in STICK and FLIGHT and
 dt/dsigma = D/D0 in slip (D0 = D without friction): for M_h = 0 that is t itself, for M_h > 0 it

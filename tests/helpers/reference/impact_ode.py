@@ -46,7 +46,7 @@ def integrate_impact(w, mu, restitution, v_t, v_n, steps=500, max_steps=1_000_00
     """(v_t+, v_n+, p_t, p_n) for W = [[W_tt, W_tn], [W_tn, W_nn]], incoming slip v_t and normal
     velocity v_n <= 0.
 
-    v_n = 0 with dv_n/dp_n < 0 is the impact without collision (MODEL.md section 7).
+    v_n = 0 with dv_n/dp_n < 0 is the impact without collision (docs/model.md, section 7).
     """
     w = [[float(c) for c in row] for row in w]
     v_t, v_n = float(v_t), float(v_n)

@@ -46,7 +46,7 @@ def run(
     value lies outside the range.
     """
     begun = time.perf_counter()
-    wiper = build_wiper(spec.parameters(), spec.belt.kind)
+    wiper = build_wiper(spec.parameters(), spec.belt.kind, spec.blade.friction)
     entry = PARAMETERS.get(over)
     if entry is None:
         raise ValueError(f"--over: {not_there(over, 'blade or its belt', PARAMETERS)}")

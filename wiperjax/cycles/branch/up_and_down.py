@@ -25,7 +25,7 @@ from ...contact.system import AbstractSystem
 from ...engine.arguments import check_state, check_system
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
-from ...vocabulary import checks
+from ...vocabulary import cf, checks
 from ...vocabulary.codes import RESULTS, RUNNING, Result
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
 from ..shooting import tidy
@@ -132,11 +132,7 @@ def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns)
         unit = {} if units is None else {"units": units}
         return plane, np.where(fair, values, np.nan), {"long_name": long_name, **unit}
 
-    flags = {
-        "long_name": "how the trajectory ended",
-        "flag_values": np.array(list(RESULTS.values()), np.int8),
-        "flag_meanings": " ".join(RESULTS),
-    }
+    flags = {"long_name": "how the trajectory ended"} | cf.flags(RESULTS)
     words = numbers.words(given)
     metre, speed = ("m", "m/s") if isinstance(given, Wiper) else (None, None)
     maximum = np.where(fair[..., None], peaks, np.nan)
@@ -221,8 +217,7 @@ def _march(system, over, period, ways, states, spans, samples: int):
                 max_events=0,
             )
             totals = s.statistics.totals
-            mean = totals.output_integral / after
-            rms = jnp.sqrt(jnp.maximum(totals.output_square_integral / after - mean**2, 0.0))
+            rms = totals.deviation(after)
             shares = totals.stick_time / after, totals.flight_time / after
             q, v = s.samples.position, s.samples.velocity
             found = q[0], v[0], *shares, rms, s.statistics.highest

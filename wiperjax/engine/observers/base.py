@@ -5,6 +5,8 @@ event, and keeps a few numbers. The engine does not know which.
 """
 
 from abc import abstractmethod
+from functools import reduce
+from operator import or_
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -14,7 +16,7 @@ from jax.lax import stop_gradient
 from ...numerics.elementary import larger, within
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
-from ...vocabulary.codes import Regime
+from ...vocabulary.codes import HITS, Regime
 
 BOOLE = (7 / 90, 32 / 90, 12 / 90, 32 / 90, 7 / 90)  # quadrature over the five nodes, order 6
 END_SLOPE = (1.0, -16 / 3, 12.0, -16.0, 25 / 3)  # of the quartic through them
@@ -144,3 +146,8 @@ class Nothing(AbstractObserver):
 
     def event(self, record, happening):
         return record
+
+
+def is_hit(kind) -> Scalar:
+    """Whether an event of `kind` is one of `HITS`."""
+    return reduce(or_, [kind == hit for hit in HITS])

@@ -9,8 +9,8 @@ from ...numerics import quartic
 from ...numerics.elementary import larger
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
-from ...vocabulary.codes import Event, Regime
-from .base import AbstractObserver, Stretch, extremes, outputs
+from ...vocabulary.codes import Regime
+from .base import AbstractObserver, Stretch, extremes, is_hit, outputs
 from .totals import RegimeTotals, Totals
 
 
@@ -115,7 +115,7 @@ class ReversalTotals(AbstractObserver):
     def event(self, record, happening):
         e = happening
         near = jnp.abs(e.system.belt.since_reversal(e.time)) <= self.window
-        hit = (e.kind == Event.IMPACT) | (e.kind == Event.ZENO) | (e.kind == Event.JAM)
+        hit = is_hit(e.kind)
         counts = hit & near & (e.time >= self.start)
         largest = jnp.maximum(record.impulse_max_reversal, e.impulse)
         return record._replace(

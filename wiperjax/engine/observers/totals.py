@@ -10,7 +10,7 @@ from ...numerics.types import Scalar
 from ...vocabulary import checks
 from ...vocabulary.codes import Event, Regime
 from ...vocabulary.ranges import FINITE
-from .base import AbstractObserver, extremes, outputs
+from .base import AbstractObserver, extremes, is_hit, outputs
 
 
 class Totals(NamedTuple):
@@ -28,6 +28,21 @@ class Totals(NamedTuple):
     stick_count: Scalar
     lift_off_count: Scalar
     impulse_max: Scalar
+
+    def variance(self, time) -> Scalar:
+        """Variance of the output over the ``time`` [s] that the integrals stand for."""
+        return variance(self.output_integral, self.output_square_integral, time)
+
+    def deviation(self, time) -> Scalar:
+        """Standard deviation of the output; its derivative is 0 where it is 0."""
+        found = self.variance(time)
+        return jnp.where(found > 0, jnp.sqrt(jnp.where(found > 0, found, 1)), 0)
+
+
+def variance(integral, square_integral, time) -> Scalar:
+    """Variance of what has these integrals, of itself and of its square, over ``time``."""
+    mean = integral / time
+    return jnp.maximum(square_integral / time - mean * mean, 0.0)
 
 
 class RegimeTotals(AbstractObserver):
@@ -72,7 +87,7 @@ class RegimeTotals(AbstractObserver):
     def event(self, record, happening):
         e = happening
         on = e.time >= self.start
-        hit = on & ((e.kind == Event.IMPACT) | (e.kind == Event.ZENO) | (e.kind == Event.JAM))
+        hit = on & is_hit(e.kind)
 
         def count(condition):
             return (on & condition).astype(jnp.int32)

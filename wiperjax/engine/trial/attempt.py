@@ -43,7 +43,7 @@ class Trial(NamedTuple):
     target: Scalar  # slot of the event that it is to end on, or -1
     cut: Scalar  # it is shorter than that asks for
     lands: Scalar  # it ends on a known time (``mark``)
-    braking: Scalar  # slip is just in front of D = 0 under load (MODEL.md section 7)
+    braking: Scalar  # slip is just in front of D = 0 under load (docs/model.md, section 7)
     mark: Scalar
     step: Step
     ok: Scalar  # finite and within the tolerance

@@ -69,7 +69,7 @@ def prepare(spec, index, room: int | None = None) -> tuple[Wiper, Any, tuple, tu
     """
     size = capacity(max(len(index), room or 0))
     padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
-    wiper = build_wiper(spec.cells(padded), spec.belt.kind)
+    wiper = build_wiper(spec.cells(padded), spec.belt.kind, spec.blade.friction)
     system = on_rung(wiper, spec.model)
     position, velocity = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
     return wiper, system, position, velocity

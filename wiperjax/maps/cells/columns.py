@@ -13,7 +13,8 @@ from ...engine.carry.state import EventLog
 from ...engine.lanes import Outcome
 from ...engine.observers.margins import Watched, regime_totals
 from ...numerics.arrays import cellwise
-from ...vocabulary.codes import NONE, Result
+from ...vocabulary.codes import Result
+from ...vocabulary.schema import EVENT_COLUMNS, SCHEMA
 
 
 def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int) -> dict[str, Any]:
@@ -48,15 +49,12 @@ def statistics(outcome: Outcome, window) -> dict[str, Any]:
     # has the share 1 itself, in any precision. By that `labels` tells a tip that is carried.
     counted = record.stick_time + record.slip_time + record.flight_time
     counted = jnp.where(counted > 0, counted, 1.0)
-    mean = record.output_integral / window
-    variance = jnp.maximum(record.output_square_integral / window - mean * mean, 0.0)
     return {
         "stick_fraction": record.stick_time / counted,
         "slip_fraction": record.slip_time / counted,
         "flight_fraction": record.flight_time / counted,
-        "velocity_mean": mean,
-        # at rest the root has no derivative
-        "velocity_rms": jnp.where(variance > 0, jnp.sqrt(jnp.where(variance > 0, variance, 1)), 0),
+        "velocity_mean": record.output_integral / window,
+        "velocity_rms": record.deviation(window),
         "normal_force_mean": record.normal_force_integral / window,
         "normal_force_max": record.normal_force_max,
         "gap_max": record.gap_max,
@@ -70,21 +68,15 @@ def statistics(outcome: Outcome, window) -> dict[str, Any]:
 
 
 def _events(log: EventLog, run) -> dict[str, np.ndarray]:
-    """Columns of the event log; the room that a cell leaves empty holds NaN and `schema.NONE`."""
+    """Columns of the event log; the room that a cell leaves empty holds NaN and `codes.NONE`."""
     used = np.arange(run.event_log) < log.count[:, None]
 
-    def code(values):
-        return np.where(used, values, NONE).astype(np.uint8)
-
-    return {
-        "event_count": log.count,
-        "event_overflow": log.count > run.event_log,
-        "event_time": np.where(used, log.time - run.transient, np.nan),
-        "event_kind": code(log.kind),
-        "regime_before": code(log.before),
-        "regime_after": code(log.after),
-        "event_impulse": np.where(used, log.impulse, np.nan),
-    }
+    log = log._replace(time=log.time - run.transient)
+    columns = {"event_count": log.count, "event_overflow": log.count > run.event_log}
+    for field, name in EVENT_COLUMNS.items():
+        column = SCHEMA[name]
+        columns[name] = np.where(used, getattr(log, field), column.missing).astype(column.dtype)
+    return columns
 
 
 def _columns(outcome: Outcome, run, wiper: Wiper, count: int) -> dict[str, np.ndarray]:

@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ...noise.class_counts import class_table
-from ...vocabulary.cf import flag_names
+from ...vocabulary.cf import flag_names, flags
 from ...vocabulary.codes import LABELS, NOT_COMPUTED
 from ..style.palette import CLASSES, HATCHES, MOTIONS, UNKNOWN, readable
 from .categories import category_map
@@ -49,11 +49,7 @@ def motion(ds: xr.Dataset) -> xr.DataArray:
         ],
         default=names["slip_only"],
     ).astype(np.int8)
-    attrs = {
-        "long_name": "regimes in the settled window",
-        "flag_values": np.array(list(names.values()), dtype=np.int8),
-        "flag_meanings": " ".join(names),
-    }
+    attrs = {"long_name": "regimes in the settled window"} | flags(names)
     return xr.DataArray(codes, coords=ds["label"].coords, dims=ds["label"].dims, attrs=attrs)
 
 
@@ -77,10 +73,7 @@ def mechanism_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.
         extra = np.int8(max(names) + 1)
         codes[ended == LABELS[name]] = extra
         names[int(extra)] = name
-    attrs = {
-        "flag_values": np.array(list(names), dtype=np.int8),
-        "flag_meanings": " ".join(names.values()),
-    }
+    attrs = flags({name: code for code, name in names.items()})
     marked = ds["mechanism"].copy(data=codes).assign_attrs(attrs)
     return category_map(ds.assign(mechanism=marked), "mechanism", ax, **options)
 

@@ -5,12 +5,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from ...vocabulary.kinds import FRICTION_KINDS, known
 from ..style.axes import legend_below, page
 from ..style.caption import set_caption
 from ..style.palette import REGIMES, UNKNOWN, readable
 from .portrait import regime_masks
-
-LAW = ("mu_static", "mu_minimum", "stribeck_speed", "stribeck_shape", "viscous_slope")
 
 
 def friction_curve(
@@ -31,10 +30,8 @@ def friction_curve(
 
     Raises: `ValueError` for a run without the friction law or the velocity of the glass.
     """
-    if missing := [name for name in LAW if name not in ds.attrs]:
-        raise ValueError(
-            f"the run has no {missing[0]}: the Stribeck curve is known of a Wiper only"
-        )
+    kind = law_of(ds)
+    stribeck = kind == "stribeck"
     whole = ax is None
     if ax is None:
         ax = page((6.4, 5.0)).subplots()
@@ -43,7 +40,8 @@ def friction_curve(
     friction = np.asarray(ds["friction_force"], dtype=float)
     touching = normal > 1e-6 * normal.max(initial=0.0)  # at lift-off 0/0
     scale = 1.0 if normalised else float(normal[touching].mean()) if touching.any() else 0.0
-    reach = 1.08 * max(np.abs(slip[touching]).max(initial=0.0), float(ds.attrs["stribeck_speed"]))
+    least = float(ds.attrs["stribeck_speed"]) if stribeck else 1e-6
+    reach = 1.08 * max(np.abs(slip[touching]).max(initial=0.0), least)
     least = 1e-3 * reach  # rounding at the end of a stick is no slip
     low, high = (
         reach if (sign * slip[touching] > least).any() else 0.15 * reach for sign in (-1, 1)
@@ -51,7 +49,8 @@ def friction_curve(
     speed = np.linspace(-low, high, 1001)
     speed = np.insert(speed, np.searchsorted(speed, 0.0), [-1e-12, 1e-12])
     law = -np.sign(speed) * coefficient(ds, np.abs(speed)) * scale
-    words = "Stribeck curve" if normalised else "the same times mean normal force"
+    curve = "Stribeck curve" if stribeck else "friction law"
+    words = curve if normalised else "the same times mean normal force"
     ax.plot(speed, law, color="black", linewidth=1.0, zorder=2)
     shown_force = friction / np.where(touching, normal, np.nan) if normalised else friction
     for name, mask in regime_masks(ds):
@@ -95,10 +94,29 @@ def _regime_dots(ds: xr.Dataset) -> list[Line2D]:
     ]  # fmt: skip
 
 
+def law_of(ds: xr.Dataset) -> str:
+    """Kind of friction law (`kinds.FRICTIONS`) of a run.
+
+    Raises: `ValueError` unless its attributes tell it, and its numbers.
+    """
+    kind = str(ds.attrs.get("friction", "stribeck")).lower()
+    needed = known("friction", kind, FRICTION_KINDS).keys.values()
+    if missing := [name for name in needed if name not in ds.attrs]:
+        raise ValueError(f"the run has no {missing[0]}: the friction law is known of a Wiper only")
+    return kind
+
+
+def has_law(ds: xr.Dataset) -> bool:
+    """Whether a run tells its friction law and the velocity of its glass."""
+    try:
+        return bool(law_of(ds)) and "belt_velocity" in ds
+    except ValueError:
+        return False
+
+
 def coefficient(ds: xr.Dataset, speed: np.ndarray) -> np.ndarray:
-    """mu at slip speeds >= 0 (m/s) by the law in the attributes of a run (MODEL.md section 4)."""
-    static, minimum, stribeck, shape, slope = (float(ds.attrs[name]) for name in LAW)
-    return minimum + (static - minimum) * np.exp(-((speed / stribeck) ** shape)) + slope * speed
+    """mu at slip speeds >= 0 (m/s) by the law of a run (docs/model.md, section 4)."""
+    return FRICTION_KINDS[law_of(ds)].of(ds.attrs, speed)
 
 
 def friction_page(ds: xr.Dataset) -> np.ndarray:

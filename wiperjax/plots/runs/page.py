@@ -11,7 +11,7 @@ from ..style.axes import legend_below, page
 from ..style.caption import set_caption, with_noise
 from ..style.palette import BELT
 from .bands import regime_legend
-from .friction import LAW, friction_curve
+from .friction import friction_curve, has_law
 from .history import event_legend, time_history
 from .portrait import phase_portrait
 from .spectra import spectrum
@@ -86,7 +86,7 @@ def run_overview(ds: xr.Dataset, whole: xr.Dataset | None = None) -> Figure:
     right = grid[int(framed) :, 1].subgridspec(3, 1, height_ratios=[1.25, 1, 1])
     portrait = figure.add_subplot(right[0])
     phase_portrait(part, portrait, transient=whole if framed else None, legend=False)
-    wiper = all(name in ds.attrs for name in LAW) and "belt_velocity" in ds
+    wiper = has_law(ds)
     if wiper:
         friction_curve(part, figure.add_subplot(right[1]), legend=False)
     spectrum(settled(whole), figure.add_subplot(right[2] if wiper else right[1:]))

@@ -9,12 +9,13 @@ from matplotlib.figure import Figure, SubFigure
 from ...datasets.run_dataset import is_run, pitch
 from ...noise.run_class import assess, words
 from ...vocabulary.codes import Result
+from ...vocabulary.kinds import BELTS
 from ...vocabulary.parameters import PARAMETERS
 from .axes import SHOWN, number
 from .palette import readable
 
 ALWAYS = ("attack_angle", "normal_load", "belt_speed")
-BELTS = {"steady": "", "SteadyBelt": "", "WipingBelt": "wiping", "TrapezoidBelt": "trapezoid"}
+UNSAID = "steady"  # the kind of belt that a caption leaves out
 
 
 def parameters_text(ds: xr.Dataset) -> str:
@@ -36,7 +37,8 @@ def parameters_text(ds: xr.Dataset) -> str:
             gap, unit = ("", "°") if unit == "deg" else (" ", unit)
             words.append(f"{entry.long_name} {number(factor * value)}{gap}{unit}".strip())
     belt = str(ds.attrs.get("belt_kind", ds.attrs.get("belt", "")))
-    if words and (kind := BELTS.get(belt, belt)):
+    kind = {f"{name}belt": name for name in BELTS}.get(belt.lower(), belt)  # or a class of its own
+    if words and kind not in ("", UNSAID):
         words.append(f"{kind} belt")
     return ", ".join(words)
 

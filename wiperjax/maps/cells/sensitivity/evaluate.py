@@ -25,12 +25,12 @@ from .validity import GRAZING, check, drawn, is_settled, mask_contested, mask_ro
 
 def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     """Return the columns of `cells.evaluate`, and those of the sensitivities that ``spec`` asks."""
-    asked, run, kind = spec.sensitivities, spec.run, spec.belt.kind
+    asked, run = spec.sensitivities, spec.run
     names, count = asked.parameters, len(index)
     wiper, _, position, _ = batch.prepare(spec, index)
     size = position[0].shape[-1]
     base = batch._arrays(wiper, run.precision)
-    theta = {name: whole(value_of(wiper, name, kind), size) for name in names}
+    theta = {name: whole(value_of(wiper, name), size) for name in names}
     settings, limit = batch._settings(spec), jnp.int32(run.max_steps)
     sampling = batch.Sampling.of(spec)
 
@@ -48,7 +48,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     def compute(given, number):
         wiper, theta, state, seeds = given
         *found, samples, effort = tangents_of(
-            wiper, theta, state, seeds, number, limit, sampling, settings, kind
+            wiper, theta, state, seeds, number, limit, sampling, settings
         )
         return *found, sampling.rows(samples, run.raster), effort
 

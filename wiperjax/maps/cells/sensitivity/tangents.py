@@ -6,11 +6,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ....blade import numbers
 from ....blade.belts import operating_speed
 from ....blade.build import start_state
 from ....blade.steady_slip import steady_slip
 from ....blade.wiper import Wiper
-from ....vocabulary.parameters import BELTS
 from .. import batch
 from ..columns import statistics
 
@@ -24,22 +24,22 @@ LARGEST = {  # outcomes that are largest values, by their names in `margins.Peak
 SECOND = {field: f"second_{field}" for field in LARGEST}  # and what comes next
 
 
-def with_parameters(wiper: Wiper, values: dict[str, Any], kind: str) -> Wiper:
-    """Return ``wiper`` with the parameters ``values``, name -> SI value, on a belt of ``kind``."""
-    keys = {name: key for key, name in BELTS[kind].items()}
+def with_parameters(wiper: Wiper, values: dict[str, Any]) -> Wiper:
+    """Return ``wiper`` with the parameters ``values``, name -> SI value, put in."""
+    to = numbers.routes(wiper)
 
     def leaves(w):
-        return [getattr(w.belt, keys[n]) if n in keys else getattr(w, n) for n in values]
+        return [numbers.at(to[name])(w) for name in values]
 
     return eqx.tree_at(leaves, wiper, list(values.values()))
 
 
 @eqx.filter_jit
-def tangents_of(wiper, theta, state, seeds, count, limit, sampling, s, kind):
+def tangents_of(wiper, theta, state, seeds, count, limit, sampling, s):
     """Run the cells of one share with all tangents; slopes come as (cells, parameters)."""
 
     def run(theta, state):
-        w = with_parameters(wiper, theta, kind)
+        w = with_parameters(wiper, theta)
         position, velocity = state
         outcome, signal, effort = batch.outcomes(
             w, position, velocity, count, limit, sampling, s, watched=True
@@ -56,8 +56,8 @@ def tangents_of(wiper, theta, state, seeds, count, limit, sampling, s, kind):
 
 
 @eqx.filter_jit
-def plain(wiper, theta, state, count, limit, sampling, s, kind):
-    w = with_parameters(wiper, theta, kind)
+def plain(wiper, theta, state, count, limit, sampling, s):
+    w = with_parameters(wiper, theta)
     position, velocity = state
     outcome, _, effort = batch.outcomes(
         w, position, velocity, count, limit, sampling, s, watched=True
@@ -67,7 +67,7 @@ def plain(wiper, theta, state, count, limit, sampling, s, kind):
 
 def start_of(wiper, theta, spec):
     """Return the initial state, and the outcomes that need no trajectory, (cells,) each."""
-    w = with_parameters(wiper, theta, spec.belt.kind)
+    w = with_parameters(wiper, theta)
     linear = steady_slip(w, operating_speed(w.belt))
     known = {
         "belt_speed_rms": w.belt.rms,
@@ -83,6 +83,5 @@ def whole(value, size) -> jax.Array:
     return jnp.broadcast_to(jnp.asarray(value, jnp.float64), (size,))
 
 
-def value_of(wiper: Wiper, name: str, kind: str):
-    keys = {parameter: key for key, parameter in BELTS[kind].items()}
-    return getattr(wiper.belt, keys[name]) if name in keys else getattr(wiper, name)
+def value_of(wiper: Wiper, name: str):
+    return numbers.at(numbers.routes(wiper)[name])(wiper)

@@ -68,7 +68,7 @@ def check(spec, theta, base, columns, slopes, checked, word):
     larger of the two, or to `FLOOR` of the outcome's scale over the parameter's own size, if that
     is more.
     """
-    asked, kind, n = spec.sensitivities, spec.belt.kind, len(checked)
+    asked, n = spec.sensitivities, len(checked)
     names = list(theta)
     copies = len(STENCIL) * len(names) * n
     scale = {name: _scale(name, np.asarray(x)[checked]) for name, x in theta.items()}
@@ -95,7 +95,7 @@ def check(spec, theta, base, columns, slopes, checked, word):
 
     def compute(given, number):
         wiper, theta, state = given
-        return plain(wiper, theta, state, number, limit, sampling, settings, kind)
+        return plain(wiper, theta, state, number, limit, sampling, settings)
 
     (found, words), _ = deal(compute, (at, moved, state), np.arange(copies))
     found |= {name: np.asarray(x)[:copies] for name, x in known.items()}

@@ -1,0 +1,155 @@
+"""Kinds of what a file names: belts, friction laws, models, solvers; and what is known of each
+without computing a motion.
+
+The classes are `blade.belts`, `contact.friction`, `blade.rungs` and `numerics.runge_kutta`: each is
+found by the name that stands here. Imports no jax; a formula that compiled code shares is given the
+library it computes with.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+MODELS: Mapping[str, str] = MappingProxyType(
+    {
+        "block": "at rest where the spring is relaxed",
+        "bar": "touching at the attack angle, at rest",
+        "lip": "touching at the attack angle, at rest",
+    }
+)
+"""Rung of the ladder, the poorest first -> how its motion starts by default."""
+
+SOLVERS = ("tsit5", "dopri5", "dopri8", "bosh3")
+"""Runge-Kutta methods; diffrax has each under its name with a capital."""
+
+
+def since_reversal(time: Any, frequency: Any, turns: Any, library: Any = np) -> Any:
+    """Time [s] since the nearest V = 0 (docs/model.md, section 8) of a belt that reverses twice a
+    period, at phase 0 and half a turn on; ``turns``: its phase, 1 for a whole turn.
+    """
+    halves = 2 * (frequency * time + turns)
+    return (halves - library.round(halves)) / (2 * frequency)
+
+
+def steady_rms(speed: Any, library: Any = np) -> Any:
+    """Root mean square [m/s] of a constant speed."""
+    return library.abs(speed)
+
+
+def wiping_rms(amplitude: Any, library: Any = np) -> Any:
+    """Root mean square [m/s] of a sine."""
+    return library.abs(amplitude) / library.sqrt(2.0)
+
+
+def trapezoid_rms(speed: Any, frequency: Any, ramp: Any, library: Any = np) -> Any:
+    """Root mean square [m/s] of a trapezoid: a ramp holds a third of the plateau's mean square."""
+    return library.abs(speed) * library.sqrt(1 - 2 * frequency * ramp * 2 / 3)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A belt or a friction law as files know it.
+
+    Attributes:
+        keys: argument of its class (and key in `[belt]`) -> name in `parameters.PARAMETERS`.
+        value: what is worked out of it without jax, from those arguments that it takes: of a belt
+            its rms speed [m/s], of a law mu at slip speeds [m/s] (the first argument).
+        takes: those arguments.
+    """
+
+    keys: Mapping[str, str]
+    value: Callable[..., Any]
+    takes: tuple[str, ...]
+
+    def of(self, attrs: Mapping[str, Any], *first: Any) -> Any:
+        """`value` with its arguments from attributes that bear the names of parameters."""
+        return self.value(*first, *(float(attrs[self.keys[key]]) for key in self.takes))
+
+
+BELT_KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "steady": Kind({"speed": "belt_speed"}, steady_rms, ("speed",)),
+        "wiping": Kind(
+            {
+                "amplitude": "belt_speed",
+                "frequency": "belt_frequency",
+                "phase": "belt_phase",
+            },
+            wiping_rms,
+            ("amplitude",),
+        ),
+        "trapezoid": Kind(
+            {
+                "speed": "belt_speed",
+                "frequency": "belt_frequency",
+                "ramp": "belt_ramp",
+                "phase": "belt_phase",
+            },
+            trapezoid_rms,
+            ("speed", "frequency", "ramp"),
+        ),
+    }
+)
+
+BELTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {kind: entry.keys for kind, entry in BELT_KINDS.items()}
+)
+"""Kinds of belt: key in `[belt]`, which is also the argument of the belt's class -> parameter."""
+
+
+def stribeck(
+    speed: Any,
+    static: Any,
+    minimum: Any,
+    stribeck_speed: Any,
+    shape: Any,
+    viscous_slope: Any,
+    decay: Callable[[Any, Any], Any] = lambda ratio, shape: np.exp(-(ratio**shape)),
+) -> Any:
+    """mu at slip speeds >= 0 [m/s] (docs/model.md, section 4); ``decay(|v|/v_s, delta)``: its
+    exponential, which compiled code takes to be smooth beyond 0.
+    """
+    falling = decay(speed * (1 / stribeck_speed), shape)
+    return minimum + (static - minimum) * falling + viscous_slope * speed
+
+
+def coulomb(speed: Any, dynamic: Any) -> Any:
+    """mu at slip speeds > 0 [m/s]: the same at all."""
+    return dynamic + 0 * speed
+
+
+FRICTION_KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "stribeck": Kind(
+            {
+                "static": "mu_static",
+                "minimum": "mu_minimum",
+                "stribeck_speed": "stribeck_speed",
+                "shape": "stribeck_shape",
+                "viscous_slope": "viscous_slope",
+            },
+            stribeck,
+            ("static", "minimum", "stribeck_speed", "shape", "viscous_slope"),
+        ),
+        "coulomb": Kind({"static": "mu_static", "dynamic": "mu_minimum"}, coulomb, ("dynamic",)),
+    }
+)
+
+FRICTIONS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {kind: entry.keys for kind, entry in FRICTION_KINDS.items()}
+)
+"""Friction laws: argument of the law's class -> parameter, which stands in `[blade]`."""
+
+
+LAW_PARAMETERS = frozenset(name for keys in FRICTIONS.values() for name in keys.values())
+"""Parameters of the blade that are numbers of some law: a blade has those of its own law."""
+
+
+def known(what: str, kind: Any, kinds: Mapping[str, Any]) -> Any:
+    """The entry of ``kind``. Raises ValueError, listing those there are, for another kind."""
+    if not isinstance(kind, str) or kind not in kinds:
+        raise ValueError(f"{what} must be one of {', '.join(kinds)}, but was {kind!r}")
+    return kinds[kind]
