@@ -109,7 +109,7 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
         if isinstance(value, eqx.Module):
             found[name] = type(value).__name__
             if isinstance(module, Wiper) and field.name == "friction":  # as it is called in files
-                keys = FRICTIONS.get(value.kind, {})
+                keys = FRICTIONS.get(getattr(value, "kind", ""), {})
                 law = _parameters(value).items()
                 found |= {prefix + keys.get(key, f"friction_{key}"): x for key, x in law}
                 continue
