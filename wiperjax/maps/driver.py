@@ -92,7 +92,7 @@ def run(
         return _in_memory(spec, blocks, int(block), known, progress, command)
     output = Path(output)
     stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
-    found = finished(output, stated) if resume and output.exists() else None
+    found = finished(output, stated) if resume and output.is_file() else None
     if found and not found.damaged:
         # killed after the map was complete, before its parts were gone
         if parts_of(output).is_dir():
