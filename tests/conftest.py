@@ -17,7 +17,10 @@ import wiperjax  # noqa: E402
 wiperjax.configure(1)  # as the command line does: one core for each of the processes
 
 # The longest files first: begun last, one would keep one process busy and leave the other idle.
-LONGEST = ("sensitivity", "cycles", "notebooks", "cluster", "bench", "noises", "against_reference")
+LONGEST = (
+    *("sensitivity", "cycle", "notebooks", "cluster", "measures", "failures", "noises", "lanes"),
+    *("hard_scenes", "against_reference", "reverse", "known_answers", "kills", "saltation_wiper"),
+)
 
 
 def pytest_collection_modifyitems(items):
@@ -36,7 +39,7 @@ def squeal():
 
 @pytest.fixture(scope="session")
 def steady_scenes():
-    """Columns of the scenes on a steady belt, their remedies and neighbours (`test_noises`)."""
-    import test_noises
+    """Columns of the scenes on a steady belt, their remedies and neighbours (`scenes`)."""
+    from scenes import STEADY, evaluated
 
-    return test_noises.evaluated(test_noises.STEADY, "squeal")
+    return evaluated(STEADY, "squeal")

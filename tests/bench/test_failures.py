@@ -103,6 +103,7 @@ def chart():
     return failures.measure([coarse, loop, Still(), Absent()], few)
 
 
+@pytest.mark.slow
 def test_a_chart_tells_right_from_wrong_and_from_not_run(chart):
     code = lambda method, scene: list(chart.outcome.sel(solver=method, scene=scene).values)
     assert code("Moreau-Jean", "grazing") == [Outcome.WRONG, Outcome.RIGHT, Outcome.RIGHT]
@@ -122,6 +123,7 @@ def test_a_chart_tells_right_from_wrong_and_from_not_run(chart):
     assert first[0].tolist() == [1, -1, 1] and first[2].tolist() == [-1, -1, -1]
 
 
+@pytest.mark.slow
 def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
     chart.to_netcdf(tmp_path / "f.h5", engine="h5netcdf")
     figure = failures_plot.draw(chart)

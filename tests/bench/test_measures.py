@@ -76,6 +76,7 @@ def test_the_scalar_loop_agrees_with_the_tests_reference(name):
         np.testing.assert_allclose(answer.position[cell, :n, 1], samples["y"], atol=1e-8 * size)
 
 
+@pytest.mark.slow
 def test_the_scalar_loop_converges_to_the_exact_block():
     scene = families.block(6)
     speeds = scene.parameters()["belt_speed"]
@@ -93,6 +94,7 @@ def test_the_scalar_loop_converges_to_the_exact_block():
     assert off[1] < 0.05 * off[0] and off[2] < 0.05 * off[1]
 
 
+@pytest.mark.slow
 def test_the_batch_of_one_thread_equals_that_of_all():
     scene = families.batch(200)
     one, all_ = (compiled.run(scene, 1e-6, threads=n, mark=0.0) for n in (1, None))
@@ -108,6 +110,7 @@ def test_the_batch_of_one_thread_equals_that_of_all():
     assert np.all(one.result == 0)
 
 
+@pytest.mark.slow
 def test_scipy_finds_the_same_events():
     scene = families.zeno(4).head(1)
     true = LOOP.prepare(scene, 1e-11).answer()

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import noises
 import numpy as np
 import pytest
-from problems import events, trajectory
+from systems import events, trajectory
 
 import wiperjax
 from wiperjax import Coulomb, Event, Regime

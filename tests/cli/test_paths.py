@@ -1,6 +1,6 @@
 """What a path may lead to: whatever stands there is seen before any work, and nothing is lost.
 
-The engine is the stub of `test_storage`. What used to hang is stopped by an alarm.
+The engine is the stub of `stub_sweep`. What used to hang is stopped by an alarm.
 """
 
 import errno
@@ -15,12 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from test_storage import BLOCK, evaluate, half_done, make_spec, run
+from stub_sweep import BLOCK, evaluate, half_done, make_spec, run
 
 from wiperjax.cli import main
 from wiperjax.machine import files
 from wiperjax.machine.files import StoreError, check_output
-from wiperjax.maps import block as work
 from wiperjax.maps import driver
 from wiperjax.maps.verify import verify
 from wiperjax.plots import plot_file
@@ -57,10 +56,16 @@ def alarm():
     signal.signal(signal.SIGALRM, before)
 
 
+def computed_by(monkeypatch, stub):
+    """A stub in place of the engine, in sweeps and where they are verified."""
+    for module in ("driver", "verify"):
+        monkeypatch.setattr(f"wiperjax.maps.{module}.engine", lambda: (stub, {}))
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(work, "engine", lambda: (evaluate, {}))
+    computed_by(monkeypatch, evaluate)
     Path("s.toml").write_text(SWEEP)
     return tmp_path
 
@@ -360,11 +365,11 @@ def stop_after(monkeypatch, blocks):
         done.append(index)
         return evaluate(spec, index)
 
-    monkeypatch.setattr(work, "engine", lambda: (stopping, {}))
+    computed_by(monkeypatch, stopping)
 
 
 def go_on(monkeypatch):
-    monkeypatch.setattr(work, "engine", lambda: (evaluate, {}))
+    computed_by(monkeypatch, evaluate)
 
 
 def test_a_picture_of_somebody_else_is_kept_on_resume(folder, monkeypatch, capsys):

@@ -6,9 +6,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import scipy.optimize
-from problems import StopOscillator
-from test_cycle import Ring, turn
-from test_known_answers import periodic_impacts
+from problems import periodic_impacts
+from systems import Ring, StopOscillator, turn
 
 from wiperjax import AbstractSystem, Stribeck
 from wiperjax.cycles.branch import walk
@@ -106,6 +105,7 @@ class Isola(Ring):
         return (-damping * v[0] - q[0],)
 
 
+@pytest.mark.slow
 def test_closed_branch_is_walked_once():
     system = Isola(a=-0.5, b=-2.0, c=1.0, offset=1.0)
     cycle = find_cycle(system, settle=60.0, initial_state=((1.3,), (0.0,)), over="a")
@@ -134,6 +134,7 @@ def two_impacts():
     return cycle
 
 
+@pytest.mark.slow
 def test_doubled_branch_ends_where_its_halves_are_alike(two_impacts):
     """Beyond, the halves have changed places: the same cycles again."""
     e = 0.8
@@ -153,6 +154,7 @@ def test_doubled_branch_ends_where_its_halves_are_alike(two_impacts):
     assert np.all(np.diff(branch.parameters) > 0)
 
 
+@pytest.mark.slow
 def test_a_walk_that_comes_back_on_itself_says_so(two_impacts, monkeypatch):
     """A doubling that is not noticed: the walk goes over it, to cycles that it has passed."""
     monkeypatch.setattr(walk, "doubled", lambda cycle: False)
@@ -161,6 +163,7 @@ def test_a_walk_that_comes_back_on_itself_says_so(two_impacts, monkeypatch):
     assert branch.parameters[0] < 2.655  # a few steps at most, where cycles are close together
 
 
+@pytest.mark.slow
 def test_branch_goes_on_beyond_a_grazing_impact():
     """Free vibrations reach the stop at an amplitude |1 - w^2|; with impacts the branch turns."""
     w, e = 1.3, 0.8

@@ -1,59 +1,22 @@
 """Limit cycles, their multipliers and branches, against closed forms."""
 
 import math
-from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.optimize
 import xarray as xr
-from problems import Block, StopOscillator
-from test_known_answers import CASES_V8, periodic_impacts
+from problems import CASES_V8, periodic_impacts
+from systems import Block, Ring, StopOscillator, turn
 
 import wiperjax
-from wiperjax import AbstractSystem
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import chart
 from wiperjax.cycles.branch.dataset import branch_dataset
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.branch.up_and_down import repeat_time, up_and_down
 from wiperjax.cycles.cycle import Found, find_cycle
-
-
-class Ring(AbstractSystem):
-    """x'' + (a + b r^2 + c r^4) x' + x = drive cos(w t), r^2 = x^2 + x'^2.
-
-    Without a drive its cycles are circles: a + b r^2 + c r^4 = 0, period 2 pi, multiplier
-    exp(-2 pi r^2 (b + 2 c r^2)) by Liouville's formula. b = -1, c = 1: a subcritical Hopf point at
-    a = 0 and a fold of cycles at a = 1/4, r^2 = 1/2.
-    """
-
-    unilateral: ClassVar[bool] = False
-    a: float = 0.1
-    b: float = -1.0
-    c: float = 1.0
-    drive: float = 0.0
-    frequency: float = 1.7
-
-    def free_acceleration(self, t, q, v):
-        r2 = q[0] ** 2 + v[0] ** 2
-        damping = self.a + self.b * r2 + self.c * r2**2
-        return (self.drive * jnp.cos(self.frequency * t) - damping * v[0] - q[0],)
-
-    def directions(self, t, q):
-        return (0.0,), (0.0,)
-
-    def normal_force(self, t, q, v):
-        return 1.0
-
-    def output(self, t, q, v):
-        return v[0]
-
-
-def turn(system):
-    """Period of what drives a system."""
-    return 2 * jnp.pi / system.frequency
 
 
 @pytest.fixture(scope="module")
@@ -176,6 +139,7 @@ def test_time_of_a_motion_that_comes_back_and_of_one_that_does_not():
         assert float(repeat_time(jnp.asarray(other), 7.3)) == 7.3
 
 
+@pytest.mark.slow
 def test_neimark_sacker_of_a_driven_oscillator():
     # multipliers of x'' + a x' + x = cos(w t) are exp(-a T/2 +- i ...): on the circle at a = 0
     system = Ring(a=0.2, b=0.0, c=0.0, drive=1.0)

@@ -64,6 +64,16 @@ def pool():
     return wiper, position, run(wiper, position, jnp.int32(CASES))
 
 
+TIMES = DURATION / SAMPLES * np.arange(SAMPLES + 1)
+
+
+@eqx.filter_jit
+def alone_solver(wiper):
+    """The same, one by one."""
+    step = DURATION / SAMPLES
+    return wiperjax.solve(wiper, DURATION, rtol=1e-8, max_step=2 * step, sample_times=TIMES)
+
+
 def same(a, b):
     for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
         np.testing.assert_array_equal(np.asarray(x), np.asarray(y))
@@ -107,11 +117,6 @@ def test_the_event_log_of_each_case_is_that_of_the_same_alone(pool):
         assert np.all(np.isnan(log.time[case][held:]))  # not the events of a lane's last case
 
 
-@eqx.filter_jit
-def alone_solver(wiper):
-    return wiperjax.solve(wiper, DURATION, rtol=1e-8, max_step=2 * DURATION / SAMPLES)
-
-
 def test_bitwise_the_same_in_any_order(pool):
     wiper, position, (outcome, signal, _) = pool
     order = np.random.default_rng(1).permutation(CASES)
@@ -144,12 +149,11 @@ def test_a_part_of_the_pool_leaves_the_rest_alone(pool):
 def test_the_signal_is_the_mean_of_the_output_velocity(pool):
     """Means of x' are differences of x; with the variance inside they are the exact mean square."""
     wiper, position, (outcome, samples, _) = pool
-    times = DURATION / SAMPLES * np.arange(SAMPLES + 1)
     means, inner = samples.output.astype(float), samples.inner.astype(float)
     square = np.asarray(outcome.observed.output_square_integral) / DURATION
     for case in (0, 7):
         one = jax.tree.map(lambda x, k=case: x[k] if jnp.ndim(x) else x, wiper)
-        place = sampled_solver(one, jnp.asarray(times)).samples.position[0]
+        place = alone_solver(one).samples.position[0]
         exact = np.diff(place) / (DURATION / SAMPLES)
         # friction bends the curve sharply at captures: the cubic is good to a part in a thousand
         size = max(float(one.belt.speed), 0.3)
@@ -168,13 +172,6 @@ def test_a_finer_look_is_the_same_motion_in_the_same_program():
     # other steps, the same motion to the tolerance
     np.testing.assert_allclose(means, coarse["signal"][[2, 5]], atol=1e-3)
     assert np.abs(fine["signal"]).max() > 0.1
-
-
-@eqx.filter_jit
-def sampled_solver(wiper, times):
-    return wiperjax.solve(
-        wiper, DURATION, rtol=1e-8, max_step=2 * DURATION / SAMPLES, sample_times=times
-    )
 
 
 def sweep_spec(angles=(-30, 30), speed=0.3, **run):
@@ -307,7 +304,7 @@ def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
 
 def test_float32_sees_the_same_events():
     index = np.arange(7)
-    double = batch.evaluate(sweep_spec(rtol=1e-5), index)
+    double = batch.evaluate(sweep_spec(), index)
     single = batch.evaluate(sweep_spec(rtol=1e-5, precision="float32"), index)
     assert np.all(single["result"] == Result.FINISHED)
     np.testing.assert_array_equal(single["stick_count"], double["stick_count"])
@@ -318,13 +315,15 @@ def test_float32_sees_the_same_events():
 def test_a_tip_that_is_carried_has_the_share_one_exactly(precision):
     """The times in a regime are sums of steps, which miss the window by 1e-15 of it or, in float32,
     by 5e-7: the tip was called quiet or other as rounding would have it."""
-    spec = sweep_spec(angles=(0, 20), speed=0.01, rtol=1e-5, precision=precision)
+    rtol = 1e-6 if precision == "float64" else 1e-5  # in programs that are compiled anyway
+    spec = sweep_spec(angles=(0, 20), speed=0.01, rtol=rtol, precision=precision)
     found, _ = evaluate_block(spec, np.arange(7), batch.evaluate)
     assert np.all(found["stick_fraction"] == 1.0)
     assert np.all(found["label"] == codes.LABELS["other"])
     assert np.all(found["mechanism"] == codes.MECHANISMS["carried"])
 
 
+@pytest.mark.slow
 def test_float32_does_not_creep_behind_a_stiff_shoulder():
     """The last digit of x, times the shoulder's stiffness, is an error that no short step lowers:
     steps that tried took nine times as many. And steps shorter than that digit must add up: where

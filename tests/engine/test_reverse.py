@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import Ball
+from systems import Ball
 
 import wiperjax
 from wiperjax import Wiper, WipingBelt

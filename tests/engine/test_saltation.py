@@ -1,12 +1,5 @@
 """Derivatives through single events: flow, saltation, flow in closed form.
 
-A perturbation of the state that passes an event at which the motion changes from f- to f+ after a
-reset R, with the event function g, is multiplied by the saltation matrix
-
-    S = DR + (f+ - DR f-) g_x / (g_t + g_x f-)        x = (q, v)
-
-Leine and Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems" (2004), ch. 7;
-di Bernardo, Budd, Champneys and Kowalczyk, "Piecewise-smooth Dynamical Systems" (2008), ch. 2.
 The flows beside the event are matrix exponentials: the motion there is linear.
 """
 
@@ -16,8 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import Block, Puck, events
+from saltation import saltation
 from scipy.linalg import expm
+from systems import Block, Puck, events
 
 import wiperjax
 from wiperjax import Event
@@ -34,13 +28,6 @@ def solved(system, duration, n, **options):
         return jnp.concatenate([s.final_position, s.final_velocity]), s
 
     return jax.jit(jax.jacfwd(run, has_aux=True))
-
-
-def saltation(reset, gradient, before, after, rate_t=0.0):
-    """S from DR, dg/dx, f- and f+; ``rate_t`` is dg/dt."""
-    reset, gradient = np.asarray(reset, float), np.asarray(gradient, float)
-    before, after = np.asarray(before, float), np.asarray(after, float)
-    return reset + np.outer(after - reset @ before, gradient) / (rate_t + gradient @ before)
 
 
 def matrix(linear, duration):

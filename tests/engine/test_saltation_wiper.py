@@ -1,6 +1,6 @@
 """Derivatives of the wiper through whole sequences of events.
 
-Flows and saltation matrices (see `test_saltation`): the motion between events is not linear, so its
+Flows and saltation matrices (see `saltation`): the motion between events is not linear, so its
 flow, and the derivative of it, come from the variational equation by scipy's integrator, which
 knows of no event. Regimes and instants of the events are the engine's; everything else is ours.
 """
@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from saltation import saltation
 from scipy.integrate import solve_ivp
-from test_saltation import saltation
 
 import wiperjax
 from wiperjax import Event, Regime, TrapezoidBelt, Wiper

@@ -14,9 +14,11 @@ import time
 from pathlib import Path
 
 import numpy as np
+import processes
 import pytest
-import test_storage as stub
+import stub_sweep as stub
 import xarray as xr
+from slow_sweep import slow
 
 from wiperjax.maps import block, cluster, driver
 from wiperjax.store.manifest import parts_of
@@ -35,14 +37,15 @@ def workers():
         yield found
 
 
-def slow(spec, index, *look):
-    time.sleep(0.1)
-    return stub.evaluate(spec, index, *look) | {"normal_force_max": np.sin(index)}
-
-
 def sweep(spec, path, workers, **options):
     with driver.run(
-        spec, path, workers=workers, evaluate=slow, block=stub.BLOCK, progress=False, **options
+        spec,
+        path,
+        workers=workers,
+        evaluate=slow,
+        block=stub.BLOCK,
+        progress=False,
+        **options,
     ) as ds:
         return ds.load()
 
@@ -134,7 +137,7 @@ def claim(folder, **environment):
         os.write(write, said.encode())
         signal.pause()
 
-    process = stub.fork(block)
+    process = processes.fork(work)
     said = os.read(read, 1000).decode()
     os.close(read)
     os.close(write)
@@ -168,13 +171,13 @@ def test_one_process_deals_a_block_to_all_its_accelerators():
     code = """
         import threading
         import jax, numpy as np
-        from wiperjax import cells, dealing
-        from wiperjax.spec import parse_sweep
+        from wiperjax.maps.cells import batch, devices
+        from wiperjax.specs.load import parse_sweep
 
         class Enough(Exception):
             pass
 
-        def note(wiper, position, velocity, count, max_steps, settings):
+        def note(wiper, position, velocity, count, *_):
             (device,) = position[0].devices()
             speeds = np.asarray(wiper.belt.speed)[: int(count)]
             seen.append((device.id, np.round(speeds, 3).tolist()))
@@ -183,11 +186,11 @@ def test_one_process_deals_a_block_to_all_its_accelerators():
 
         seen, together = [], threading.Barrier(3)
 
-        cells._compute, dealing.devices = note, jax.devices
+        batch._compute, devices.devices = note, jax.devices
         axis = {"start": 0.1, "stop": 0.7, "num": 7}
         spec = parse_sweep({"axes": {"belt_speed": axis}, "run": {"transient": 0, "window": 1}})
         try:
-            cells.evaluate(spec, np.arange(7))
+            batch.evaluate(spec, np.arange(7))
         except Enough:
             print(sorted(seen))
     """
@@ -196,7 +199,7 @@ def test_one_process_deals_a_block_to_all_its_accelerators():
         [sys.executable, "-c", textwrap.dedent(code)],
         capture_output=True,
         text=True,
-        env=stub.environment() | flags,
+        env=processes.environment() | flags,
     )
     assert ran.stdout.strip() == "[(0, [0.1, 0.4, 0.7]), (1, [0.2, 0.5]), (2, [0.3, 0.6])]", ran
 
@@ -235,7 +238,7 @@ def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
             [sys.executable, "-m", "wiperjax", *map(str, words)],
             capture_output=True,
             text=True,
-            env=cache | stub.environment() | calm,
+            env=cache | processes.environment() | calm,
             cwd=Path(__file__).parent,
         )
         assert ran.returncode == 0, ran.stderr

@@ -10,7 +10,7 @@ import os
 
 import numpy as np
 import pytest
-from test_storage import evaluate, make_spec
+from stub_sweep import evaluate, make_spec
 
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver, estimate

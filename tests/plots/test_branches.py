@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.colors import same_color
-from test_maps import SIGHT, _lab, inside_the_page
+from pictures import SIGHT, inside_the_page, lab
 
 matplotlib.use("Agg")
 
@@ -90,6 +90,6 @@ def test_no_multiplier_hides_another(branch):
 def test_colours_of_branches_are_told_apart_by_everybody(sight):
     curves = (branches.BRANCH, branches.REST, *(colour for colour, _ in branches.DOTS.values()))
     for colours in (curves, tuple(colour for *_, colour in branches.MULTIPLIERS)):
-        seen = [_lab(colour, SIGHT[sight]) for colour in colours]
+        seen = [lab(colour, SIGHT[sight]) for colour in colours]
         near = [np.linalg.norm(a - b) for k, a in enumerate(seen) for b in seen[:k]]
         assert min(near) > 15

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure
+from pictures import SIGHT, inside_the_page, lab
 from PIL import Image
-from test_maps import SIGHT, _lab, inside_the_page
 
 matplotlib.use("Agg")
 
@@ -210,7 +210,7 @@ def test_bands_of_regimes_are_told_apart_by_everybody(sight):
     seen = {}
     for name, colour in palette.REGIMES.items():
         paler = bands.ALPHA * np.array(matplotlib.colors.to_rgb(colour)) + 1 - bands.ALPHA
-        seen[name] = _lab(tuple(paler), SIGHT[sight])
+        seen[name] = lab(tuple(paler), SIGHT[sight])
     near = {(a, b): np.linalg.norm(seen[a] - seen[b]) for a in seen for b in seen if a < b}
     assert min(near.values()) > 12, min(near, key=lambda pair: near[pair])
 

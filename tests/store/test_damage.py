@@ -1,6 +1,6 @@
 """Finished files that are damaged: every change is noticed and named, and a map is mended.
 
-The engine is the stub of `test_storage`, which costs nothing.
+The engine is the stub of `stub_sweep`, which costs nothing.
 """
 
 import json
@@ -10,8 +10,8 @@ import shutil
 import h5py
 import numpy as np
 import pytest
-import test_storage as stub
-from test_storage import BLOCK, make_spec
+import stub_sweep as stub
+from stub_sweep import BLOCK, make_spec
 
 from wiperjax.cli import main
 from wiperjax.machine.files import StoreError
@@ -236,7 +236,7 @@ def forged(path, change):
 )
 def test_a_manifest_that_was_changed_knowingly_is_refused(tmp_path, change):
     spec, path = make_spec(), tmp_path / "map.h5"
-    stub.partial(path, spec, 3)
+    stub.half_done(path, spec, 3)
     forged(path, change)
     with pytest.raises(StoreError, match=r"block-.*: is not block 0 of manifest.json beside it"):
         stub.run(spec, path, resume=True)
@@ -246,7 +246,7 @@ def test_a_manifest_that_was_changed_knowingly_is_refused(tmp_path, change):
 
 def test_a_changed_manifest_without_blocks_changes_no_number(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
-    stub.partial(path, spec, 0)
+    stub.half_done(path, spec, 0)
     forged(path, lambda m: m["map"]["coords"]["belt_speed"]["values"].reverse())
     stub.run(spec, path, resume=True)
     stub.assert_same_map(path, spec)
@@ -256,7 +256,7 @@ def test_a_block_under_another_number_or_of_another_sweep_is_refused(tmp_path):
     spec, other = make_spec(), make_spec(speeds=10)
     paths = tmp_path / "a.h5", tmp_path / "b.h5"
     for path, made in zip(paths, (spec, other), strict=True):
-        stub.partial(path, made, 2)
+        stub.half_done(path, made, 2)
     block = next(parts_of(paths[0]).glob("block-00000001-*"))
     renamed = block.rename(block.with_name(block.name.replace("00000001", "00000002")))
     with pytest.raises(StoreError, match=r"is not block 2 .*\(start is 50, must be 100"):

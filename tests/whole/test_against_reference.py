@@ -9,26 +9,12 @@ import math
 import jax
 import numpy as np
 import pytest
+from matching import BLADE, common, engine, largest_shift, listed, logged, twin
 from reference.blade import Steady, Trapezoid, Wiping, simulate
 
-import wiperjax
-from wiperjax import Event, Result, SteadyBelt, TrapezoidBelt, Wiper, WipingBelt
+from wiperjax import Result, SteadyBelt
 
-LENGTH, DURATION, CAPACITY = 6e-3, 0.02, 512
-NAMES = {
-    Event.RELEASE: "release",
-    Event.CAPTURE: "capture",
-    Event.REVERSAL: "reversal",
-    Event.LIFT_OFF: "lift_off",
-    Event.IMPACT: "impact",
-    Event.ZENO: "zeno",
-    Event.KINK: "kink",
-    Event.BELT_REVERSAL: "belt",
-    Event.BELT_KINK: "belt",
-    Event.JAM: "jam",
-    Event.COLLAPSE: "collapse",
-    Event.TOUCH: "touch",
-}
+LENGTH, DURATION = BLADE["lip_length"], 0.02
 
 
 def draw(rng, kind, hinge):
@@ -73,57 +59,6 @@ def draw(rng, kind, hinge):
     return blade, belt, (LENGTH * math.sin(blade["attack_angle"]), 0.0, 0.0, 0.0)
 
 
-def twin(belt):
-    """The engine's belt that moves like the reference's."""
-    if isinstance(belt, Steady):
-        return SteadyBelt(belt.speed)
-    if isinstance(belt, Wiping):
-        return WipingBelt(belt.speed, belt.frequency, belt.phase)
-    return TrapezoidBelt(belt.speed, belt.frequency, belt.ramp, belt.phase)
-
-
-@jax.jit
-def engine(blade, belt, start):
-    state = ((start[0], start[1]), (start[2], start[3]))
-    return wiperjax.solve(
-        Wiper(belt=belt, **blade), DURATION, initial_state=state, rtol=1e-10, max_events=CAPACITY
-    )
-
-
-def logged(solution):
-    """Events of the engine as (time, name, before, after)."""
-    log, count = solution.events, int(solution.events.count)
-    assert count <= CAPACITY
-    columns = (np.asarray(x)[:count] for x in (log.time, log.kind, log.before, log.after))
-    return [
-        (float(t), NAMES[Event(k)], int(b), int(a)) for t, k, b, a in zip(*columns, strict=True)
-    ]
-
-
-def listed(run):
-    """Events of the reference; an impact and the completion that follows it are one event."""
-    events = []
-    for event in run.events:
-        if event.kind == "zeno" and events and events[-1][1] == "impact":
-            events.append((event.time, "zeno", events.pop()[2], event.after))
-        else:
-            events.append((event.time, event.kind, event.before, event.after))
-    return events
-
-
-def common(a, b):
-    """Number of leading events of the same kind and regimes."""
-    n = 0
-    while n < min(len(a), len(b)) and a[n][1:] == b[n][1:]:
-        n += 1
-    return n
-
-
-def largest_shift(a, b):
-    """Largest difference of the times of two equally long lists of events."""
-    return max((abs(x[0] - y[0]) for x, y in zip(a, b, strict=True)), default=0.0)
-
-
 GROUPS = [
     ("steady", False, 80),
     ("wiping", False, 45),
@@ -150,7 +85,7 @@ def test_random_blades(kind, hinge, count, record_property, capsys):
         stable = common(truth, moved)
         # what 1e-12 does to the times tells what the engine's tolerance of 1e-10 may do
         drift = largest_shift(moved[:stable], truth[:stable])
-        solution = engine(blade, twin(belt), start)
+        solution = engine({**BLADE, **blade}, twin(belt), start, DURATION)
         found = logged(solution)
         same = common(found, truth)
         good = {"finished": Result.FINISHED, "collapsed": Result.COLLAPSED}
@@ -182,16 +117,18 @@ def test_random_blades(kind, hinge, count, record_property, capsys):
     assert worst_place < 1e-7
 
 
+@pytest.mark.slow
 def test_a_batch_gives_the_same_as_the_scalar_engine():
     """Sixteen blades at once under `jax.vmap`, every event."""
     rng = np.random.default_rng(5)
     drawn = [draw(rng, "steady", False) for _ in range(16)]
     starts = np.array([d[2] for d in drawn])
-    blades = {k: np.array([d[0][k] for d in drawn]) for k in drawn[0][0]}
+    blades = [{**BLADE, **blade} for blade, _, _ in drawn]
+    blades = {key: np.array([blade[key] for blade in blades]) for key in blades[0]}
     belts = SteadyBelt(np.array([d[1].speed for d in drawn]))
-    together = jax.jit(jax.vmap(engine))(blades, belts, starts)
+    together = jax.jit(jax.vmap(engine, (0, 0, 0, None)))(blades, belts, starts, DURATION)
     for i, (blade, belt, start) in enumerate(drawn):
-        alone = logged(engine(blade, twin(belt), start))
+        alone = logged(engine({**BLADE, **blade}, twin(belt), start, DURATION))
         lane = logged(jax.tree.map(lambda x, i=i: x[i], together))
         assert [e[1:] for e in alone] == [e[1:] for e in lane]
         np.testing.assert_allclose([e[0] for e in alone], [e[0] for e in lane], rtol=0, atol=1e-10)

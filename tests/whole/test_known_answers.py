@@ -5,11 +5,13 @@ import math
 import jax
 import numpy as np
 import pytest
-from problems import EXACT, Ball, Block, Rod, StopOscillator, events, trajectory
+from problems import CASES_V8, EXACT, periodic_impacts
+from systems import Ball, Block, Rod, StopOscillator, events, trajectory
 
 import wiperjax
 from wiperjax import Event, Result
 from wiperjax.contact.impact import poisson_impact
+from wiperjax.contact.space import contact
 
 
 @pytest.mark.parametrize("problem", EXACT, ids=lambda p: p.name)
@@ -115,19 +117,14 @@ def test_v6_sticks_for_ever_above_the_threshold(factor, sticks):
     assert (int(s.events.count) == 0) == sticks
 
 
-CASES_V8 = [
-    (2.5, 0.8, 3.0056503737490265, 0.6453521784141956, (-0.16494164 + 0.78281176j,)),
-    (2.8, 0.8, None, 0.3361772699756701, (-2.95809507, -0.21635545)),
-]
-
-
-def periodic_impacts(w, e):
-    """(psi, v-) of the orbit with one impact a forcing period."""
-    period, v = 2 * math.pi / w, 1 / (1 - w * w)
-    psi = math.atan(-((1 - e) / (1 + e)) * math.tan(period / 2) / w)
-    if v * math.cos(psi) * math.tan(period / 2) < 0:
-        psi += math.pi
-    return psi, 2 * v * math.cos(psi) * math.tan(math.pi / w) / (1 + e)
+@jax.jit
+@jax.jacfwd
+def advanced(state, system, period):
+    """Derivative of the state a period later by the state."""
+    s = wiperjax.solve(
+        system, period, initial_state=((state[0],), (state[1],)), rtol=1e-10, max_events=4
+    )
+    return jax.numpy.concatenate([s.final_position, s.final_velocity])
 
 
 @pytest.mark.parametrize("w, e, psi, speed, multipliers", CASES_V8)
@@ -152,15 +149,7 @@ def test_v8_forced_impact_oscillator(w, e, psi, speed, multipliers):
         amplitude=1.0, frequency=w, phase=phase + math.pi, restitution=e, side=-1.0
     )
 
-    @jax.jit
-    @jax.jacfwd
-    def advanced(state):
-        s = wiperjax.solve(
-            later, period, initial_state=((state[0],), (state[1],)), rtol=1e-10, max_events=4
-        )
-        return jax.numpy.concatenate([s.final_position, s.final_velocity])
-
-    matrix = np.asarray(advanced(here))
+    matrix = np.asarray(advanced(here, later, period))
     values = np.linalg.eigvals(matrix)
     assert np.linalg.det(matrix) == pytest.approx(e * e, rel=1e-7)
     for m in multipliers:
@@ -213,9 +202,7 @@ def test_v10_pendulum_is_paradoxical_above_the_threshold(phi, threshold):
 )
 def test_v10_impact_without_collision(e, v_n, p_t):
     rod, angle = Rod(restitution=e), math.radians(60)
-    c = wiperjax.system.contact(
-        rod, *jax.tree.map(jax.numpy.asarray, (0.0, *rod.start(angle, 1.0)))
-    )
+    c = contact(rod, *jax.tree.map(jax.numpy.asarray, (0.0, *rod.start(angle, 1.0))))
     np.testing.assert_allclose([c.w_nn, c.w_tt, c.w_tn], [1.75, 3.25, 1.299038105677], rtol=1e-12)
     blow = poisson_impact(c.w_tt, c.w_tn, c.w_nn, rod.mu, e, 1.0, 0.0)
     assert float(blow.tangential) == pytest.approx(p_t, abs=1e-12)

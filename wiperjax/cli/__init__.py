@@ -14,8 +14,9 @@ from typing import Annotated
 
 import typer
 
-from .compute import follow, ladder, simulate, sweep, verify
+from .compute import sweep, verify
 from .example import example
+from .motion import follow, ladder, simulate
 from .options import INTERRUPTED
 from .show import LISTEN_HELP, PLOT_HELP, info, listen, plot
 

@@ -1,4 +1,4 @@
-"""Commands that compute: a map, a run, a branch, a ladder of models, a map's sample again."""
+"""Commands that compute maps: a sweep, and a sample of its cells again."""
 
 import contextlib
 import os
@@ -13,7 +13,6 @@ import typer
 from .options import (
     INTERRUPTED,
     MAP_SUFFIXES,
-    PICTURE_SUFFIXES,
     STILL_SUFFIXES,
     Force,
     Model,
@@ -27,8 +26,29 @@ from .tables import (
     print_events,
     print_plan,
     print_sensitivities,
-    print_special,
 )
+
+Workers = Annotated[int | None, typer.Option(min=1, help="Cores to use.", show_default="all")]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="tcp://HOST:PORT", help="Compute on this dask cluster.")
+]
+Processes = Annotated[
+    int | None, typer.Option(min=1, help="Compute on a dask cluster of N processes here.")
+]
+Derivatives = Annotated[
+    bool,
+    typer.Option(
+        "--sensitivities",
+        help="Store derivatives by parameters too; which ones: \\[sensitivities] in the file.",
+    ),
+]
+Block = Annotated[
+    int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
+]
+Target = Annotated[
+    float | None,
+    typer.Option(help="Pick solver, precision and rtol for this error (of the lip's length)."),
+]
 
 
 def sweep(
@@ -41,31 +61,13 @@ def sweep(
     picture: Annotated[
         bool, typer.Option("--picture/--no-picture", help="Draw the map beside it as .png.")
     ] = True,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Cores to use.", show_default="all")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="Compute on this dask cluster."),
-    ] = None,
-    local_cluster: Annotated[
-        int | None, typer.Option(min=1, help="Compute on a dask cluster of N processes here.")
-    ] = None,
-    sensitivities: Annotated[
-        bool,
-        typer.Option(
-            "--sensitivities",
-            help="Store derivatives by parameters too; which ones: \\[sensitivities] in the file.",
-        ),
-    ] = False,
-    block: Annotated[
-        int | None, typer.Option(min=1, help="Cells per block that is stored.", show_default="auto")
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    local_cluster: Processes = None,
+    sensitivities: Derivatives = False,
+    block: Block = None,
     model: Model = None,
-    target_error: Annotated[
-        float | None,
-        typer.Option(help="Pick solver, precision and rtol for this error (of the lip's length)."),
-    ] = None,
+    target_error: Target = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from ..specs.load import load_sweep
@@ -93,27 +95,26 @@ def sweep(
     from ..maps.driver import run
     from ..noise.class_counts import class_table
 
+    stated: dict[str, Any] = {
+        "--workers": workers,
+        "--scheduler": scheduler,
+        "--local-cluster": local_cluster,
+        "--model": model,
+        "--target-error": target_error,
+    }
     command = ["wiperjax", "sweep", str(file), "-o", str(output)]
     command += ["--sensitivities"] if sensitivities else []
     command += [] if picture else ["--no-picture"]
-    command += [] if workers is None else ["--workers", str(workers)]
-    command += [] if scheduler is None else ["--scheduler", scheduler]
-    command += [] if local_cluster is None else ["--local-cluster", str(local_cluster)]
-    command += [] if model is None else ["--model", model]
-    command += [] if target_error is None else ["--target-error", str(target_error)]
+    for option, value in stated.items():
+        command += [] if value is None else [option, str(value)]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
-    try:
-        with contextlib.ExitStack() as stack:
-            if not embedded:
-                from ..maps.cluster import connect
-
-                chosen["workers"] = stack.enter_context(connect(scheduler, local_cluster))
-            dataset = run(
-                spec, output, resume=resume, force=force, command=shlex.join(command), **chosen
-            )
-    except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
-        print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
+    chosen |= {"resume": resume, "force": force, "command": shlex.join(command)}
+    with _who_computes(embedded, scheduler, local_cluster) as others:
+        try:
+            dataset = run(spec, output, **others, **chosen)
+        except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
+            print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
     print_classes(class_table(dataset))
     print_sensitivities(dataset)
     print_events(dataset)
@@ -123,6 +124,18 @@ def sweep(
 
         plot_file(output, drawing, picture=name, force=redraw)
         print(f"picture  {drawing}")
+
+
+@contextlib.contextmanager
+def _who_computes(embedded: bool, scheduler: str | None, processes: int | None):
+    """The `workers` of `driver.run` while they are connected; none where it computes itself."""
+    if embedded:
+        yield {}
+        return
+    from ..maps.cluster import connect
+
+    with connect(scheduler, processes) as workers:
+        yield {"workers": workers}
 
 
 def usual_picture(spec: Any) -> str | None:
@@ -172,96 +185,6 @@ def at_error(spec: Any, target: float, file: Path) -> Any:
         update={"solver": found.solver, "precision": found.precision, "rtol": found.rtol}
     )
     return spec.model_copy(update={"run": run})
-
-
-def simulate(
-    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="What to simulate.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.h5", help="Run to make.")],
-    force: Force = False,
-    model: Model = None,
-) -> None:
-    """Compute one trajectory: samples over time and every event."""
-    from ..specs.load import load_scene
-
-    spec = load_scene(file, model)
-    check_output(output, MAP_SUFFIXES, force, file)
-
-    configure(1)
-    from ..runs.scene import run
-    from ..store.whole import write_dataset
-
-    try:
-        dataset = run(spec)
-    except KeyboardInterrupt:
-        print("wiperjax: interrupted, nothing was written", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
-    write_dataset(dataset, output, force)
-    print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
-
-
-def follow(
-    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="A blade that makes a noise.")],
-    over: Annotated[str, typer.Option(help="Parameter to vary, such as belt_speed.")],
-    low: Annotated[float, typer.Option("--from", help="Its range, in the units of files.")],
-    high: Annotated[float, typer.Option("--to", help="The upper end.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="BRANCH.h5", help="To make.")],
-    step: Annotated[float, typer.Option(min=1e-4, max=0.5, help="Length of a step.")] = 0.03,
-    simulate: Annotated[
-        int | None,
-        typer.Option(min=2, metavar="N", help="Simulate up and down the range too, at N values."),
-    ] = None,
-    force: Force = False,
-) -> None:
-    """Follow the limit cycle of a scene over a parameter, stable and unstable."""
-    from ..specs.load import load_scene
-
-    spec = load_scene(file)
-    picture = output.with_suffix(".png")
-    check_output(output, MAP_SUFFIXES, force, file)
-    check_output(picture, PICTURE_SUFFIXES, force, file)
-
-    configure(1)
-    from ..cycles.branch.from_scene import run
-    from ..plots import plot_file
-    from ..store.whole import write_dataset
-
-    branch = run(spec, over, low, high, step, simulate or 0)
-    write_dataset(branch, output, force)
-    plot_file(output, picture, force=force)
-    print_special(branch)
-    print(f"branch   {output}: {branch.sizes['point']} cycles")
-    print(f"picture  {picture}")
-
-
-def ladder(
-    files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml...", help="Scenes.")],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="TABLE.md", help="Write it here.")
-    ] = None,
-    force: Force = False,
-) -> None:
-    """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
-    from ..specs.load import load_scene
-
-    for file in files:
-        load_scene(file)  # wrong ones are named before any work
-    if output is not None:
-        check_output(output, (".md",), force, *files)
-    configure(1)
-    from ..runs.compare_rungs import compare, preface, summary, table
-
-    results = []
-    for file in files:
-        results.append(compare(file, say=_working))
-        print(table(results[-1:], head=len(results) == 1), end="", flush=True)
-    if output is not None:
-        text = preface() + summary(results) + "\n" + table(results)
-        output.write_text(text, encoding="utf-8")
-        print(f"table    {output}")
-
-
-def _working(text: str) -> None:
-    print(f"running {text}", file=sys.stderr, flush=True)
 
 
 def verify(

@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import test_storage
+import stub_sweep
 import xarray as xr
+from processes import fork
 
 from wiperjax.blade.wiper import Wiper
 from wiperjax.datasets import map_dataset
@@ -135,9 +136,7 @@ def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, f
         return blocks[0]
 
     identity = block.engine()[1]
-    child = test_storage.fork(
-        lambda: driver.run(spec, path, evaluate=dies, identity=identity, **options)
-    )
+    child = fork(lambda: driver.run(spec, path, evaluate=dies, identity=identity, **options))
     assert os.WIFSIGNALED(os.waitpid(child, 0)[1])
     with open_map(parts_of(path)) as part:
         assert part.done.values.sum() == BLOCK
@@ -149,7 +148,7 @@ def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, f
         Client(cluster) as client,
         driver.run(spec, path, resume=True, workers=Workers(client), **options) as ds,
     ):
-        xr.testing.assert_identical(test_storage.data_of(ds), test_storage.data_of(in_memory))
+        xr.testing.assert_identical(stub_sweep.data_of(ds), stub_sweep.data_of(in_memory))
 
 
 @pytest.mark.parametrize("correction", [-1e-4, 0.0, 1e-4])
@@ -302,6 +301,7 @@ def test_what_a_quiet_cell_keeps_of_its_start_has_no_derivative():
     assert known["final_x"] == [True, True, True]
 
 
+@pytest.mark.slow
 def test_a_mirrored_blade_has_mirrored_derivatives():
     """(alpha, V, x) -> -(alpha, V, x); a parameter at an end of its range is not checked."""
     found = {}

@@ -1,0 +1,22 @@
+"""Cells of a map computed again."""
+
+import pytest
+from stub_sweep import evaluate, make_spec, rewritten, run
+
+from wiperjax.machine.files import StoreError
+from wiperjax.maps.verify import verify
+
+
+def test_verify_recomputes_and_finds_a_changed_number(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    run(spec, path)
+    report = verify(path, cells=40, seed=1, evaluate=evaluate)
+    assert report.passed and report.same_versions and report.cells == 40 and report.columns == 14
+    assert set(report.largest) <= {"dominant_frequency"}
+    with rewritten(path) as file:
+        file["normal_force_max"][...] = file["normal_force_max"][...] * (1 + 1e-6)
+    report = verify(path, cells=385, evaluate=evaluate)
+    assert not report.passed and len(report.differing) > 380
+    assert report.largest["normal_force_max"] == pytest.approx(1e-6, rel=1e-3)
+    with pytest.raises(StoreError, match="was not made from this specification"):
+        verify(path, spec=make_spec(rtol=1e-7), evaluate=evaluate)

@@ -1,0 +1,160 @@
+"""Sweeps that survive: kills at random times and before every call that counts, and Ctrl-C."""
+
+import hashlib
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import slow_sweep
+import xarray as xr
+from processes import environment, fork
+from stub_sweep import assert_same_map, data_of, evaluate, half_done, make_spec, run, whole
+
+from wiperjax.maps import driver
+from wiperjax.store import partial
+from wiperjax.store.manifest import parts_of
+from wiperjax.store.whole import open_map
+
+
+def test_kills_at_random_times(tmp_path):
+    """SIGKILL at random times, from before the first block to while the map is put together."""
+    spec, path = make_spec(), tmp_path / "map.h5"
+    reference = data_of(whole(spec))
+    kills, finished, kept, places = 0, 0, 0, set()
+    rng = random.Random(0)
+    # Processes are forked: a fresh interpreter for each kill would take most of the time. The time
+    # of a whole sweep is measured, for the kills must hit all of it on a busy machine, too.
+    begun = time.monotonic()
+    os.waitpid(subprocess_fork(spec, path, delay=0.004), 0)
+    length = time.monotonic() - begun
+    path.unlink()
+    deadline = begun + 180  # about ten seconds, unless the machine is very busy
+    enough = False
+    while not enough and time.monotonic() < deadline:
+        child = subprocess_fork(spec, path, delay=0.004)
+        time.sleep(rng.uniform(0.0, 0.8 * length))
+        os.kill(child, signal.SIGKILL)
+        _, status = os.waitpid(child, 0)
+        kills += os.WIFSIGNALED(status)
+        if path.exists():
+            with open_map(path) as ds:  # whole, or not there
+                xr.testing.assert_identical(data_of(ds), reference)
+            finished += 1
+            path.unlink()
+            shutil.rmtree(parts_of(path), ignore_errors=True)
+        elif parts_of(path).exists() and (parts_of(path) / "manifest.json").exists():
+            done = partial.open_partial(parts_of(path))
+            cells = done.done.values.astype(bool)
+            kept += bool(cells.any())
+            places.add(int(cells.sum()))
+            if cells.any():
+                same = done.steps.values[cells] == reference.steps.values[cells]
+                assert same.all()
+        enough = kills >= 20 and kept >= 8 and finished >= 2 and len(places) >= 4
+    run(spec, path, resume=True)
+    assert_same_map(path, spec)
+    counts = f"{kills} kills, {kept} left finished blocks, {finished} maps were finished"
+    print(f"{counts}; cells done after a kill: {sorted(places)}")
+    assert enough, counts
+
+
+CALLS = ("mkdir", "ftruncate", "fsync", "replace", "unlink", "rmdir")
+
+
+def test_a_kill_before_any_call_that_counts(tmp_path):
+    """SIGKILL before the first, the second, ... of all the calls that make what was written
+    durable, name it or delete it: each time what is left can be read, and goes on to the same map.
+    """
+    spec, path = make_spec(2, 2, 5), tmp_path / "map.h5"
+    options = {"block": 8, "evaluate": evaluate, "progress": False, "resume": True}
+    reference = data_of(driver.run(spec, evaluate=evaluate, block=8, progress=False))
+    places, kept, call = 0, set(), 0
+    while True:
+        child = fork(lambda call=call: killed_at(call, spec, path, options))
+        _, status = os.waitpid(child, 0)
+        if not os.WIFSIGNALED(status):
+            break
+        places += 1
+        if (parts_of(path) / "manifest.json").exists():
+            part = open_map(parts_of(path))
+            done = part.done.values == 1
+            kept.add(int(done.sum()))
+            if done.any():
+                assert (part.steps.values[done] == reference.steps.values[done]).all()
+        with driver.run(spec, path, **options) as ds:
+            xr.testing.assert_identical(data_of(ds), reference)
+        assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+        path.unlink()
+        call += 1
+    print(f"{places} kills, one before each call")
+    assert places > 25 and kept >= {0, 8, 16, 20}
+
+
+def killed_at(call, spec, path, options):
+    """A sweep that kills its process before its call number `call` of `CALLS`."""
+    left = iter(range(call + 1))
+
+    def deadly(function):
+        def wrapped(*args, **kwargs):
+            if next(left, None) == call:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return function(*args, **kwargs)
+
+        return wrapped
+
+    for name in CALLS:
+        setattr(os, name, deadly(getattr(os, name)))
+    driver.run(spec, path, **options)
+
+
+def subprocess_fork(spec, path, delay):
+    """Process id of a child that resumes the sweep, each block taking `delay` seconds."""
+    return fork(lambda: slow_sweep.slow_sweep(spec, path, delay, resume=True))
+
+
+def test_ctrl_c_stops_cleanly_and_says_how_to_go_on(tmp_path):
+    path = tmp_path / "map.h5"
+    child = subprocess.Popen(
+        [sys.executable, slow_sweep.__file__, path, "0.3"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=environment(),
+    )
+    deadline = time.monotonic() + 60
+    while (
+        not list(tmp_path.glob("map.h5.parts/block-*"))
+        and child.poll() is None
+        and time.monotonic() < deadline
+    ):
+        time.sleep(0.02)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=60)
+    assert child.returncode == 130, said
+    assert (
+        "cells are kept" in said
+        and "wiperjax sweep a.toml -o map.h5 --resume" in said
+        and "Traceback" not in said
+    )
+    assert not path.exists() and parts_of(path).is_dir()
+    run(make_spec(), path, resume=True)
+    assert_same_map(path, make_spec())
+
+
+def test_kill_between_the_finished_map_and_the_removal_of_its_parts(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    half_done(path, spec, 3)
+    shutil.copytree(parts_of(path), tmp_path / "kept")
+    run(spec, path, resume=True)
+    before = hashlib.sha256(path.read_bytes()).hexdigest()
+    (tmp_path / "kept").rename(parts_of(path))
+
+    def never(spec, index):
+        raise AssertionError("nothing is left to compute")
+
+    run(spec, path, resume=True, evaluate=never)
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == before and not parts_of(path).exists()

@@ -1,0 +1,110 @@
+"""Commands that compute single motions: a run, a branch of cycles, a ladder of models."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import (
+    INTERRUPTED,
+    MAP_SUFFIXES,
+    PICTURE_SUFFIXES,
+    Force,
+    Model,
+    check_output,
+    configure,
+)
+from .tables import (
+    print_special,
+)
+
+
+def simulate(
+    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="What to simulate.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="RUN.h5", help="Run to make.")],
+    force: Force = False,
+    model: Model = None,
+) -> None:
+    """Compute one trajectory: samples over time and every event."""
+    from ..specs.load import load_scene
+
+    spec = load_scene(file, model)
+    check_output(output, MAP_SUFFIXES, force, file)
+
+    configure(1)
+    from ..runs.scene import run
+    from ..store.whole import write_dataset
+
+    try:
+        dataset = run(spec)
+    except KeyboardInterrupt:
+        print("wiperjax: interrupted, nothing was written", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    write_dataset(dataset, output, force)
+    print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
+
+
+def follow(
+    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="A blade that makes a noise.")],
+    over: Annotated[str, typer.Option(help="Parameter to vary, such as belt_speed.")],
+    low: Annotated[float, typer.Option("--from", help="Its range, in the units of files.")],
+    high: Annotated[float, typer.Option("--to", help="The upper end.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="BRANCH.h5", help="To make.")],
+    step: Annotated[float, typer.Option(min=1e-4, max=0.5, help="Length of a step.")] = 0.03,
+    simulate: Annotated[
+        int | None,
+        typer.Option(min=2, metavar="N", help="Simulate up and down the range too, at N values."),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Follow the limit cycle of a scene over a parameter, stable and unstable."""
+    from ..specs.load import load_scene
+
+    spec = load_scene(file)
+    picture = output.with_suffix(".png")
+    check_output(output, MAP_SUFFIXES, force, file)
+    check_output(picture, PICTURE_SUFFIXES, force, file)
+
+    configure(1)
+    from ..cycles.branch.from_scene import run
+    from ..plots import plot_file
+    from ..store.whole import write_dataset
+
+    branch = run(spec, over, low, high, step, simulate or 0)
+    write_dataset(branch, output, force)
+    plot_file(output, picture, force=force)
+    print_special(branch)
+    print(f"branch   {output}: {branch.sizes['point']} cycles")
+    print(f"picture  {picture}")
+
+
+def ladder(
+    files: Annotated[list[Path], typer.Argument(metavar="SCENE.toml...", help="Scenes.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="TABLE.md", help="Write it here.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
+    from ..specs.load import load_scene
+
+    for file in files:
+        load_scene(file)  # wrong ones are named before any work
+    if output is not None:
+        check_output(output, (".md",), force, *files)
+    configure(1)
+    from ..runs.compare_rungs import compare, preface, summary, table
+
+    results = []
+    for file in files:
+        results.append(compare(file, say=_working))
+        print(table(results[-1:], head=len(results) == 1), end="", flush=True)
+    if output is not None:
+        text = preface() + summary(results) + "\n" + table(results)
+        output.write_text(text, encoding="utf-8")
+        print(f"table    {output}")
+
+
+def _working(text: str) -> None:
+    print(f"running {text}", file=sys.stderr, flush=True)
