@@ -54,7 +54,7 @@ def value(system: AbstractSystem, name: str) -> float:
 
 def replaced(system: AbstractSystem, name: str, number) -> AbstractSystem:
     """Return ``system`` with the number ``name`` replaced."""
-    return eqx.treeat(at(path(system, name)), system, jnp.asarray(number, float))
+    return eqx.tree_at(at(path(system, name)), system, jnp.asarray(number, float))
 
 
 def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
@@ -87,7 +87,7 @@ def direction(system: AbstractSystem, name: str | None, *others: str):
         if each is not None:
             where = at(path(system, each))
             size = jnp.ones_like if each == name else jnp.zeros_like
-            tangent = eqx.treeat(where, tangent, size(where(system)), is_leaf=_is_none)
+            tangent = eqx.tree_at(where, tangent, size(where(system)), is_leaf=_is_none)
     return tangent
 
 
