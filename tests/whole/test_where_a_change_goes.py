@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax.blade import belts, rungs
+from wiperjax.blade import belts, numbers, rungs
 from wiperjax.contact import friction
 from wiperjax.engine.observers.totals import Totals
 from wiperjax.maps.block import evaluate_block
@@ -178,3 +178,15 @@ def test_an_unknown_kind_of_belt_is_an_error_everywhere():
 def test_the_deviation_of_integrals():
     record = Totals(*[0.0] * 3, 4.0, 10.0, *[0.0] * 7)
     assert float(record.variance(2.0)) == 1.0 and float(record.deviation(2.0)) == 1.0
+
+
+def test_numbers_of_a_given_law_are_found_by_the_names_of_files():
+    blade = numbers.traceable(wiperjax.Wiper(friction=wiperjax.Coulomb(0.6, 0.5)), "mu_minimum")
+    assert numbers.value(blade, "mu_static") == 0.6
+    changed = numbers.replaced(blade, "mu_minimum", 0.4)
+    assert float(changed.law.coefficient(1.0)) == pytest.approx(0.4, rel=1e-15)
+    assert numbers.stored(blade, "mu_minimum")[0] == "mu_minimum"
+    along = numbers.direction(blade, "mu_minimum")
+    assert float(along.friction.dynamic) == 1.0 and along.friction.static is None
+    with pytest.raises(ValueError, match="parameter must be a number of Wiper"):
+        numbers.value(blade, "stribeck_speed")

@@ -13,6 +13,7 @@ from ..blade.bar import Bar
 from ..blade.belts import AbstractBelt
 from ..blade.block import Block
 from ..blade.wiper import ENGINE_FIELDS, Wiper
+from ..contact.friction import AbstractFriction
 from ..engine.carry.problem import Problem
 from ..engine.carry.state import EventLog, State, final_velocity
 from ..vocabulary import cf
@@ -108,8 +109,8 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
             continue
         if isinstance(value, eqx.Module):
             found[name] = type(value).__name__
-            if isinstance(module, Wiper) and field.name == "friction":  # as it is called in files
-                keys = FRICTIONS.get(getattr(value, "kind", ""), {})
+            if isinstance(module, Wiper) and isinstance(value, AbstractFriction):  # as in files
+                keys = FRICTIONS.get(value.kind, {})
                 law = _parameters(value).items()
                 found |= {prefix + keys.get(key, f"friction_{key}"): x for key, x in law}
                 continue
