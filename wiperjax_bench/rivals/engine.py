@@ -46,7 +46,9 @@ def arrays(scene: Scene, precision: str) -> tuple:
         return np.broadcast_to(value, (scene.cells,)) if spread else value
 
     blade: dict[str, Any] = {
-        name: PLAIN[name] if np.all(value == PLAIN.get(name)) else leaf(value, name in full)
+        name: PLAIN[name]
+        if name in PLAIN and np.all(value == PLAIN[name])
+        else jax.tree.map(partial(leaf, spread=name in full), value)  # a law, or none, too
         for name, value in blade_fields(scene.wiper).items()
     }
     steady = type(scene.wiper.belt).__name__ == "SteadyBelt"
