@@ -34,7 +34,9 @@ def squeal():
     from wiperjax.runs import scene
     from wiperjax.specs.load import load_scene
 
-    return scene.run(load_scene(Path(__file__).parents[1] / "sweeps" / "scenes" / "squeal.toml"))
+    return scene.run_scene(
+        load_scene(Path(__file__).parents[1] / "sweeps" / "scenes" / "squeal.toml")
+    )
 
 
 @pytest.fixture(scope="session")

@@ -12,11 +12,11 @@ from .engine.observers.base import AbstractObserver
 from .engine.observers.totals import RegimeTotals
 from .engine.solve import solve
 from .machine.jax_settings import configure
-from .maps.driver import run as sweep
+from .maps.driver import sweep
 from .maps.verify import verify
 from .noise.class_counts import class_table
 from .noise.run_class import assess
-from .runs.scene import run as run_scene
+from .runs.scene import run_scene
 from .runs.simulate import simulate
 from .specs.load import load_scene, load_sweep, parse_scene, parse_sweep
 from .store.whole import open_map

@@ -18,7 +18,7 @@ from wiperjax.contact.friction import Stribeck
 from wiperjax.contact.regimes import forces, vector_field
 from wiperjax.contact.space import contact
 from wiperjax.runs import compare_rungs
-from wiperjax.runs.scene import run
+from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import SpecError, load_scene, parse_scene, parse_sweep
 
 WIPER = wiperjax.Wiper(attack_angle=0.1, support_damping=3.0, hinge_damping=1e-5, gravity=9.81)
@@ -187,7 +187,7 @@ def test_wrong_rungs_are_refused():
 @pytest.mark.parametrize("model", ["bar", "block"])
 def test_a_scene_file_runs_on_a_lower_rung(model):
     spec = load_scene(noises.SWEEPS / "scenes" / "squeal.toml", model)
-    ds = run(spec)
+    ds = run_scene(spec)
     assert ds.attrs["model"] == model and list(ds.axis.values) == ["x", "y"]
     assert not ds.position.sel(axis="y").any() and not ds.velocity.sel(axis="y").any()
     assert ds.velocity.attrs["units"] == "m/s"

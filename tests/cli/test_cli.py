@@ -62,9 +62,9 @@ class Stubs:
         )
         pieces = {
             "machine.jax_settings": {"configure": self.configure},
-            "maps.driver": {"run": self.run},
+            "maps.driver": {"sweep": self.sweep},
             "maps.verify": {"verify": self.verify},
-            "runs.scene": {"run": self.simulate},
+            "runs.scene": {"run_scene": self.simulate},
             "plots": {"plot_file": self.plot_file, "plot_all": self.plot_all},
         }
         for name, contents in pieces.items():
@@ -79,8 +79,8 @@ class Stubs:
     def configure(self, cores=None):
         self.calls.append(("configure", cores))
 
-    def run(self, spec, output, **options):
-        self.calls.append(("run", spec, output, options))
+    def sweep(self, spec, output, **options):
+        self.calls.append(("sweep", spec, output, options))
         if self.error:
             raise self.error
         whole.write_dataset(small_map(), output, options["force"] or options["resume"])
@@ -137,7 +137,7 @@ def failed(capsys, status, expected_status=1):
 
 def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
     assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0
-    assert stubs.names == ["configure", "run", "plot_file"]
+    assert stubs.names == ["configure", "sweep", "plot_file"]
     _, spec, output, options = stubs.calls[1]
     assert spec.title == "two cells" and output == Path("m.h5")
     assert options == {
@@ -447,12 +447,12 @@ def test_memory_is_that_of_this_process_alone():
 def test_follow_simulates_where_it_is_asked_to(words, values, folder, stubs, monkeypatch):
     asked = []
 
-    def run(spec, over, low, high, step, simulate):
+    def follow_scene(spec, over, low, high, step, simulate):
         asked.append(simulate)
         raise ValueError("far enough")
 
     piece = types.ModuleType("wiperjax.cycles.branch.from_scene")
-    piece.run = run  # type: ignore[attr-defined]
+    piece.follow_scene = follow_scene  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "wiperjax.cycles.branch.from_scene", piece)
     line = "follow scene.toml --over belt_speed --from 0.2 --to 0.4 -o b.h5"
     assert main([*line.split(), *words]) == 1

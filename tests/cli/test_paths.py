@@ -101,7 +101,7 @@ KINDS = {"a pipe": pipe, "a socket": bound_socket, "a device": device, "a folder
 def test_files_to_read_are_regular(kind, folder, capsys):
     odd = Path("odd.toml")
     KINDS[kind](odd)
-    for load in (load_sweep, load_scene, lambda path: driver.run(path, progress=False)):
+    for load in (load_sweep, load_scene, lambda path: driver.sweep(path, progress=False)):
         with pytest.raises(SpecError) as refused:
             load(odd)
         assert str(refused.value) == f"odd.toml: cannot be read: it is {kind}, and no regular file"
@@ -181,7 +181,7 @@ def test_the_input_is_not_the_output(folder, capsys):
     os.symlink(folder, "sub/up")
     for name in ("s.h5", "./s.h5", "hard.h5", "sub/up/s.h5"):
         with pytest.raises(StoreError, match="must be another file than the input$"):
-            driver.run("s.h5", name, force=True, progress=False)
+            driver.sweep("s.h5", name, force=True, progress=False)
         assert "must be another file than the input" in said(
             capsys, f"sweep s.h5 -o {name} --force"
         )

@@ -23,7 +23,7 @@ def slow_sweep(spec, path, delay, **options):
         time.sleep(delay)
         return evaluate(spec, index)
 
-    return driver.run(spec, path, evaluate=slow, block=BLOCK, progress=False, **options)
+    return driver.sweep(spec, path, evaluate=slow, block=BLOCK, progress=False, **options)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ def evaluate(spec, index, finer=1, room=None):
 
 def whole(spec):
     """The map that an undisturbed sweep makes."""
-    return driver.run(spec, evaluate=evaluate, block=BLOCK, progress=False)
+    return driver.sweep(spec, evaluate=evaluate, block=BLOCK, progress=False)
 
 
 def data_of(ds):
@@ -84,7 +84,7 @@ def assert_same_map(path, spec):
 
 
 def run(spec, path, **options):
-    with driver.run(
+    with driver.sweep(
         spec, path, **{"evaluate": evaluate, "block": BLOCK, "progress": False} | options
     ) as ds:
         return ds.load()

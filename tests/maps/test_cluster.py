@@ -38,7 +38,7 @@ def workers():
 
 
 def sweep(spec, path, workers, **options):
-    with driver.run(
+    with driver.sweep(
         spec,
         path,
         workers=workers,
@@ -59,7 +59,7 @@ def test_a_cluster_makes_the_same_map(tmp_path, workers):
     ds = sweep(spec, path, workers)
     stub.assert_same_map(path, spec)
     assert ds.attrs["host"] and ds.attrs["wall_time"] >= 8 * 0.1
-    in_memory = driver.run(spec, None, workers=workers, evaluate=slow, block=33, progress=False)
+    in_memory = driver.sweep(spec, None, workers=workers, evaluate=slow, block=33, progress=False)
     xr.testing.assert_identical(stub.data_of(in_memory), stub.data_of(stub.whole(spec)))
 
 
@@ -94,7 +94,7 @@ def test_a_block_that_kills_its_workers_is_named_and_the_rest_is_kept(tmp_path, 
         return stub.evaluate(spec, index, *look)
 
     with pytest.raises(cluster.ClusterError, match="^block 5 was lost with its worker 4 times"):
-        driver.run(spec, path, workers=workers, evaluate=deadly, block=stub.BLOCK, progress=False)
+        driver.sweep(spec, path, workers=workers, evaluate=deadly, block=stub.BLOCK, progress=False)
     assert len(stub.block_files(path)) >= 1
     sweep(spec, path, workers, resume=True)
     stub.assert_same_map(path, spec)
@@ -105,7 +105,7 @@ def test_an_error_in_a_worker_is_the_error_of_the_sweep(tmp_path, workers):
         raise ValueError("wrong in a worker")
 
     with pytest.raises(ValueError, match="wrong in a worker"):
-        driver.run(stub.make_spec(), tmp_path / "map.h5", workers=workers, evaluate=wrong)
+        driver.sweep(stub.make_spec(), tmp_path / "map.h5", workers=workers, evaluate=wrong)
 
 
 def test_a_worker_of_another_version_is_refused(tmp_path, workers, monkeypatch):

@@ -106,7 +106,7 @@ def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
     assert cf.flag_names(ds.regime_raster)[255] == "none"
     step = spec.run.window / spec.samples
     np.testing.assert_allclose(ds.raster_time, np.arange(7) * spec.samples // 7 * step)
-    whole_ = driver.run(spec, evaluate=with_raster, block=BLOCK, progress=False)
+    whole_ = driver.sweep(spec, evaluate=with_raster, block=BLOCK, progress=False)
     xr.testing.assert_identical(data_of(ds), data_of(whole_))
     assert verify(path, cells=20, evaluate=with_raster).passed
     with rewritten(path) as file:
@@ -126,7 +126,7 @@ def test_the_event_log_survives_like_all_else(tmp_path, capsys):
         np.testing.assert_array_equal(found[150:], np.full((235, 5), none))
     run(spec, path, resume=True, evaluate=with_events)
     with open_map(path) as ds:
-        whole_ = driver.run(spec, evaluate=with_events, block=BLOCK, progress=False)
+        whole_ = driver.sweep(spec, evaluate=with_events, block=BLOCK, progress=False)
         xr.testing.assert_identical(data_of(ds), data_of(whole_))
         assert ds.event_time.dims == ("attack_angle", "normal_load", "belt_speed", "event")
         assert cf.flag_names(ds.event_kind)[5] == "impact"

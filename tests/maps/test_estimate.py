@@ -34,7 +34,7 @@ def test_a_sweep_that_no_disk_holds_is_refused_before_its_first_cell(tmp_path, m
     spec, path = make_spec(**BIG), tmp_path / "map.h5"
     free(monkeypatch, 5 * 10**10)
     with pytest.raises(StoreError) as refused:
-        driver.run(spec, path, evaluate=pytest.fail, progress=False)
+        driver.sweep(spec, path, evaluate=pytest.fail, progress=False)
     assert str(refused.value) == (
         f"{path}: cannot be written: No space left on device: {a_cell(spec)} GB are needed at "
         "least until it is finished, but 50 GB are free"
@@ -51,12 +51,12 @@ def test_what_is_done_needs_no_room_again(tmp_path, monkeypatch):
         return evaluate(spec, index)
 
     with pytest.raises(driver.SweepInterrupted):
-        driver.run(spec, path, evaluate=stopping, block=50, progress=False)
+        driver.sweep(spec, path, evaluate=stopping, block=50, progress=False)
     free(monkeypatch, 35 * a_cell(spec))  # of 385 cells
-    driver.run(spec, path, evaluate=evaluate, resume=True, progress=False).close()
+    driver.sweep(spec, path, evaluate=evaluate, resume=True, progress=False).close()
     path.unlink()
     with pytest.raises(StoreError, match=f"device: {385 * a_cell(spec) / 1000:.3g} kB are"):
-        driver.run(spec, path, evaluate=pytest.fail, progress=False)
+        driver.sweep(spec, path, evaluate=pytest.fail, progress=False)
     assert not parts_of(path).exists()
 
 
@@ -65,7 +65,7 @@ def test_a_map_that_no_memory_holds_is_refused(monkeypatch):
     spec = make_spec(**BIG)
     refused = f"^output must name a file, but was None: the {a_cell(spec)} GB of"
     with pytest.raises(StoreError, match=refused):
-        driver.run(spec, evaluate=pytest.fail, progress=False)
+        driver.sweep(spec, evaluate=pytest.fail, progress=False)
 
 
 def test_time_grows_with_the_motion_and_falls_with_cores():

@@ -138,7 +138,7 @@ def test_no_steady_slip_to_start_from():
     keys = {"run": {"duration": 0.1}, "start": {"equilibrium": 1e-6}}
     spec = parse_scene({"blade": {"attack_angle": 60}} | keys)
     with pytest.raises(ValueError, match="start.equilibrium .* no steady slip exists"):
-        scene.run(spec)
+        scene.run_scene(spec)
 
 
 # --- runs -----------------------------------------------------------------------------------------
@@ -206,7 +206,7 @@ def test_run_is_stored_and_drawn(squeal, tmp_path):
 
 def test_start_from_steady_slip_stays_there():
     keys = {"run": {"duration": 0.02}, "start": {"equilibrium": 1e-6}}
-    run = scene.run(parse_scene({"blade": {"attack_angle": 40}} | keys))
+    run = scene.run_scene(parse_scene({"blade": {"attack_angle": 40}} | keys))
     slip = jax.tree.map(float, steady_slip(wiperjax.Wiper(attack_angle=np.radians(40.0))))
     assert run.sizes["event"] == 0 and np.all(run.regime == Regime.SLIP_NEG)
     assert float(abs(run.position.sel(axis="x") - slip.x).max()) < 1.01e-6 * 6e-3
@@ -218,7 +218,7 @@ def test_start_from_steady_slip_stays_there():
 def test_reversal_file_has_its_pulse():
     """SCENES.md 4: 15.0 N/m 13.0 ms after V = 0, ratio 4.08, no flight, no squeal between."""
     spec = load_scene(SCENES / "reversal.toml")
-    run = scene.run(spec)
+    run = scene.run_scene(spec)
     turns = run.event_time[run.event_kind == Event.BELT_REVERSAL].values
     np.testing.assert_allclose(turns, [0.25 / 0.7, 0.75 / 0.7], rtol=1e-12)
     assert not np.any(run.regime == Regime.FLIGHT)
@@ -244,7 +244,7 @@ def test_a_run_sampled_too_coarsely_does_not_say_what_it_seems(interval, frequen
         "belt": {"speed": 0.2091},
         "run": {"duration": 0.1, "sample_interval": interval, "rtol": 1e-6},
     }
-    run = scene.run(parse_scene(data))
+    run = scene.run_scene(parse_scene(data))
     found = assess(run)
     said = words(found)
     if frequency is None:

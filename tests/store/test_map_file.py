@@ -121,7 +121,7 @@ def test_memory_is_that_of_a_block(tmp_path, monkeypatch):
     def peak(angles):
         spec = make_spec(angles, 50, 10, event_log=20, samples=16)
         tracemalloc.start()
-        with driver.run(
+        with driver.sweep(
             spec, tmp_path / f"{angles}.h5", evaluate=with_events, block=500, progress=False
         ):
             found = tracemalloc.get_traced_memory()[1]

@@ -1,10 +1,11 @@
 """The house: which package may import which, and that nothing in it grows too large to be read."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from importlinter.cli import lint_imports
 
 CHECKOUT = Path(__file__).parents[2]
 FILES = sorted(
@@ -13,10 +14,13 @@ FILES = sorted(
 LONGEST_FILE, LONGEST_FUNCTION = 280, 80
 
 
-def test_imports_point_down(capsys, monkeypatch):
-    monkeypatch.chdir(CHECKOUT)
-    kept = lint_imports(cache_dir=None) == 0
-    assert kept, capsys.readouterr().out
+def test_imports_point_down():
+    # in a process of its own: the linter silences every logger that is there, those of the package
+    code = (
+        "from importlinter.cli import lint_imports; raise SystemExit(lint_imports(cache_dir=None))"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(CHECKOUT)))

@@ -71,7 +71,7 @@ def test_a_kill_before_any_call_that_counts(tmp_path):
     """
     spec, path = make_spec(2, 2, 5), tmp_path / "map.h5"
     options = {"block": 8, "evaluate": evaluate, "progress": False, "resume": True}
-    reference = data_of(driver.run(spec, evaluate=evaluate, block=8, progress=False))
+    reference = data_of(driver.sweep(spec, evaluate=evaluate, block=8, progress=False))
     places, kept, call = 0, set(), 0
     while True:
         child = fork(lambda call=call: killed_at(call, spec, path, options))
@@ -85,7 +85,7 @@ def test_a_kill_before_any_call_that_counts(tmp_path):
             kept.add(int(done.sum()))
             if done.any():
                 assert (part.steps.values[done] == reference.steps.values[done]).all()
-        with driver.run(spec, path, **options) as ds:
+        with driver.sweep(spec, path, **options) as ds:
             xr.testing.assert_identical(data_of(ds), reference)
         assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
         path.unlink()
@@ -108,7 +108,7 @@ def killed_at(call, spec, path, options):
 
     for name in CALLS:
         setattr(os, name, deadly(getattr(os, name)))
-    driver.run(spec, path, **options)
+    driver.sweep(spec, path, **options)
 
 
 def subprocess_fork(spec, path, delay):

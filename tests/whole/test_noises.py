@@ -16,7 +16,7 @@ from scipy import signal
 from wiperjax import Event
 from wiperjax.maps.block import evaluate_block
 from wiperjax.maps.cells.batch import evaluate
-from wiperjax.runs.scene import run as play
+from wiperjax.runs.scene import run_scene as play
 from wiperjax.specs.load import load_scene, load_sweep
 from wiperjax.vocabulary.codes import BANDS, LABELS, MECHANISMS, SETTLED, TOLD
 

@@ -99,7 +99,7 @@ def test_a_wiper_with_the_law_of_its_own_numbers_is_the_same_motion():
 
 
 def test_coulomb_from_a_file_and_from_python_is_one_motion():
-    of_file = scene.run(
+    of_file = scene.run_scene(
         parse_scene(SCENE | {"blade": {"friction": "coulomb", "mu_static": 0.6, "mu_minimum": 0.5}})
     )
     of_python = wiperjax.simulate(wiperjax.Wiper(friction=wiperjax.Coulomb(0.6, 0.5)), 0.02)
@@ -168,7 +168,7 @@ def test_formulas_of_kinds_are_those_of_the_classes():
 
 
 def test_an_unknown_kind_of_belt_is_an_error_everywhere():
-    run = scene.run(parse_scene(SCENE))
+    run = scene.run_scene(parse_scene(SCENE))
     with pytest.raises(ValueError, match="belt_kind must be one of steady, .*, but was 'bouncing'"):
         run_class.assess(run.assign_attrs(belt_kind="bouncing"))
     with pytest.raises(ValueError, match="must be a belt that reverses"):

@@ -92,7 +92,7 @@ def sweep(
     embedded = scheduler is None and local_cluster is None
     if embedded:
         configure(workers)
-    from ..maps.driver import run
+    from ..maps.driver import sweep as sweep_map
     from ..noise.class_counts import class_table
 
     stated: dict[str, Any] = {
@@ -111,7 +111,7 @@ def sweep(
     chosen |= {"resume": resume, "force": force, "command": shlex.join(command)}
     with _who_computes(embedded, scheduler, local_cluster) as others:
         try:
-            dataset = run(spec, output, **others, **chosen)
+            dataset = sweep_map(spec, output, **others, **chosen)
         except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
             print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
@@ -128,7 +128,7 @@ def sweep(
 
 @contextlib.contextmanager
 def _who_computes(embedded: bool, scheduler: str | None, processes: int | None):
-    """The `workers` of `driver.run` while they are connected; none where it computes itself."""
+    """The `workers` of `driver.sweep` while they are connected; none where it computes itself."""
     if embedded:
         yield {}
         return

@@ -33,11 +33,11 @@ def simulate(
     check_output(output, MAP_SUFFIXES, force, file)
 
     configure(1)
-    from ..runs.scene import run
+    from ..runs.scene import run_scene
     from ..store.whole import write_dataset
 
     try:
-        dataset = run(spec)
+        dataset = run_scene(spec)
     except KeyboardInterrupt:
         print("wiperjax: interrupted, nothing was written", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
@@ -67,11 +67,11 @@ def follow(
     check_output(picture, PICTURE_SUFFIXES, force, file)
 
     configure(1)
-    from ..cycles.branch.from_scene import run
+    from ..cycles.branch.from_scene import follow_scene
     from ..plots import plot_file
     from ..store.whole import write_dataset
 
-    branch = run(spec, over, low, high, step, simulate or 0)
+    branch = follow_scene(spec, over, low, high, step, simulate or 0)
     write_dataset(branch, output, force)
     plot_file(output, picture, force=force)
     print_special(branch)

@@ -12,7 +12,7 @@ def push(vector, along_t, along_n, p_t, p_n):
     return tuple(plus(x, times(t, p_t), times(n, p_n)) for x, t, n in parts)
 
 
-def settle(system, c: Contact, q, v, closed, touching, sticking):
+def project(system, c: Contact, q, v, closed, touching, sticking):
     """Project a state back onto its constraints, against drift by rounding.
 
     The gap is zero where ``closed``, the normal speed where ``touching``, the slip speed where

@@ -22,7 +22,7 @@ from .first_guess import STILL, driven_guess, free_guess
 from .orbit import slip_margin, words
 from .return_map import Found as Found
 from .return_map import Lost, Point, Shooting, correct
-from .shooting import Stretch
+from .shooting import Arc
 
 ISOLATED = 1e-6  # distance of a multiplier from 1
 
@@ -57,7 +57,7 @@ class Cycle:
     flight_fraction: float = math.nan
     normal_force_max: float = math.nan
     slip_margin: float = math.nan  # smallest slip speed inside a slip phase: 0 where stick begins
-    motion: Stretch | None = None  # one period, sampled
+    motion: Arc | None = None  # one period, sampled
     shooting: Shooting | None = None
 
     @property

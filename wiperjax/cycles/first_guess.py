@@ -9,7 +9,7 @@ from ..blade import numbers
 from ..vocabulary.codes import Result
 from .orbit import event_margin, far_from_events, smooth_intervals, turns
 from .return_map import FAIR, Found, Lost, Shooting
-from .shooting import Stretch, stretch
+from .shooting import Arc, shoot
 
 STILL = 1e-6  # of the typical size: a smaller oscillation is rest
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
@@ -84,15 +84,15 @@ def driven_guess(shooting: Shooting, state, settle: float):
     return shooting, motions[i].samples[j], phase, int(regimes[index]), k * one
 
 
-def _run(shooting: Shooting, state, regime: int, length: float, rtol: float) -> Stretch:
+def _run(shooting: Shooting, state, regime: int, length: float, rtol: float) -> Arc:
     """Return a motion that is looked at only. Raises `Lost` if it ends early."""
-    moved = stretch(shooting.system, shooting.along(), state, length, regime=regime, rtol=rtol)
+    moved = shoot(shooting.system, shooting.along(), state, length, regime=regime, rtol=rtol)
     if int(moved.result) not in FAIR:
         raise Lost(f"the motion ended early: {Result(int(moved.result)).name.lower()}")
     return moved
 
 
-def _sizes(motion: Stretch, typical: np.ndarray) -> np.ndarray:
+def _sizes(motion: Arc, typical: np.ndarray) -> np.ndarray:
     """Half the range of each number of the state; that of its kind if it hardly moves."""
     half = 0.5 * np.ptp(motion.samples, axis=0)
     n = len(half) // 2

@@ -3,10 +3,10 @@
 import numpy as np
 
 from ..vocabulary.codes import Event, Regime
-from .shooting import Stretch
+from .shooting import Arc
 
 
-def words(motion: Stretch) -> tuple[str, str]:
+def words(motion: Arc) -> tuple[str, str]:
     """Return the events of a motion and its regimes, in order, as words.
 
     Bounces that end in a completed sequence count as one: their number is that of the resolution.
@@ -27,7 +27,7 @@ def words(motion: Stretch) -> tuple[str, str]:
     return " ".join(kept), " ".join(changed)
 
 
-def smooth_intervals(motion: Stretch) -> np.ndarray:
+def smooth_intervals(motion: Arc) -> np.ndarray:
     """Whether each interval between samples is free of events, (samples - 1,)."""
     times = motion.events.time[: int(motion.events.count)]
     holding = np.clip(np.searchsorted(motion.times, times) - 1, 0, len(motion.times) - 2)
@@ -57,7 +57,7 @@ def far_from_events(regimes, smooth, margin) -> int:
     return where
 
 
-def event_margin(motion: Stretch) -> np.ndarray:
+def event_margin(motion: Arc) -> np.ndarray:
     """How far each sample but the last is from an event, of what it is at most: (samples - 1,).
 
     The gap in flight; the pressing force and the slip speed in contact.
@@ -73,7 +73,7 @@ def _share(values: np.ndarray) -> np.ndarray:
     return values / largest if largest > 0 else np.ones_like(values)
 
 
-def turns(motion: Stretch) -> tuple[np.ndarray, np.ndarray]:
+def turns(motion: Arc) -> tuple[np.ndarray, np.ndarray]:
     """Return (times, is a maximum) of the turning points of the first coordinate, between the
     samples."""
     v = motion.samples[:, motion.samples.shape[1] // 2]
@@ -82,7 +82,7 @@ def turns(motion: Stretch) -> tuple[np.ndarray, np.ndarray]:
     return motion.times[at] + part * np.diff(motion.times)[at], v[at] > 0
 
 
-def slip_margin(motion: Stretch) -> float:
+def slip_margin(motion: Arc) -> float:
     """Smallest |slip speed| at which slip slows down and speeds up again, inside a smooth piece."""
     speed = np.abs(motion.slip_speed)
     inner = smooth_intervals(motion)

@@ -19,7 +19,7 @@ from ..blade import numbers
 from ..contact.system import AbstractSystem
 from ..vocabulary.codes import Result
 from .chart import Chart
-from .shooting import Stretch, stretch
+from .shooting import Arc, shoot
 
 CLOSED = 1e-9  # of the return map, relative to the size of the motion: larger is no cycle
 ENOUGH = 1e-11  # closed to rounding
@@ -94,7 +94,7 @@ class Shooting:
         if self.clock is not None:
             period, slope = self.driven_period(parameter)
         start = where.state(w)
-        moved = stretch(
+        moved = shoot(
             self.at(parameter),
             self.along(),
             start,
@@ -123,7 +123,7 @@ class Point:
     unknowns: np.ndarray  # (w..., period unless driven, parameter), scaled
     jacobian: np.ndarray  # (m, m + 1) of the residual by the unknowns
     residual: float
-    motion: Stretch
+    motion: Arc
     period: float
     parameter: float
 

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..contact.projection import settle
+from ..contact.projection import project
 from ..contact.space import contact
 from ..contact.system import AbstractSystem
 from ..engine.carry.problem import Integration, Recording, make_case, record_sample
@@ -21,12 +21,12 @@ from ..engine.observers.totals import Reach, RegimeTotals, Totals
 from ..engine.solve import begin, run, solution
 from ..vocabulary.codes import Regime
 
-SAMPLES = 257  # of a stretch; states at even distances
-EVENTS = 256  # of a stretch, that are told apart
+SAMPLES = 257  # of an arc; states at even distances
+EVENTS = 256  # of an arc, that are told apart
 SMALL = 1e-12  # of the typical size: what is rounding
 
 
-class Stretch(NamedTuple):
+class Arc(NamedTuple):
     """The motion over a stretch of time. n coordinates; a state is (position, q'), 2 n numbers.
 
     ``by_state``, ``by_period`` and ``by_parameter`` are the derivatives of ``state`` (2n, 2n),
@@ -52,7 +52,7 @@ class Stretch(NamedTuple):
     result: int
 
 
-def stretch(
+def shoot(
     system: AbstractSystem,
     along,
     state,
@@ -62,7 +62,7 @@ def stretch(
     part: float = 1.0,
     regime: int = -1,
     rtol: float = 1e-10,
-) -> Stretch:
+) -> Arc:
     """Return the motion from ``state`` at ``phase * period`` over ``part * period``.
 
     ``along`` is the tangent of ``system`` that ``by_parameter`` is taken along
@@ -70,8 +70,8 @@ def stretch(
     """
     numbers = (jnp.asarray(x, float) for x in (period, phase, part, rtol))
     code = jnp.asarray(regime, jnp.int32)
-    found = _stretch(system, along, jnp.asarray(state, float), code, *numbers)
-    return Stretch(**jax.tree.map(np.asarray, found))
+    found = _shoot(system, along, jnp.asarray(state, float), code, *numbers)
+    return Arc(**jax.tree.map(np.asarray, found))
 
 
 def _looked_at(*state):
@@ -94,7 +94,7 @@ def tidy(system: AbstractSystem, time, state, regime):
     sizes = local.scales(n)
     for _ in range(2):  # the second time for contacts on a curve
         c = contact(local, time, q, v)
-        q, v = settle(local, c, q, v, closed, closed, regime == Regime.STICK)
+        q, v = project(local, c, q, v, closed, closed, regime == Regime.STICK)
 
     def snapped(values, typical):
         small = [closed & (jnp.abs(x) < SMALL * s) for x, s in zip(values, typical, strict=True)]
@@ -106,7 +106,7 @@ def tidy(system: AbstractSystem, time, state, regime):
 
 
 @eqx.filter_jit
-def _stretch(system, along, state, regime, period, phase, part, rtol) -> Any:
+def _shoot(system, along, state, regime, period, phase, part, rtol) -> Any:
     varied = jax.tree.map(lambda d: d is not None, along, is_leaf=lambda d: d is None)
     moving, fixed = eqx.partition(system, varied)
     n = state.shape[0] // 2

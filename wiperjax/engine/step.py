@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from ..contact.guards import first_switch
-from ..contact.projection import settle
+from ..contact.projection import project
 from ..contact.system import rates
 from ..numerics.arrays import where
 from ..numerics.fusion_barrier import keep
@@ -168,7 +168,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
     q, v = trial.step.y1
     touching = state.regime != Regime.FLIGHT
     sticking = state.regime == Regime.STICK
-    q, v = keep(settle(system, trial.last, q, v, touching, touching, sticking))
+    q, v = keep(project(system, trial.last, q, v, touching, touching, sticking))
     _, a = trial.step.rate1
     speeds = rates(system, state.time + trial.h, q, v)
     rate = (speeds, a)

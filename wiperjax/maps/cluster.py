@@ -89,7 +89,7 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
 
 
 class Workers:
-    """What `driver.run` asks of a cluster: who computes, and blocks as they are finished."""
+    """What `driver.sweep` asks of a cluster: who computes, and blocks as they are finished."""
 
     def __init__(self, client: Any, patience: float = math.inf):
         """`client` of dask; `patience` [s] with which the first task waits for a worker."""

@@ -41,7 +41,7 @@ class SweepInterrupted(KeyboardInterrupt):
     """Ctrl-C during a sweep; its text says what is kept and how to go on."""
 
 
-def run(
+def sweep(
     spec: Any,
     output: str | Path | None = None,
     *,
@@ -124,7 +124,7 @@ def run(
 
 
 def _check(resume, force, progress, block, evaluate, output) -> None:
-    """Raises `ValueError` for arguments of `run` that cannot be meant."""
+    """Raises `ValueError` for arguments of `sweep` that cannot be meant."""
     for name, value in (("resume", resume), ("force", force), ("progress", progress)):
         checks.flag(name, value)
     if block is not None:

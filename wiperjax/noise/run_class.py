@@ -25,7 +25,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
 
     Arguments:
 
-    - `run`: a run of a scene file (`scene.run`, or a file of `wiperjax simulate`); its attributes
+    - `run`: a run of a scene file (`run_scene`, or a file of `wiperjax simulate`); its attributes
         tell the belt.
     - `thresholds`: `labels.Thresholds`; None: those stored with the run.
     - `transient`: time [s] that is left out; None: the first half on a steady belt, the first

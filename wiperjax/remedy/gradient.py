@@ -12,7 +12,7 @@ import xarray as xr
 from ..blade import numbers
 from ..cycles.chart import chart
 from ..cycles.cycle import Cycle, Found
-from ..cycles.shooting import stretch
+from ..cycles.shooting import shoot
 from ..engine.observers.totals import variance
 from ..vocabulary import checks
 
@@ -53,7 +53,7 @@ def sensitivities(
     slopes, value = [], getattr(cycle, measure)
     for name in names:
         along = numbers.direction(system, name, *every)
-        m = stretch(
+        m = shoot(
             system,
             along,
             state,

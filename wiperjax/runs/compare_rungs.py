@@ -159,7 +159,7 @@ def _hinged(spec: SceneSpec) -> SceneSpec:
 
 def _run(name: str, model: str, spec: SceneSpec) -> Rung:
     try:
-        run = scene.run(spec)  # compiles
+        run = scene.run_scene(spec)  # compiles
     except ValueError:  # no start: a block without steady slip
         nothing = ("failed", "none", "none", np.nan, np.nan, np.nan, 0.0, 0)
         return Rung(name, model, *nothing)
@@ -191,7 +191,7 @@ def _run(name: str, model: str, spec: SceneSpec) -> Rung:
 def _spent(spec: SceneSpec) -> float:
     """Return the processor time [s] of a run that is compiled."""
     begun = time.process_time()
-    scene.run(spec)
+    scene.run_scene(spec)
     return time.process_time() - begun
 
 

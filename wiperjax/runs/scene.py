@@ -19,7 +19,7 @@ from .dataset import as_lip
 from .simulate import simulate
 
 
-def run(spec: SceneSpec) -> xr.Dataset:
+def run_scene(spec: SceneSpec) -> xr.Dataset:
     """Return the trajectory of a scene file, labelled as `simulate` does.
 
     Its attributes are those of the file: title, text, and all parameters in the units of files

@@ -147,7 +147,7 @@ def _write(
                 variable.attrs.update(column.attributes())
             each = math.prod(shape) // store.cells  # numbers of a cell; a slab has whole cells
             for start, stop, index in slabs(shape, chunk):
-                columns = reader.cells(start // each, stop // each, names)
+                columns = reader.read(start // each, stop // each, names)
                 extent = tuple(part.stop - part.start for part in index)
                 for name, values in columns.items():
                     file.variables[name][index] = values.reshape(extent)

@@ -28,7 +28,7 @@ class Reader:
         """Seconds that all the blocks read so far took."""
         return sum(self._times.values())
 
-    def cells(self, start: int, stop: int, names: Sequence[str]) -> dict[str, np.ndarray]:
+    def read(self, start: int, stop: int, names: Sequence[str]) -> dict[str, np.ndarray]:
         """Columns `names` of the cells from `start` up to `stop`."""
         columns = {
             name: np.empty(

@@ -136,17 +136,19 @@ def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, f
         return blocks[0]
 
     identity = block.engine()[1]
-    child = fork(lambda: driver.run(spec, path, evaluate=dies, identity=identity, **options))
+    child = fork(lambda: driver.sweep(spec, path, evaluate=dies, identity=identity, **options))
     assert os.WIFSIGNALED(os.waitpid(child, 0)[1])
     with open_map(parts_of(path)) as part:
         assert part.done.values.sum() == BLOCK
         assert np.isnan(part.d_stick_fraction_d_normal_load.values.ravel()[BLOCK:]).all()
     seen = iter(blocks)
-    in_memory = driver.run(spec, None, evaluate=lambda *_: next(seen), identity=identity, **options)
+    in_memory = driver.sweep(
+        spec, None, evaluate=lambda *_: next(seen), identity=identity, **options
+    )
     with (
         LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         Client(cluster) as client,
-        driver.run(spec, path, resume=True, workers=Workers(client), **options) as ds,
+        driver.sweep(spec, path, resume=True, workers=Workers(client), **options) as ds,
     ):
         xr.testing.assert_identical(stub_sweep.data_of(ds), stub_sweep.data_of(in_memory))
 

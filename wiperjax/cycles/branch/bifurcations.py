@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cycle import Cycle, ring, rotations
-from .step import Step
+from .step import BranchStep
 
 ALIKE = 1e-3  # of the range of a state: how near the two halves of a cycle are at its doubling
 
@@ -25,19 +25,19 @@ class Special(NamedTuple):
     index: int  # of the branch's point there
 
 
-def _crossed(step: Step) -> float:
+def _crossed(step: BranchStep) -> float:
     """Zero where another branch crosses; at a fold alone both numbers vanish at the same rate."""
     return step.determinant / (step.sense or np.nan)
 
 
-def _minus_one(step: Step) -> float:
+def _minus_one(step: BranchStep) -> float:
     """Zero where a multiplier is -1."""
     values = step.cycle.multipliers
     assert values is not None
     return float(np.real(np.prod(1 + values)))
 
 
-def _products(step: Step) -> float:
+def _products(step: BranchStep) -> float:
     """Zero where two multipliers have the product 1."""
     values = step.cycle.multipliers
     assert values is not None
@@ -60,7 +60,7 @@ def turning(cycle: Cycle) -> bool:
     return bool(np.any((np.abs(np.abs(values) - 1) < 1e-4) & (np.abs(np.imag(values)) > 1e-6)))
 
 
-TESTS: tuple[tuple[str, str, Callable[[Step], float]], ...] = (
+TESTS: tuple[tuple[str, str, Callable[[BranchStep], float]], ...] = (
     ("fold", "the branch turns back", lambda step: step.sense),
     ("branch_point", "another branch crosses", _crossed),
     ("period_doubling", "a multiplier passes -1", _minus_one),

@@ -14,7 +14,7 @@ from ..cycle import same_word
 from ..orbit import words
 from ..return_map import Lost, Shooting
 from .bifurcations import change
-from .step import LOCATED, Step, ahead_of, centred, direction, near, place
+from .step import LOCATED, BranchStep, ahead_of, centred, direction, near, place
 
 SIZES = (1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner its other side is looked for
 JOINED = 3e-3  # how near to its corner a branch begins; further away it is followed back
@@ -22,14 +22,14 @@ SHORT = 1e-2  # of the longest step: where this one fails, the branch does not g
 GENTLE = 0.8  # cosine of the largest turn within a step
 
 
-def smooth(shooting: Shooting, here: Step, ahead: Step | None) -> bool:
+def smooth(shooting: Shooting, here: BranchStep, ahead: BranchStep | None) -> bool:
     """Whether the branch goes on smoothly from ``here`` to ``ahead``: same word, gentle turn."""
     if ahead is None or not same_word(here.cycle, ahead.cycle):
         return False
     return float(direction(shooting, here) @ direction(shooting, ahead)) > GENTLE
 
 
-def edge_of(shooting: Shooting, here: Step, length: float) -> Step:
+def edge_of(shooting: Shooting, here: BranchStep, length: float) -> BranchStep:
     """Return the last step within ``length`` that the branch comes to smoothly, by bisection."""
     edge, low, high = here, 0.0, length
     while high - low > LOCATED:
@@ -42,7 +42,7 @@ def edge_of(shooting: Shooting, here: Step, length: float) -> Step:
     return edge
 
 
-def beyond(shooting: Shooting, edge: Step, longest: float) -> list[Step] | str:
+def beyond(shooting: Shooting, edge: BranchStep, longest: float) -> list[BranchStep] | str:
     """Return the first steps of the branch beyond a corner, or why there are none.
 
     A motion a little beyond, closed or not, has the new word: its derivatives give the tangent
@@ -79,14 +79,16 @@ def beyond(shooting: Shooting, edge: Step, longest: float) -> list[Step] | str:
     return why
 
 
-def joined(shooting: Shooting, edge: Step, other: Step, longest: float) -> list[Step]:
+def joined(
+    shooting: Shooting, edge: BranchStep, other: BranchStep, longest: float
+) -> list[BranchStep]:
     """Return the steps from the corner at ``edge`` to ``other``; none if it lies on another branch.
 
     The branch is followed back from ``other``, ever nearer to the corner.
     """
     corner = place(shooting, edge)
 
-    def far(step: Step) -> float:
+    def far(step: BranchStep) -> float:
         return float(np.linalg.norm(place(shooting, step) - corner))
 
     way, length = [other], longest

@@ -32,7 +32,7 @@ _ADVICE = {
 }
 
 
-def run(
+def follow_scene(
     spec: SceneSpec, over: str, low: float, high: float, step: float = 0.03, simulate: int = 0
 ) -> xr.Dataset:
     """Return the branch through the motion that a scene settles on, as `branch_dataset`.

@@ -11,7 +11,7 @@ from ..chart import Chart, chart
 from ..cycle import Cycle, cycle_at
 from ..orbit import event_margin, far_from_events, smooth_intervals
 from ..return_map import Lost, Point, Shooting, correct
-from ..shooting import stretch
+from ..shooting import shoot
 
 LOCATED = 1e-7  # of a step's unit: how closely a special point is closed in
 NEAR = 0.05  # of the largest distance from an event: too near for the start of a cycle
@@ -20,7 +20,7 @@ TOLD = 1e-6  # of a multiplier's distance from 1, and of a tangent: less may be 
 
 
 @dataclass(frozen=True)
-class Step:
+class BranchStep:
     """A point of the branch with its cycle and the direction of travel."""
 
     point: Point
@@ -48,7 +48,7 @@ class Step:
         return int(np.sign(self.determinant * self.sense))
 
 
-def first_step(shooting: Shooting, cycle: Cycle) -> Step | None:
+def first_step(shooting: Shooting, cycle: Cycle) -> BranchStep | None:
     """Return the step at a found cycle, or None if it cannot be closed again."""
     assert shooting.over is not None
     where = chart_at(shooting, cycle.system, cycle.state, cycle.phase, cycle.period, cycle.regime)
@@ -64,15 +64,15 @@ def chart_at(shooting: Shooting, system, state, phase, period, regime) -> Chart:
     return chart(system, state, phase * period, regime, shooting.scale, shooting.section)
 
 
-def step_at(shooting: Shooting, point: Point, onward) -> Step:
+def step_at(shooting: Shooting, point: Point, onward) -> BranchStep:
     """Return the step at ``point`` whose tangent goes with ``onward`` (unknowns of its chart)."""
     tangent = np.linalg.svd(point.jacobian)[2][-1]
     if tangent @ onward < 0:
         tangent = -tangent
-    return Step(point, cycle_at(shooting, point), tangent, float(tangent[-1]))
+    return BranchStep(point, cycle_at(shooting, point), tangent, float(tangent[-1]))
 
 
-def place(shooting: Shooting, step: Step) -> np.ndarray:
+def place(shooting: Shooting, step: BranchStep) -> np.ndarray:
     """Extremes, period and parameter in scaled numbers: where the cycle is, wherever it starts."""
     size, cycle = shooting.scale[0], step.cycle
     extremes = cycle.maximum / size, cycle.minimum / size
@@ -80,7 +80,7 @@ def place(shooting: Shooting, step: Step) -> np.ndarray:
     return np.array([*extremes, *rest])
 
 
-def direction(shooting: Shooting, step: Step) -> np.ndarray:
+def direction(shooting: Shooting, step: BranchStep) -> np.ndarray:
     """Unit tangent in scaled state, period and parameter."""
     d = step.point.where.basis.shape[1]
     state = step.point.where.basis @ step.tangent[:d] / shooting.scale
@@ -88,12 +88,14 @@ def direction(shooting: Shooting, step: Step) -> np.ndarray:
     return full / np.linalg.norm(full)
 
 
-def ahead_of(shooting: Shooting, here: Step, length: float) -> Step | None:
+def ahead_of(shooting: Shooting, here: BranchStep, length: float) -> BranchStep | None:
     """Return the branch at a distance along the tangent, or None."""
     return near(shooting, here, here.point.unknowns + length * here.tangent, here.tangent)
 
 
-def near(shooting: Shooting, here: Step, guess: np.ndarray, along: np.ndarray) -> Step | None:
+def near(
+    shooting: Shooting, here: BranchStep, guess: np.ndarray, along: np.ndarray
+) -> BranchStep | None:
     """Return the branch that goes ``along`` near ``guess`` (both in the chart of ``here``)."""
     point = correct(shooting, here.point.where, here.point.phase, guess, along)
     far = np.linalg.norm(guess - here.point.unknowns)
@@ -103,8 +105,12 @@ def near(shooting: Shooting, here: Step, guess: np.ndarray, along: np.ndarray) -
 
 
 def between(
-    shooting: Shooting, here: Step, ahead: Step, length: float, test: Callable[[Step], float]
-) -> tuple[float, Step] | None:
+    shooting: Shooting,
+    here: BranchStep,
+    ahead: BranchStep,
+    length: float,
+    test: Callable[[BranchStep], float],
+) -> tuple[float, BranchStep] | None:
     """Return (distance, step) at which ``test`` vanishes between two steps ``length`` apart.
 
     None if it does not, if it jumps over zero, or if a cycle on the way is lost.
@@ -131,7 +137,7 @@ def between(
     return root, known[root]
 
 
-def centred(shooting: Shooting, here: Step) -> Step:
+def centred(shooting: Shooting, here: BranchStep) -> BranchStep:
     """Return the step in the chart of its own state; moved on, if an event comes near it."""
     point = here.point
     d = point.where.basis.shape[1]
@@ -156,12 +162,12 @@ def centred(shooting: Shooting, here: Step) -> Step:
     return replace(here, point=point, tangent=tangent / np.linalg.norm(tangent))
 
 
-def _moved(shooting: Shooting, here: Step, index: int):
+def _moved(shooting: Shooting, here: BranchStep, index: int):
     """Return (tangent of the state, state, regime) at sample ``index`` of the cycle."""
     point = here.point
     d = point.where.basis.shape[1]
     slope = shooting.driven_period(point.parameter)[1]
-    passed = stretch(
+    passed = shoot(
         shooting.at(point.parameter),
         shooting.along(),
         point.motion.samples[0],
@@ -177,7 +183,7 @@ def _moved(shooting: Shooting, here: Step, index: int):
     return tangent, passed.state, int(point.motion.regimes[index])
 
 
-def with_parameter(shooting: Shooting, step: Step, parameter: float) -> Step:
+def with_parameter(shooting: Shooting, step: BranchStep, parameter: float) -> BranchStep:
     """Return the cycle at exactly ``parameter``, next to ``step``; that itself if it is lost."""
     unknowns = step.point.unknowns.copy()
     unknowns[-1] = parameter / shooting.parameter_scale

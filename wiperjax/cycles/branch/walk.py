@@ -8,14 +8,14 @@ from ..cycle import same_word
 from ..return_map import Shooting
 from .bifurcations import TESTS, Special, change, corner_kind, doubled, turning
 from .corner import SHORT, beyond, edge_of, smooth
-from .step import Step, ahead_of, between, centred, direction, place, with_parameter
+from .step import BranchStep, ahead_of, between, centred, direction, place, with_parameter
 
 STRAIGHT = 0.98  # cosine of a turn after which steps grow
 BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
 SAME = 1e-3  # of a chord: how near to each other two cycles are one
 VANISHED = 0.01  # of the largest amplitude: the cycle shrinks onto steady slip
 
-Located = list[tuple[float, str, str, Step]]  # distance, kind, detail, step of special points
+Located = list[tuple[float, str, str, BranchStep]]  # distance, kind, detail, step of special points
 
 
 class Walk:
@@ -24,13 +24,13 @@ class Walk:
     def __init__(self, shooting: Shooting, low: float, high: float, step: float, most: int):
         self.shooting = shooting
         self.low, self.high, self.longest, self.most = low, high, step, most
-        self.steps: list[Step] = []
+        self.steps: list[BranchStep] = []
         self.special: list[Special] = []
         self.end = ""
         self.closed = False  # back where it began
         self.largest = 0.0
 
-    def run(self, first: Step, sense: float) -> None:
+    def run(self, first: BranchStep, sense: float) -> None:
         """Walk from ``first`` to where the parameter first goes as ``sense`` says."""
         turned = 1.0 if first.sense * sense >= 0 else -1.0
         first = replace(first, tangent=turned * first.tangent, sense=turned * first.sense)
@@ -50,19 +50,21 @@ class Walk:
             else:
                 length = self._round(here, length)
 
-    def _append(self, step: Step) -> None:
+    def _append(self, step: BranchStep) -> None:
         self.steps.append(step)
         self.largest = max(self.largest, step.cycle.amplitude)
         if len(self.steps) > self.most and not self.end:
             self.end = f"{self.most} points"
 
-    def _room(self, here: Step) -> float:
+    def _room(self, here: BranchStep) -> float:
         """Longest step: no longer than a part of the amplitude, where that vanishes."""
         if self.shooting.clock is not None:
             return self.longest
         return min(self.longest, 0.3 * here.cycle.amplitude / self.shooting.scale[0])
 
-    def _smoothly(self, here: Step, ahead: Step | None, length: float) -> Located | None:
+    def _smoothly(
+        self, here: BranchStep, ahead: BranchStep | None, length: float
+    ) -> Located | None:
         """Return the special points on the way if the branch goes smoothly to ``ahead``."""
         if ahead is None or not smooth(self.shooting, here, ahead):
             return None
@@ -72,7 +74,7 @@ class Walk:
             return None  # on another arm of the branch
         return found
 
-    def _located(self, here: Step, ahead: Step, length: float) -> Located:
+    def _located(self, here: BranchStep, ahead: BranchStep, length: float) -> Located:
         """Return the special points between two steps of one word, in order."""
         found: Located = []
         for kind, detail, test in TESTS:
@@ -85,7 +87,7 @@ class Walk:
         found.sort(key=lambda item: item[0])
         return [item for item in found if not _shadow(item, found, length)]
 
-    def _take(self, here: Step, ahead: Step, length: float, found: Located) -> None:
+    def _take(self, here: BranchStep, ahead: BranchStep, length: float, found: Located) -> None:
         """Append the way to ``ahead``, up to where it ends."""
         for distance, kind, _, step in found:
             if kind == "branch_point" and doubled(step.cycle):
@@ -104,7 +106,9 @@ class Walk:
             self._append(last)
             self._note_vanishing(here, last)
 
-    def _cut(self, here: Step, ahead: Step, length: float) -> tuple[float, Step | None]:
+    def _cut(
+        self, here: BranchStep, ahead: BranchStep, length: float
+    ) -> tuple[float, BranchStep | None]:
         """Return how far the way to ``ahead`` counts, and the step there if it has one."""
         parameter = ahead.point.parameter
         if not self.low <= parameter <= self.high:
@@ -135,7 +139,7 @@ class Walk:
         )
         return (0.0, None) if found is None else found
 
-    def _met(self, ahead: Step) -> np.ndarray | None:
+    def _met(self, ahead: BranchStep) -> np.ndarray | None:
         """Return the chord between two steps walked before if ``ahead`` lies there again, or None.
 
         It does if they have its word and determinants of its sign (none of them lies on the other
@@ -159,7 +163,7 @@ class Walk:
                 return chords[k]
         return None
 
-    def _round(self, here: Step, length: float) -> float:
+    def _round(self, here: BranchStep, length: float) -> float:
         """Close in on a corner or a sharp turn, or take the branch up behind a corner.
 
         Returns the length to go on with.
@@ -183,14 +187,14 @@ class Walk:
                 self._append(step)
         return 0.1 * self.longest
 
-    def _name_corner(self, edge: Step, other: Step) -> None:
+    def _name_corner(self, edge: BranchStep, other: BranchStep) -> None:
         kind = corner_kind(edge.cycle, other.cycle)
         name = f"{kind}_fold" if edge.sense * other.sense < 0 else kind
         detail = change(edge.cycle, other.cycle.word)
         parameter = edge.point.parameter
         self.special.append(Special(name, detail, parameter, len(self.steps) - 1))
 
-    def _note_vanishing(self, here: Step, ahead: Step) -> None:
+    def _note_vanishing(self, here: BranchStep, ahead: BranchStep) -> None:
         """Note where the cycle shrinks onto steady slip (amplitude^2 -> 0), if it does."""
         if self.shooting.clock is not None:
             return

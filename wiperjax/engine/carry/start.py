@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from ...contact.guards import first_switch, guard_values, start_of_slip_order, starting_sides
-from ...contact.projection import settle
+from ...contact.projection import project
 from ...contact.regimes import acceleration, decide, forces
 from ...contact.space import Contact, contact
 from ...contact.system import rates
@@ -40,7 +40,7 @@ def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
     rests = (c.normal_speed == 0) & (jnp.abs(c.slip_speed) <= ROUNDINGS * eps * speed)
     if system.unilateral:
         rests = rests & (c.gap <= 0)
-    _, still = settle(system, c, position, velocity, False, rests, rests)
+    _, still = project(system, c, position, velocity, False, rests, rests)
     still = where(rests & (c.slip_speed != 0), still, velocity)
     c = contact(system, start, position, still)
     # to the last digit, which the projection leaves

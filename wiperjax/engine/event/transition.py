@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ...contact.guards import FIRST, contact_sizes, first_switch, guard_values
-from ...contact.projection import settle
+from ...contact.projection import project
 from ...contact.regimes import Forces, acceleration, forces, slip_sign
 from ...contact.space import contact
 from ...contact.system import rates
@@ -55,7 +55,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     time, q, v = state.time, state.position, state.velocity
     c = contact(system, time, q, v)
     touching, still = ~fired.was_flying, fired.was_sticking | fired.turns
-    q, v = keep(settle(system, c, q, v, fired.hits | touching, touching, still))
+    q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
     motion, blow = collide(system, contact(system, time, q, v), time, q, v, fired, sign)
     motion, completes = complete(problem, system, motion, blow, fired, end)
     time, q, v, slip_speed, leaving, impulse = motion
@@ -69,7 +69,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     # the first step, through the coupling, it would be a jump of the slip speed in that step.
     in_contact = after != Regime.FLIGHT
     at_rest = in_contact & (slip_speed == 0)
-    q, v = keep(settle(system, rough, q, v, in_contact, in_contact, at_rest))
+    q, v = keep(project(system, rough, q, v, in_contact, in_contact, at_rest))
     c = contact(system, time, q, v)
     c = c._replace(slip_speed=jnp.where(at_rest, 0.0, c.slip_speed))
 
