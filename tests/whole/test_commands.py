@@ -10,7 +10,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from test_docs import CHECKOUT, PAGES, blocks
+from pages import CHECKOUT, PAGES, blocks
 
 import wiperjax
 from wiperjax.cli import main

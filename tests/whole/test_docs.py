@@ -11,16 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import CHECKOUT, DOCS, DOORS, PAGES, blocks
 
 import wiperjax
 from wiperjax.cli import main
 from wiperjax.vocabulary.parameters import PARAMETERS
-
-CHECKOUT = Path(__file__).parents[2]
-DOCS = CHECKOUT / "docs"
-PAGES = [CHECKOUT / "README.md", *sorted(DOCS.glob("**/*.md"))]
-DOORS = ("wiperjax", "wiperjax.cycles", "wiperjax.remedy", "wiperjax.plots", "wiperjax.sound")
-
 
 # --- the model ------------------------------------------------------------------------------------
 
@@ -102,10 +97,6 @@ def test_the_api_pages_name_everything_public(door):
 
 
 # --- the code in the pages ------------------------------------------------------------------------
-
-
-def blocks(page: Path, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
 
 
 def those_with(language: str) -> list:
