@@ -316,5 +316,5 @@ def test_least_noise_from_several_starts():
         remedy.quieten(steep, bounds, starts=3, most=12, **times)
     with pytest.raises(ValueError, match=r"bounds of mu_static must be \(low, high\), but were"):
         remedy.quieten(blade, {"mu_static": (1.0, 0.5)})
-    with pytest.raises(ValueError, match=r"window must lie in \(0, duration = 0.1\] s, but was 1"):
+    with pytest.raises(ValueError, match=r"window must lie inside \(0, 0.1\] s, but was 1"):
         remedy.quieten(blade, bounds, duration=0.1, window=1.0)
