@@ -8,6 +8,7 @@ import numpy as np
 
 from wiperjax import Wiper
 from wiperjax.blade.wiper import ENGINE_FIELDS
+from wiperjax.vocabulary.parameters import PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,15 @@ class Scene:
         return dataclasses.replace(self, wiper=wiper, start=self.start[:cells], scales=scales)
 
     def parameters(self) -> dict[str, np.ndarray]:
-        """Return name -> (cells,) of every parameter of blade and belt (``belt_`` in front)."""
+        """Return name -> (cells,) of every parameter of blade and belt (``belt_`` in front).
+
+        Raises `ValueError` for a blade with a friction law of its own: numbers do not tell it.
+        """
+        if self.wiper.friction is not None:
+            raise ValueError(f"scene {self.name}: its friction law is no list of numbers")
         full = lambda x: np.broadcast_to(np.asarray(x, float), (self.cells,)).copy()
-        blade = {name: full(value) for name, value in blade_fields(self.wiper).items()}
+        fields = blade_fields(self.wiper)
+        blade = {name: full(value) for name, value in fields.items() if name in PARAMETERS}
         belt = _fields(self.wiper.belt, full)
         return blade | {f"belt_{name}": value for name, value in belt.items()}
 
