@@ -1,8 +1,8 @@
 """Command line: files in, files and short tables out; no physics.
 
 What can be wrong with paths and files is checked before anything is computed. Heavy modules (jax,
-xarray, matplotlib) are imported inside the commands, after `machine.jax_settings.configure`, for two reasons:
-`--help` stays fast, and the settings of XLA have to precede `import jax`.
+xarray, matplotlib) are imported inside the commands, after `machine.jax_settings.configure`, for
+two reasons: `--help` stays fast, and the settings of XLA have to precede `import jax`.
 """
 
 import importlib.metadata

@@ -142,17 +142,20 @@ class _Batch:
 
     def begin(self) -> _Carry:
         """Every lane is idle at first, and filled inside the loop like any other: the same
-        arithmetic compiled in two places rounds in two ways.
+        arithmetic compiled in two places rounds in two ways. So states need their shapes alone.
         """
-        parts, state = self.fill(jnp.zeros(self.lanes, jnp.int32))
-        state = state._replace(result=jnp.full_like(state.result, int(Result.FINISHED)))
-        blank = jax.tree.map(
-            lambda x: jnp.zeros((self.capacity, *x.shape[:-1]), x.dtype),
-            _outcome(self.problem_of(parts), state),
-        )
+
+        def shapes(at):
+            parts, state = self.fill(at)
+            return parts, state, _outcome(self.problem_of(parts), state)
+
+        nobody = jnp.full(self.lanes, self.capacity, jnp.int32)
+        parts, state, outcome = jax.eval_shape(shapes, nobody)
+        parts, state = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), (parts, state))
+        state = state._replace(result=state.result + int(Result.FINISHED), due=state.due - 1)
+        blank = jax.tree.map(lambda x: jnp.zeros((self.capacity, *x.shape[:-1]), x.dtype), outcome)
         zero = jnp.zeros((), jnp.int64)
         samples = None if self.signal is None else self.signal.record()
-        nobody = jnp.full(self.lanes, self.capacity, jnp.int32)
         return _Carry(parts, state, nobody, jnp.int32(0), blank, samples, zero, zero)
 
     def is_busy(self, carry: _Carry):

@@ -1,5 +1,7 @@
 """Elementary functions that vectorise, where XLA's own cost more than the rest of a step."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -47,6 +49,10 @@ _EXP = {dtype: _exp_polynomial(n) for dtype, n in _EXP_TERMS.items()}
 _LOG = _log_polynomial(7)
 
 
+# Long polynomials stand in a program dozens of times: traced once, they are copied from then on.
+_traced_once = partial(jax.jit, inline=True)
+
+
 def _horner(coefficients, x):
     """Value of a polynomial in ``x``; one in the working precision."""
     value = jnp.full_like(x, coefficients[-1])
@@ -75,6 +81,7 @@ def within(low, x, high):
 
 
 @jax.custom_jvp
+@_traced_once
 def angle(sin, cos):
     """Angle in [-pi/2, pi/2] of a given sine and cosine (>= 0), to rounding and without a branch.
 
@@ -95,6 +102,7 @@ def _angle_jvp(primals, tangents):
 
 
 @jax.custom_jvp
+@_traced_once
 def exp(x):
     """e^x to rounding, for x below the logarithm of the largest number; half of XLA's cost."""
     dtype = jnp.dtype(x.dtype).name

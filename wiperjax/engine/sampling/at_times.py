@@ -18,7 +18,7 @@ def dense_polynomial(solver_type) -> np.ndarray:
     """Coefficients (degree, stage), lowest first, of the dense output's weights b_i(theta)."""
     # Chebyshev points: an interpolation that loses no digits
     points = 0.5 - 0.5 * np.cos(np.pi * np.arange(_POINTS) / (_POINTS - 1))
-    values = np.stack([dense_weights(solver_type, float(p)) for p in points])
+    values = dense_weights(solver_type, tuple(points))
     return np.linalg.solve(np.vander(points, increasing=True), values)
 
 
