@@ -275,8 +275,9 @@ def test_smallest_change_that_makes_steady_slip_stable():
     found = remedy.stabilise(blade, bounds, margin=50.0, starts=3)
     best = found.parameters.isel(start=0)
     growth = float(steady_slip(found.blade).growth_rate)
-    assert -60 < growth < 0  # the border of the demand, not beyond it
+    assert growth == pytest.approx(-50, rel=1e-5)  # the border of the demand, not beyond it
     assert float(best.growth_rate) == pytest.approx(growth, rel=1e-6)
+    np.testing.assert_allclose(found.parameters.cost, best.cost, rtol=1e-4)  # from every start
     for name, (low, high) in bounds.items():
         assert low <= float(best[name]) <= high
     # no cheaper one on a grid
@@ -307,7 +308,8 @@ def test_least_noise_from_several_starts():
     for name, (low, high) in bounds.items():
         values = found.parameters[name].values
         assert np.all((values >= low) & (values <= high))
-    assert np.all(found.parameters["velocity_rms"] < 0.02 * before)
+    assert np.all(found.parameters["velocity_rms"] < before)
+    assert np.all(found.parameters["velocity_rms"][:2] < 1e-3 * before)  # one valley has a bound
     assert remedy.verdict(blade)["label"] == "squeal"
     assert remedy.verdict(found.blade)["label"] == "quiet"
     steep = wiperjax.Wiper(attack_angle=math.radians(80.0), normal_load=200.0)

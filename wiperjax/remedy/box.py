@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
+from scipy.optimize import minimize
 
 from ..blade import numbers
 from ..blade.wiper import Wiper
@@ -16,10 +16,7 @@ from ..vocabulary.ranges import Range
 
 
 class Box(eqx.Module):
-    """Ranges of ``names``; a point is given by its shares of them, in [0, 1].
-
-    Searches run over angles whose sine spans the box, so that the bounds hold by themselves.
-    """
+    """Ranges of ``names``; a point is given by its shares of them, in [0, 1]."""
 
     low: jax.Array  # (n,), SI units
     high: jax.Array
@@ -32,20 +29,15 @@ class Box(eqx.Module):
         low, high = (jnp.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
         return cls(low, high, tuple(bounds))
 
-    def share(self, angle: jax.Array) -> jax.Array:
-        """Shares of the ranges at ``angle``, (n,) each."""
-        return 0.5 * (1 + jnp.sin(angle))
-
-    def shares_of(self, blade: Wiper) -> jax.Array:
+    def shares_of(self, blade: Wiper) -> np.ndarray:
         """Shares of the ranges where ``blade`` is, (n,)."""
-        at = jnp.array([numbers.value(blade, name) for name in self.names])
-        return (at - self.low) / (self.high - self.low)
+        at = np.array([numbers.value(blade, name) for name in self.names])
+        return (at - np.asarray(self.low)) / np.asarray(self.high - self.low)
 
-    def starts(self, blade: Wiper, count: int, seed: int) -> jax.Array:
-        """Angles to begin from, (count, n): the blade as it is and random ones of ``seed``."""
+    def starts(self, blade: Wiper, count: int, seed: int) -> np.ndarray:
+        """Shares to begin from, (count, n): the blade as it is and random ones of ``seed``."""
         others = np.random.default_rng(seed).uniform(0.05, 0.95, (count - 1, len(self.names)))
-        shares = jnp.vstack([self.shares_of(blade), others])
-        return jnp.arcsin(2 * jnp.clip(shares, 0.01, 0.99) - 1)
+        return np.clip(np.vstack([self.shares_of(blade), others]), 0.01, 0.99)
 
     def blade(self, blade: Any, share) -> Any:
         """Return ``blade`` with its numbers at ``share`` of the ranges."""
@@ -67,23 +59,23 @@ def check_search(starts: int, seed: int, most: int = 1) -> None:
     checks.whole("most", most, Range(1, 10**6, whole=True))
 
 
-def search(price: Callable[[jax.Array], Any], angles: jax.Array, tolerance, most: int):
-    """Return (angles, steps) where BFGS from each of ``angles`` (starts, n) ends, all in one batch.
+Price = Callable[[np.ndarray], tuple[float, np.ndarray]]  # shares (n,) -> value, slope (n,)
 
-    At most ``most`` steps each; derivatives of ``price`` are taken forwards. ``tolerance``:
-    (relative, absolute).
+
+def search(
+    price: Price, shares: np.ndarray, tolerance: float, most: int, demand: Price | None = None
+):
+    """Return (shares, steps) where a search from each of ``shares`` (starts, n) ends, in the box.
+
+    At most ``most`` steps each; ``tolerance``: relative change of the value that ends it;
+    ``demand``: what must be >= 0 at the end. A price with jumps may end a search early: it keeps
+    the best it has seen. Searches run outside of the compiled program, of which there is one
+    however often they look.
     """
-    solver = optx.BFGS(*tolerance)
-
-    def one(angle):
-        found = optx.minimise(
-            lambda angle, _: price(angle),
-            solver,
-            angle,
-            max_steps=most,
-            throw=False,
-            options={"autodiff_mode": "fwd"},
-        )
-        return found.value, found.stats["num_steps"]
-
-    return jax.vmap(one)(angles)
+    how: dict[str, Any] = {"method": "L-BFGS-B"}
+    if demand is not None:
+        parts = {"fun": lambda share: demand(share)[0], "jac": lambda share: demand(share)[1]}
+        how = {"method": "SLSQP", "constraints": {"type": "ineq"} | parts}
+    how |= {"bounds": [(0, 1)] * shares.shape[1], "options": {"maxiter": most, "ftol": tolerance}}
+    ends = [minimize(price, start, jac=True, **how) for start in shares]
+    return np.array([e.x for e in ends]), np.array([e.nit for e in ends])

@@ -49,7 +49,7 @@ def quieten(
     **Arguments:** ``bounds``, name -> (low, high), SI units; ``effort``, price of a change by a
     whole range, relative to the noise of the blade as it is: 0 asks for the quietest blade at any
     price; ``starts``, points in the bounds to begin from, the blade itself and random ones of
-    ``seed``, all in one batch (`optimistix.BFGS`, bounds by a sine); ``most`` steps of it.
+    ``seed``, one after the other (`scipy.optimize.minimize`, L-BFGS-B); ``most`` steps of it.
 
     **Returns** a `Quietened`. To the search a failed simulation is twice the noise of the blade as
     it is; where one ends in it, ``velocity_rms`` is NaN, and it comes last. If the simulation of
@@ -63,19 +63,30 @@ def quieten(
     check_search(starts, seed, most)
     box, system = Box.of(bounds), numbers.traceable(blade, *bounds)
     given = box.shares_of(blade)
-    angles = box.starts(blade, starts, seed)
     times = jnp.array([duration, window]), jnp.asarray(rtol, float)
-    shares, noise, steps = _quieten(system, box, given, angles, effort, *times, most)
-    shares, noise, steps = np.asarray(shares), np.asarray(noise), np.asarray(steps)
-    cost = np.sum((shares - np.asarray(given)) ** 2, axis=1)
-    before = float(noise[0])  # of the blade as it is; the rest are the ends of the searches
+
+    def noise(share):
+        value, slope, fine = _noise(system, box, jnp.asarray(share), *times)
+        return (float(value), np.asarray(slope)) if fine else (np.nan, np.zeros(len(share)))
+
+    before = noise(given)[0]
     if np.isnan(before):
         raise ValueError("blade must be one whose simulation finishes, but this one's fails")
-    rank = np.argsort(noise[1:] + effort * before * cost)
+
+    def price(share):
+        value, slope = noise(share)
+        level = 2.0 if np.isnan(value) else value / before
+        change = share - given
+        return level + effort * np.sum(change**2), slope / before + 2 * effort * change
+
+    shares, steps = search(price, box.starts(blade, starts, seed), 1e-6, most)
+    levels = np.array([noise(share)[0] for share in shares])
+    cost = np.sum((shares - given) ** 2, axis=1)
+    rank = np.argsort(levels + effort * before * cost)
     found = xr.Dataset(
         box.columns(shares[rank])
         | {
-            "velocity_rms": ("start", noise[1:][rank], {"units": "m/s"}),
+            "velocity_rms": ("start", levels[rank], {"units": "m/s"}),
             "cost": ("start", cost[rank], {"long_name": "squared share of the ranges"}),
             "steps": ("start", steps[rank], {"long_name": "steps of the search"}),
         },
@@ -85,27 +96,17 @@ def quieten(
 
 
 @eqx.filter_jit
-def _quieten(system: Any, box: Box, given, angles, effort, times, rtol, most: int):
+def _noise(system: Any, box: Box, share, times, rtol):
+    """Spread of the tip's velocity, its slope by the shares, and whether the motion finished."""
     duration, window = times
 
     def noise(share):
         changed = box.blade(system, share)
         run = solve(changed, duration, rtol=rtol, statistics_start=duration - window, max_events=0)
-        spread = run.statistics.variance(window)
         fine = run.result == Result.FINISHED
-        floor = (_FLOOR * changed.belt.peak) ** 2
-        return jnp.sqrt(jnp.where(fine, spread, 0.0) + floor), fine
+        spread = jnp.where(fine, run.statistics.variance(window), 0.0)
+        level = jnp.sqrt(spread + (_FLOOR * changed.belt.peak) ** 2)
+        return level, (level, fine)
 
-    before, fine = noise(given)
-
-    def price(angle):
-        share = box.share(angle)
-        found, fine = noise(share)
-        level = jnp.where(fine, found / before, 2.0)
-        return level + effort * jnp.sum((share - given) ** 2)
-
-    angles, steps = search(price, angles, (1e-4, 1e-4), most)
-    shares = box.share(angles)
-    after, finished = jax.vmap(noise)(shares)
-    levels, fine = jnp.append(before, after), jnp.append(fine, finished)
-    return shares, jnp.where(fine, levels, jnp.nan), steps
+    slope, (level, fine) = jax.jacfwd(noise, has_aux=True)(share)
+    return level, slope, fine
