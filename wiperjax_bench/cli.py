@@ -28,7 +28,7 @@ def _begin(output: Path, cores: int | None, suffixes=(".h5", ".nc")) -> None:
         raise ValueError(f"{output}: must end in {' or '.join(suffixes)}")
     if not output.parent.is_dir():
         raise ValueError(f"{output.parent}: is not a directory")
-    configure(cores)
+    configure(cores, keep=False)  # compilations are measured
 
 
 @app.command()

@@ -194,7 +194,7 @@ def test_settings_precede_the_modules_that_import_jax(folder, stubs, monkeypatch
     monkeypatch.setattr(
         sys.modules["wiperjax.machine.jax_settings"],
         "configure",
-        lambda cores=None: seen.append("wiperjax.maps.cells" in sys.modules),
+        lambda cores=None, **_: seen.append("wiperjax.maps.cells" in sys.modules),
     )
     monkeypatch.delitem(sys.modules, "wiperjax.maps.cells", raising=False)
     assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0

@@ -143,7 +143,7 @@ CASES = {
     ),
     "load_sweep": (wiperjax.load_sweep, {"path": "no.toml"}, {"path": NO_PATH}),
     "load_scene": (wiperjax.load_scene, {"path": "no.toml"}, {"path": NO_PATH}),
-    "configure": (wiperjax.configure, {}, {"cores": [*NO_COUNT, 0]}),
+    "configure": (wiperjax.configure, {}, {"cores": [*NO_COUNT, 0], "keep": [1, "no"]}),
     "RegimeTotals": (wiperjax.RegimeTotals, {}, {"start": NO_NUMBER[:-1]}),
     "find_cycle": (
         cycle.find_cycle,

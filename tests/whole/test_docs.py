@@ -17,6 +17,20 @@ import wiperjax
 from wiperjax.cli import main
 from wiperjax.vocabulary.parameters import PARAMETERS
 
+SOURCES = [f for name in ("wiperjax", "wiperjax_bench") for f in CHECKOUT.glob(f"{name}/**/*.py")]
+
+
+def test_files_that_texts_name_exist():
+    named = r"\b(?:wiperjax|wiperjax_bench|tests|docs|sweeps)/[\w/]+\.(?:py|md|toml)\b"
+    gone = {
+        f"{text.name}: {name}"
+        for text in (*PAGES, *SOURCES)
+        for name in re.findall(named, text.read_text())
+        if "NAME" not in name and not (CHECKOUT / name).exists()
+    }
+    assert gone == set()
+
+
 # --- the model ------------------------------------------------------------------------------------
 
 

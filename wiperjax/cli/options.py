@@ -67,8 +67,8 @@ def cuts(texts: Sequence[str] | None) -> dict[str, float] | None:
     return cuts or None
 
 
-def configure(cores: int | None) -> None:
+def configure(cores: int | None, **options: bool) -> None:
     """Settings of XLA, which must precede the first `import jax`."""
     from ..machine.jax_settings import configure
 
-    configure(cores=cores)
+    configure(cores=cores, **options)

@@ -1,5 +1,6 @@
 """This process, this computer, whole files. Knows no mechanics and no jax.
 
 Read `files` (a file is written at once or not at all), `lock`, `jax_settings` (what must be set
-before JAX starts), `memory`, `provenance` (what made a file).
+before JAX starts), `compiled` (programs kept for the next process), `memory`, `provenance` (what
+made a file).
 """

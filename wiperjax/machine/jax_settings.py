@@ -8,6 +8,7 @@ import os
 
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
+from .compiled import keep_programs
 
 # XLA's own options of its CPU compiler, as name=value pairs:
 COMPILER = {
@@ -30,17 +31,19 @@ def cores() -> int:
     return _configured or os.cpu_count() or 1
 
 
-def configure(cores: int | None = None) -> int:
+def configure(cores: int | None = None, *, keep: bool = True) -> int:
     """Set JAX up for batches on this machine's processor; return the number of host devices.
 
     ``cores``: devices to use, one a core (default: the cores this process may run on). One device
     a core with a one-thread pool each, because the default pool burns two cores for the speed of
     one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; and a
-    whole loop in one compiled function (`COMPILER`).
+    whole loop in one compiled function (`COMPILER`). ``keep``: what is compiled is kept for later
+    processes (`compiled.keep_programs`).
     Settings already made by the user win. Has no effect once JAX has started a device. Raises
     ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
     """
     global _configured
+    keep = checks.flag("keep", keep)
     if cores is None:
         count = len(os.sched_getaffinity(0))
     else:
@@ -57,4 +60,6 @@ def configure(cores: int | None = None) -> int:
             flags = f"{flags} {name}={value}".strip()
     os.environ["XLA_FLAGS"] = flags
     os.environ.setdefault("NPROC", "1")
+    if keep:
+        keep_programs()
     return count

@@ -47,14 +47,21 @@ def version(library: str) -> str:
 
 def host_kind() -> str:
     """Kind of machine (processor, cores, system), not its name."""
-    processor = platform.processor() or platform.machine()
-    if sys.platform.startswith("linux"):
-        try:
-            with open("/proc/cpuinfo", encoding="utf-8") as lines:
-                names = [
-                    line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")
-                ]
-        except OSError:
-            names = []
-        processor = names[0] if names else processor
-    return f"{processor}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
+    name = _cpuinfo("model name") or platform.processor() or platform.machine()
+    return f"{name}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
+
+
+def processor() -> str:
+    """What decides which instructions a compiled program may have."""
+    known = (platform.machine(), _cpuinfo("model name"), _cpuinfo("flags"), version("jaxlib"))
+    return "; ".join(known)
+
+
+def _cpuinfo(key: str) -> str:
+    """A line of Linux' description of the first processor; empty where there is none."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            found = (line.split(":", 1)[1].strip() for line in lines if line.startswith(key))
+            return next(found, "")
+    except OSError:
+        return ""

@@ -13,7 +13,6 @@ levels are exact and a frequency that the samples cannot tell is known for what 
 from typing import Any
 
 import numpy as np
-import scipy.signal
 
 from ..vocabulary.codes import SETTLED, TOLD
 from .spectrum import strongest_lines
@@ -166,6 +165,8 @@ def high_pass(signal: np.ndarray, interval: float, corner: float) -> np.ndarray:
         return signal - signal.mean(axis=-1, keepdims=True)
     if corner * interval >= 0.5:
         return 0.0 * signal
+    import scipy.signal  # most of a second, for belts that reverse alone
+
     sections = scipy.signal.butter(4, corner, "highpass", fs=1 / interval, output="sos")
     return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=-1))
 

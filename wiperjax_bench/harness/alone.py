@@ -18,7 +18,7 @@ def _serve(connection, make: Callable[[], Any], reduce: Callable[[Any], Any]) ->
     os.environ["XLA_FLAGS"] = re.sub(r"--xla_force_host_platform_device_count=\d+", "", flags)
     from wiperjax.machine.jax_settings import configure
 
-    configure(1)
+    configure(1, keep=False)
     call = make()
     connection.send((0.0, None))  # ready
     while True:

@@ -12,7 +12,7 @@ def compile_() -> dict[str, float]:
     """Return seconds from the start of the first block of a small sweep to its end, and again."""
     from wiperjax.machine.jax_settings import configure
 
-    configure(1)
+    configure(1, keep=False)
     import numpy as np
 
     from wiperjax.maps.cells import batch
@@ -41,7 +41,7 @@ def memory(count: int = 1_000_000) -> dict[str, float]:
     """Return the largest resident memory of a batch of ``count`` very short trajectories."""
     from wiperjax.machine.jax_settings import configure
 
-    configure(1)
+    configure(1, keep=False)
     import diffrax
 
     from wiperjax.machine.memory import peak_memory

@@ -16,7 +16,7 @@ REASONS = (
      "compression; without a hinge mass the two agree"),
     ("penalty", "Zeno landing",
      "its friction follows the Stribeck curve during an impact, while the model holds mu at its "
-     "value before; with constant mu it converges on the reference (`tests/test_bench_smooth.py`)"),
+     "value before; with constant mu it converges on the reference (`tests/bench/test_smoothing.py`)"),
 )  # fmt: skip
 
 
@@ -38,7 +38,7 @@ def failures_text(dataset: xr.Dataset, picture: str) -> str:
         f"Right: in all cells of a scene (four blades) and at all 60 samples the tip is within "
         f"{100 * TOLERANCE:g} % of the reference, as a share of the range of each coordinate (at "
         f"least {100 * STILL:g} % of the other's). Reference: the engine at rtol 1e-12, "
-        "which an independent code confirms (`tests/test_bench_failures.py`).",
+        "which an independent code confirms (`tests/bench/test_failures.py`).",
         "",
         f"One core of {dataset.attrs['machine']}, {dataset.attrs['created']}, load average "
         f"{float(dataset.attrs['load_average']):.1f} at the end; wall time of a call over its "

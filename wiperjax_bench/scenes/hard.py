@@ -1,7 +1,7 @@
 """Scenes at which methods fail, small families of four blades each.
 
 Every family moves far enough that a missed or invented event shows in the position. An independent
-code confirms the reference of each (`tests/test_bench_failures.py`).
+code confirms the reference of each (`tests/bench/test_failures.py`).
 """
 
 import math

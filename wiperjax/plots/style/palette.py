@@ -2,7 +2,7 @@
 picture.
 
 Classes are from the palette of Okabe and Ito, regimes from those of Tol: within each set all pairs
-stay apart with protanopia, deuteranopia and tritanopia (tests/test_plots.py measures it).
+stay apart with protanopia, deuteranopia and tritanopia (tests/helpers/pictures.py measures it).
 """
 
 CLASSES = {
