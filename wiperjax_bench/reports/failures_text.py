@@ -16,7 +16,8 @@ REASONS = (
      "compression; without a hinge mass the two agree"),
     ("penalty", "Zeno landing",
      "its friction follows the Stribeck curve during an impact, while the model holds mu at its "
-     "value before; with constant mu it converges on the reference (`tests/bench/test_smoothing.py`)"),
+     "value before; with constant mu it converges on the reference "
+     "(`tests/bench/test_smoothing.py`)"),
 )  # fmt: skip
 
 
