@@ -91,8 +91,7 @@ Made by `wiperjax ladder sweeps/scenes/*.toml -o docs/ladder.md --force`; the nu
 Rungs, poorest first: **block** on a belt (1 dof, constant load, linear spring; equals the lip
 to first order about steady slip), **bar** (1 dof, the lip held on the glass), **lip** (2 dof, the
 full model). Beside them the lip with a hinge mass of {HINGE_SHARE:.0%} of the tip's: not a rung
-below, but what inertia at the hinge makes of the same blade. Formulas:
-`wiperjax/runs/compare_rungs.py`.
+below, but what inertia at the hinge makes of the same blade. Formulas: `wiperjax/blade/`.
 
 A model suffices if it says what the lip says: class, mechanism and band the same, frequency
 within {FREQUENCY:.0%} and amplitude within {AMPLITUDE:.0%}; for a reversal force ratio and
