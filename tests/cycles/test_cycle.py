@@ -93,6 +93,7 @@ def test_pictures_of_a_branch_file(ring, tmp_path):
         plots.plot_file(tmp_path / "branch.h5", made[1], quantity="loudness", **cycles)
 
 
+@pytest.mark.slow
 def test_up_and_down_shows_what_coexists():
     values = np.linspace(-0.38, 0.32, 8)
     ds = up_and_down(
@@ -106,6 +107,7 @@ def test_up_and_down_shows_what_coexists():
     np.testing.assert_allclose(high.sel(way="down"), circle, atol=3e-6)
 
 
+@pytest.mark.slow
 def test_simulated_means_are_those_of_whole_periods():
     """A window of 6.3 periods at one value, 5.7 at another: the shares are the exact ones of V5.
 
@@ -159,6 +161,7 @@ def test_neimark_sacker_of_a_driven_oscillator():
     np.testing.assert_allclose([c.maximum for c in branch.cycles], response, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_v5_stick_slip_over_the_belt_speed():
     m, k, fs, fd, v = 1.0, 100.0, 0.4, 0.25, 0.05
     start = ((0.0,), (v,))
@@ -176,6 +179,7 @@ def test_v5_stick_slip_over_the_belt_speed():
     np.testing.assert_allclose([c.maximum for c in branch.cycles], highest, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_v8_multipliers_and_period_doubling_over_the_frequency():
     e = 0.8
     system = StopOscillator(amplitude=1.0, frequency=2.5, restitution=e, side=-1.0)

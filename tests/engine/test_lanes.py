@@ -161,6 +161,7 @@ def test_the_signal_is_the_mean_of_the_output_velocity(pool):
         np.testing.assert_allclose(np.mean(means[case] ** 2 + inner[case]), square[case], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_finer_look_is_the_same_motion_in_the_same_program():
     spec = sweep_spec()
     coarse = batch.evaluate(spec, np.arange(7), 1, 64)
@@ -269,6 +270,7 @@ def test_dear_cells_begin_first():
     assert devices.dearest_first(same_load, 3).tolist() == [0, 1, 2]
 
 
+@pytest.mark.slow
 def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
     spec = sweep_spec(event_log=12)
     columns = batch.evaluate(spec, np.arange(7))
@@ -302,6 +304,7 @@ def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
         np.testing.assert_array_equal(values, columns[name], err_msg=name)
 
 
+@pytest.mark.slow
 def test_float32_sees_the_same_events():
     index = np.arange(7)
     double = batch.evaluate(sweep_spec(), index)

@@ -34,6 +34,7 @@ def both(request):
     return [run.statistics for run in found]
 
 
+@pytest.mark.slow
 def test_times_within_the_window_are_exact(both):
     # at the start, around three passages, and none at the end
     for record in both:

@@ -68,6 +68,7 @@ class Ramp(Puck):
         return self.push + 0 * t, -self.gravity + self.rise * q[0]
 
 
+@pytest.mark.slow
 def test_lift_off():
     """Nothing jumps there, but the motion after it has one freedom more."""
     mu, g, rise, end = 0.2, 10.0, 3.0, 2.0
@@ -81,6 +82,7 @@ def test_lift_off():
     np.testing.assert_allclose(derivative[:, [0, 2]], closed[:, [0, 2]], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sticks", [False, True])
 def test_impact(sticks):
     mu, e, g, end = 0.4, 0.6, 10.0, 0.5
@@ -105,6 +107,7 @@ def test_impact(sticks):
     np.testing.assert_allclose(derivative, closed, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_end_of_a_zeno_sequence():
     """The limit of the product of all its saltation matrices: the series summed."""
     mu, e, g, end = 0.1, 0.5, 10.0, 2.0

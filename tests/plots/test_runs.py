@@ -359,6 +359,7 @@ def test_caption_names_the_parameters_in_degrees(squeal):
     assert caption.parameters_text(bouncing_run()) == ""
 
 
+@pytest.mark.slow
 def test_run_page_frames_the_part_that_it_shows(squeal):
     figure = plots.run_overview(squeal)
     assert "780.8 Hz" in figure.get_suptitle() and "attack angle 5°" in figure.get_suptitle()

@@ -53,6 +53,7 @@ def test_energy_balance_over_smooth_phases(i):
     assert checked >= 1
 
 
+@pytest.mark.slow
 def test_dissipation_at_impacts_is_not_negative():
     """T- - T+ + V p_t >= 0 at every bounce of a coupled blade on a moving belt."""
 

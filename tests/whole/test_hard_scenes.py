@@ -156,6 +156,7 @@ def heavy(blade, speed, start, duration, rtol):
     )
 
 
+@pytest.mark.slow
 def test_hinge_mass_energy_balance():
     blade = {**BLADE, **HEAVY, "attack_angle": -0.4}
     start = (LENGTH * math.sin(-0.4), 0.0, 0.0, 0.0)
@@ -222,6 +223,7 @@ def test_rod_released_at_31_degrees_is_followed_to_the_singular_point():
     assert math.degrees(phi[sliding][-1]) > 40
 
 
+@pytest.mark.slow
 def test_a_jam_is_reached_at_every_tolerance():
     """In front of D = 0 steps shrink to nothing, refused by whatever is first: always a jam."""
     scene = near_painleve()
@@ -238,6 +240,7 @@ def test_a_jam_is_reached_at_every_tolerance():
         np.testing.assert_allclose(x[1:], x[-1], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_jam_in_a_stribeck_blade_agrees_with_the_reference():
     """Slip slows down, mu grows, D falls to zero under load; found by drawing blades."""
     rng = np.random.default_rng(7)
@@ -334,6 +337,7 @@ def test_indeterminate_start_is_flagged():
     assert float(s.final_position[1]) > math.sin(float(s.final_position[2]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-3, 1e-5])
 def test_a_grazing_pass_at_a_loose_tolerance(rtol):
     """Half of the blades just touch, by 1e-7 to 1e-2 of the grazing speed, half just miss: all of

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import pytest
 import slow_sweep
 import xarray as xr
 from processes import environment, fork
@@ -20,6 +21,7 @@ from wiperjax.store.manifest import parts_of
 from wiperjax.store.whole import open_map
 
 
+@pytest.mark.slow
 def test_kills_at_random_times(tmp_path):
     """SIGKILL at random times, from before the first block to while the map is put together."""
     spec, path = make_spec(), tmp_path / "map.h5"
@@ -65,6 +67,7 @@ def test_kills_at_random_times(tmp_path):
 CALLS = ("mkdir", "ftruncate", "fsync", "replace", "unlink", "rmdir")
 
 
+@pytest.mark.slow
 def test_a_kill_before_any_call_that_counts(tmp_path):
     """SIGKILL before the first, the second, ... of all the calls that make what was written
     durable, name it or delete it: each time what is left can be read, and goes on to the same map.
