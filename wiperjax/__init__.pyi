@@ -1,7 +1,5 @@
-"""All that `wiperjax.NAME` gives: what the package shows to who uses it.
-
-Loaded with the first of these names (`wiperjax/__init__.py`), and with it JAX.
-"""
+# What the package shows to who uses it: `wiperjax.NAME` loads the module that it comes from
+# (`__init__.py` reads this file), and what that one needs.
 
 from .blade.belts import AbstractBelt, SteadyBelt, TrapezoidBelt, WipingBelt
 from .blade.steady_slip import steady_slip
@@ -22,7 +20,10 @@ from .specs.load import load_scene, load_sweep, parse_scene, parse_sweep
 from .store.whole import open_map
 from .vocabulary.codes import Event, Regime, Result
 
+__version__: str
+
 __all__ = [
+    "__version__",
     "AbstractBelt",
     "AbstractFriction",
     "AbstractObserver",
