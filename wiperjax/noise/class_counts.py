@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 
+from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import LABELS, SETTLED, TOLD
 
@@ -12,7 +13,12 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
     `mechanism`, `band`, `settled` and `result`.
 
     Cells that are not computed (a partly finished store) are not counted.
+
+    Raises: ValueError for what is no map, or has no such codes.
     """
+    checks.instance("ds", ds, xr.Dataset, "a map, such as open_map(...)")
+    coded = [str(name) for name in ds.data_vars if "flag_meanings" in ds[name].attrs]
+    checks.choice("variable", variable, coded)
     names = flag_names(ds[variable])
     codes, counts = np.unique(np.asarray(ds[variable]), return_counts=True)
     found = {int(code): int(count) for code, count in zip(codes, counts, strict=True) if code >= 0}

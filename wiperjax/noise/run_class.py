@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
 from ..vocabulary.kinds import BELT_KINDS, known, since_reversal
+from ..vocabulary.ranges import Range
+from ..vocabulary.thresholds import Thresholds
 from .classes import classify, stored
 from .signals import signal_columns
 from .spectrum import interval_means
@@ -27,7 +30,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
 
     - `run`: a run of a scene file (`run_scene`, or a file of `wiperjax simulate`); its attributes
         tell the belt.
-    - `thresholds`: `labels.Thresholds`; None: those stored with the run.
+    - `thresholds`: `Thresholds`; None: those stored with the run.
     - `transient`: time [s] that is left out; None: the first half on a steady belt, the first
         eighth on one that reverses.
 
@@ -37,12 +40,19 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     Raises: ValueError for a run that is no run of a scene, on a belt of unknown kind, or of fewer
     than 64 samples after the transient.
     """
+    checks.instance("run", run, xr.Dataset, "a run of a scene file")
+    if thresholds is not None:
+        checks.instance("thresholds", thresholds, Thresholds, "Thresholds(...)")
     if "belt_kind" not in run.attrs or "event_time" not in run:
-        raise ValueError("run must be a run of a scene file, with its belt among the attributes")
+        raise ValueError(
+            "run must be a run of a scene file, but had no belt_kind in its attributes, or no events"
+        )
     limits = thresholds if thresholds is not None else stored(run.attrs)
     kind, end = str(run.attrs["belt_kind"]), float(run["final_time"])
     belt = known("belt_kind", kind, BELT_KINDS)
-    if transient is None:
+    if transient is not None:
+        transient = checks.number("transient", transient, Range(0, end, high_open=True, unit="s"))
+    else:
         transient = float(run.attrs["duration"]) / (2 if kind == "steady" else 8)
     kept = run.sel(time=slice(transient, None))
     time = np.asarray(kept["time"], dtype=float)
