@@ -45,7 +45,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         checks.instance("thresholds", thresholds, Thresholds, "Thresholds(...)")
     if "belt_kind" not in run.attrs or "event_time" not in run:
         raise ValueError(
-            "run must be a run of a scene file, but had no belt_kind in its attributes, or no events"
+            "run must be a run of a scene file, but had no belt_kind in its attributes or no events"
         )
     limits = thresholds if thresholds is not None else stored(run.attrs)
     kind, end = str(run.attrs["belt_kind"]), float(run["final_time"])
