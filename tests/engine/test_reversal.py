@@ -54,3 +54,21 @@ def test_times_within_the_window_are_exact(both):
 def test_they_do_not_depend_on_the_steps(both, name, accuracy):
     long, short = (float(getattr(record, name)) for record in both)
     assert long == pytest.approx(short, rel=accuracy)
+
+
+def test_the_largest_force_is_that_of_the_window_also_where_strokes_press_harder():
+    """Against samples of the same motion: no node of a stroke counts, and no vertex is missed."""
+    wiper = Wiper(
+        belt=WipingBelt(0.4, 5.0, np.deg2rad(-70.0)),
+        attack_angle=np.deg2rad(-35.0),
+        support_stiffness=8000.0,
+    )
+    times, window = np.linspace(0.0, 0.2, 20_001)[1:], 0.025
+    run = wiperjax.solve(
+        wiper, 0.2, rtol=1e-8, observer=ReversalTotals(0.0, window), sample_times=times
+    )
+    force = np.asarray(run.samples.normal_force)
+    near = np.abs(np.asarray(wiper.belt.since_reversal(times))) <= window
+    assert force[~near].max() > 1.02 * force[near].max()  # else the test says nothing
+    found = float(run.statistics.force_max_reversal)
+    assert force[near].max() <= found < force[near].max() * (1 + 3e-4)  # it is at the window's edge

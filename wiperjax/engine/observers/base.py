@@ -55,32 +55,36 @@ class Stretch(NamedTuple):
         return self.correction / jnp.where(self.step > 0, self.step, 1.0)
 
     def peak(self, values) -> Scalar:
-        """Largest value of something given at the nodes: that of an end, or the vertex of the
-        quartic through the nodes, sought by Newton from the largest inner one.
-
-        Nothing changes at first order when a vertex moves, so its place carries no derivative; the
-        end does, with the time of an event.
-        """
+        """Largest value of something given at the nodes, up to the event (`highest`)."""
         rise = sum(w * x for w, x in zip(END_SLOPE, values, strict=True))
-        end = values[-1] + rise * self._past.astype(values[-1].dtype)
-        a, b, c, d, e = values
-        # powers of s, the place in quarters of the step from its middle
-        c1 = (a - 8 * b + 8 * d - e) * (1 / 12)
-        c2 = (16 * (b + d) - 30 * c - (a + e)) * (1 / 24)
-        c3 = (2 * (b - d) - (a - e)) * (1 / 12)
-        c4 = (a + e - 4 * (b + d) + 6 * c) * (1 / 24)
-        s = stop_gradient(jnp.where((b > c) & (b >= d), -1.0, jnp.where(d > c, 1.0, 0.0)))
-        s = s.astype(c.dtype)
-        for _ in range(3):
-            slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
-            bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
-            s = stop_gradient(within(-2.0, s - slope / jnp.where(bend < 0, bend, -jnp.inf), 2.0))
-        inside = (bend < 0) & (jnp.abs(s) < 2)
-        high = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
-        highest = larger(larger(b, c), d)
-        # never below a node: Newton may have gone to the lower of two vertices
-        high = jnp.where(inside, larger(high, highest), highest)
-        return jnp.maximum(jnp.maximum(a, end), high)  # a NaN at any node is one of the end
+        return highest(values, values[-1] + rise * self._past.astype(values[-1].dtype))
+
+
+def highest(values, end) -> Scalar:
+    """Largest value of the quartic through five ``values`` at equal distances: that of an end
+    (the last one is ``end``), or the vertex, sought by Newton from the largest inner value.
+
+    Nothing changes at first order when a vertex moves, so its place carries no derivative; the end
+    does, with the time of an event.
+    """
+    a, b, c, d, e = values
+    # powers of s, the place in quarters of the way from its middle
+    c1 = (a - 8 * b + 8 * d - e) * (1 / 12)
+    c2 = (16 * (b + d) - 30 * c - (a + e)) * (1 / 24)
+    c3 = (2 * (b - d) - (a - e)) * (1 / 12)
+    c4 = (a + e - 4 * (b + d) + 6 * c) * (1 / 24)
+    s = stop_gradient(jnp.where((b > c) & (b >= d), -1.0, jnp.where(d > c, 1.0, 0.0)))
+    s = s.astype(c.dtype)
+    for _ in range(3):
+        slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
+        bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
+        s = stop_gradient(within(-2.0, s - slope / jnp.where(bend < 0, bend, -jnp.inf), 2.0))
+    inside = (bend < 0) & (jnp.abs(s) < 2)
+    vertex = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
+    node = larger(larger(b, c), d)
+    # never below a node: Newton may have gone to the lower of two vertices
+    top = jnp.where(inside, larger(vertex, node), node)
+    return jnp.maximum(jnp.maximum(a, end), top)  # a NaN at any node is one of the end
 
 
 def extremes(stretch: Stretch) -> tuple[Scalar, Scalar]:

@@ -10,7 +10,7 @@ from ...numerics.elementary import larger
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
-from .base import AbstractObserver, Stretch, extremes, is_hit, outputs
+from .base import AbstractObserver, Stretch, highest, is_hit, outputs
 from .totals import RegimeTotals, Totals
 
 
@@ -64,7 +64,7 @@ class ReversalTotals(AbstractObserver):
         near = [(low, high) for low, high, _ in windows]
         one = (jnp.ones_like(step),)
         stroke = counted(s.length.astype(dtype) - within(one, near))
-        peak = jnp.where(on, self._peak(s, load, near), 0.0)
+        peak = counted(self._peak(load, near))
 
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),
@@ -97,20 +97,14 @@ class ReversalTotals(AbstractObserver):
             found.append(tuple(x.astype(dtype) for x in (low, high, zero)))
         return found
 
-    def _peak(self, s: Stretch, load, near) -> Scalar:
-        """Largest normal force in parts of the step: the vertex, where all of it counts."""
-        whole, _ = extremes(s)
-        highest = jnp.zeros_like(whole)
+    @staticmethod
+    def _peak(load, near) -> Scalar:
+        """Largest normal force in parts of the step. An empty part lies on a node and has none."""
+        peaks = []
         for low, high in near:
-            inner = [
-                jnp.where((low <= u) & (u <= high), node.forces.normal, 0.0)
-                for u, node in zip(NODES, s.nodes, strict=True)
-            ]
-            ends = [jnp.where(high > low, quartic.value(load, x), 0.0) for x in (low, high)]
-            all_of_it = (low <= 0) & (high >= 1)
-            partly = reduce(jnp.maximum, [*inner, *ends])  # a NaN stays one
-            highest = jnp.maximum(highest, jnp.where(all_of_it, whole, partly))
-        return highest
+            nodes = [quartic.value(load, low + u * (high - low)) for u in NODES]
+            peaks.append(jnp.where(high > low, highest(nodes, nodes[-1]), 0.0))
+        return reduce(jnp.maximum, peaks)
 
     def event(self, record, happening):
         e = happening
