@@ -9,12 +9,14 @@ import platform
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..datasets import map_dataset
 from ..machine import jax_settings, provenance
+from ..machine.phases import during
 from ..noise import classes
 from ..noise.signals import signal_columns, untold
 from ..vocabulary import codes, schema
@@ -37,12 +39,15 @@ DECISIVE = ("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 
 
 class Block(NamedTuple):
-    """A computed block: its number, stored columns, the engine's occupancy, seconds it took."""
+    """A computed block: its number, stored columns, the engine's occupancy, seconds it took, and
+    those of its phases where another process computed it.
+    """
 
     number: int
     columns: dict[str, np.ndarray]
     occupancy: float | None
     seconds: float
+    phases: Mapping[str, float] = MappingProxyType({})
 
 
 def block_size(spec: Any, workers: int = 1) -> int:
@@ -87,6 +92,11 @@ def evaluate_block(
     frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
     most, by `evaluate(spec, cells, finer, room)`.
     """
+    with during("naming"):  # all but the engine, which has a phase of its own
+        return _evaluate_block(spec, index, evaluate)
+
+
+def _evaluate_block(spec, index, evaluate):
     columns = dict(evaluate(spec, index))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)

@@ -58,11 +58,31 @@ def _polynomial(samples: int, length: int) -> np.ndarray:
         tones = np.exp(-1j * turn[:, None] * places) * loud[:, None]
         return np.concatenate([tones.real, tones.imag])
 
-    weights = np.linalg.lstsq(seen(bins), seen(wanted), rcond=None)[0]
+    weights = _least_squares(seen(bins), seen(wanted))
     powers = np.vander(wanted, DEGREE + 1, increasing=True)
-    polynomial = np.linalg.lstsq(powers, weights.T, rcond=None)[0]
+    polynomial = _least_squares(powers, weights.T)
     # bins have their phase from the first sample, not from the middle
     return polynomial * np.exp(1j * np.pi * (samples - 1) / length * bins)
+
+
+def _least_squares(columns: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """x with `columns` x closest to `wanted`, by Gram and Schmidt (modified: as good as QR).
+
+    LAPACK's last bits hang on the number of threads, and with them those of every frequency.
+    """
+    count = columns.shape[1]
+    rest = np.concatenate([columns, wanted], axis=1)
+    upper = np.zeros((count, rest.shape[1]))
+    for k in range(count):
+        size = np.sqrt(np.sum(rest[:, k] ** 2))
+        unit = rest[:, k, None] / size
+        upper[k, k:] = np.sum(unit * rest[:, k:], axis=0)
+        rest[:, k + 1 :] -= unit * upper[k, k + 1 :]
+    x = np.zeros((count, wanted.shape[1]))
+    for k in range(count - 1, -1, -1):
+        known = np.sum(upper[k, k + 1 : count, None] * x[k + 1 :], axis=0)
+        x[k] = (upper[k, count:] - known) / upper[k, k]
+    return x
 
 
 def refined(spectrum: np.ndarray, place: np.ndarray, bins: Bins, harmonics: int) -> np.ndarray:

@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...blade.wiper import Wiper
+from ...machine.phases import add, during
 from ...numerics.arrays import cellwise
+from . import compiling
 
 
 def dearest_first(wiper: Wiper, count: int) -> np.ndarray:
@@ -54,8 +56,13 @@ def deal(compute, cells, order: np.ndarray):
             whole[mine] = part[: len(mine)]
         return whole
 
-    with ThreadPoolExecutor(shares) as pool:
+    compiling.listen()
+    compiling.taken()
+    with during("engine"), ThreadPoolExecutor(shares) as pool:
         answers = list(pool.map(work, range(shares)))
+    compiled = compiling.taken()
+    add("compiling", compiled)
+    add("engine", -compiled)
     whole = jax.tree.map(collect, *(answer[0] for answer in answers))
     return whole, np.sum([answer[1] for answer in answers], axis=0)
 

@@ -1,0 +1,32 @@
+"""How long jax compiled, as it tells itself: traced, lowered, compiled or taken from its cache."""
+
+import time
+from functools import cache
+
+import jax
+
+EVENT = "/jax/core/compile/"
+
+_spans: list[tuple[float, float]] = []  # start and stop of each, in any thread
+
+
+@cache
+def listen() -> None:
+    """Notes from now on when jax compiles."""
+
+    def note(event: str, seconds: float, **_: object) -> None:
+        if event.startswith(EVENT):
+            stop = time.perf_counter()
+            _spans.append((stop - seconds, stop))
+
+    jax.monitoring.register_event_duration_secs_listener(note)
+
+
+def taken() -> float:
+    """Seconds since the last call in which some thread compiled."""
+    spans, _spans[:] = sorted(_spans), []
+    total, reached = 0.0, -1.0
+    for start, stop in spans:
+        total += max(stop - max(start, reached), 0.0)
+        reached = max(reached, stop)
+    return total
