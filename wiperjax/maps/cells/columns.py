@@ -15,6 +15,7 @@ from ...engine.observers.margins import Watched, regime_totals
 from ...numerics.arrays import cellwise
 from ...vocabulary.codes import Result
 from ...vocabulary.schema import EVENT_COLUMNS, SCHEMA
+from .devices import spread
 
 
 def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int) -> dict[str, Any]:
@@ -36,7 +37,7 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
         columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
         columns["wiping_frequency"] = cellwise(wiper.belt.wiping_frequency, count)
     columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
-    linear = steady_slip(wiper, operating_speed(wiper.belt))
+    linear = spread(lambda wiper: steady_slip(wiper, operating_speed(wiper.belt)), wiper)
     columns["growth_rate"] = cellwise(linear.growth_rate, count)
     columns["linear_frequency"] = cellwise(linear.frequency, count)
     return columns

@@ -67,6 +67,23 @@ def deal(compute, cells, order: np.ndarray):
     return whole, np.sum([answer[1] for answer in answers], axis=0)
 
 
+def spread(function, cells):
+    """Return ``function(cells)``, arrays with the cells as last axis, computed in a part for each
+    device. ``cells``: arrays too, `capacity` cells or one for all; the rest is handed on as it is.
+    """
+    parts = len(devices())
+    size = max(np.shape(x)[-1] for x in jax.tree.leaves(cells) if np.ndim(x)) // parts
+
+    def work(part):
+        def pick(x):
+            return x[..., part * size : (part + 1) * size] if np.ndim(x) else x
+
+        return jax.tree.map(np.asarray, function(jax.tree.map(pick, cells)))
+
+    with ThreadPoolExecutor(parts) as pool:
+        return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *pool.map(work, range(parts)))
+
+
 def devices() -> list:
     """Return the device of each share of a block: every accelerator; or, for each of the host's
     devices, the first of them: one compilation, and a thread for each share fills a core.
