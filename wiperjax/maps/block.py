@@ -30,6 +30,7 @@ SHARES = 4  # blocks for each of several workers, at least: they end at about th
 SHARED_CELLS = 1024  # unless blocks would have fewer cells than this
 BLOCK_BYTES = 2**27  # of samples and event logs
 FINER = (2, 16)  # times as many samples, for cells whose frequency the first do not tell
+OF_THE_MOTION = ("result", "velocity_rms", "belt_speed_rms")  # whatever the samples
 ANALYSED = 2**17  # samples at once, of each core
 
 Evaluate = Callable[..., Mapping[str, Any]]  # (spec, cells) and, of samples, (finer, room)
@@ -90,7 +91,7 @@ def evaluate_block(
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes, and nothing else (ValueError). Cells whose
     frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
-    most, by `evaluate(spec, cells, finer, room)`.
+    most, by `evaluate(spec, cells, finer, room)`, which need return no more than samples.
     """
     with during("naming"):  # all but the engine, which has a phase of its own
         return _evaluate_block(spec, index, evaluate)
@@ -104,8 +105,9 @@ def _evaluate_block(spec, index, evaluate):
         again = np.flatnonzero(untold(found | columns, spec.classes))
         most = max(1, len(index) // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
-            closer = naming(spec, dict(evaluate(spec, index[part], finer, len(index))))
-            for name, values in closer.items():
+            shared = {name: np.asarray(columns[name])[part] for name in OF_THE_MOTION}
+            closer = evaluate(spec, index[part], finer, len(index))
+            for name, values in naming(spec, shared | dict(closer)).items():
                 found[name][part] = values
     if found:
         told = found["frequency_told"] != codes.TOLD["no"]
