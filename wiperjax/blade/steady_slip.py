@@ -91,11 +91,13 @@ def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
             return float(value)
         if np.ndim(value) == 0:  # what all cells share is computed once
             return jnp.asarray(value, float)
+        return whole(value)
+
+    def whole(value):
         every = jnp.broadcast_to(jnp.asarray(value, float), shape).ravel()
         return jnp.concatenate([every, jnp.ones(padded - size)])
 
-    speed = flat(jnp.broadcast_to(jnp.asarray(belt_speed, float), shape))
-    found = _map(jax.tree.map(flat, wiper), speed, branches)
+    found = _map(jax.tree.map(flat, wiper), whole(belt_speed), branches)
     return jax.tree.map(lambda x: x[:size].reshape(*shape, branches), found)
 
 

@@ -35,9 +35,9 @@ def evaluate(
     each ``sample_interval`` [s] of the window, on a belt that reverses ``signal_inner``, its
     variance inside each, and ``occupancy`` of the batch.
 
-    ``finer``: times as many samples, which are all that is returned; ``room`` (default: the number of cells) for so many cells with
-    the plain number of samples the program is compiled. Calls of one room share it, if they have
-    at most room / finer cells.
+    ``finer``: times as many samples, which are then all that is returned. ``room`` (default: the
+    number of cells): for so many cells with the plain number of samples the program is compiled.
+    Calls of one room share it, if they have at most room / finer cells.
     """
     wiper, system, position, velocity = prepare(spec, index, room)
     settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
