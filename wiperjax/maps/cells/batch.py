@@ -20,6 +20,7 @@ from ...engine.observers.reversal import ReversalTotals
 from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
 from ...numerics.runge_kutta import SOLVERS
+from . import compiling
 from .columns import columns_of, sampled
 from .devices import capacity, deal, dearest_first, lane_count
 
@@ -60,7 +61,8 @@ def evaluate(
     (outcome, signal), effort = deal(compute, cells, order)
     if finer > 1:
         return sampled(spec, signal, wiper, len(index))
-    return columns_of(spec, outcome, signal, effort, wiper, len(index))
+    with compiling.apart("naming"):
+        return columns_of(spec, outcome, signal, effort, wiper, len(index))
 
 
 def prepare(spec, index, room: int | None = None) -> tuple[Wiper, Any, tuple, tuple]:

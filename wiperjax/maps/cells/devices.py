@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...blade.wiper import Wiper
-from ...machine.phases import add, during
+from ...machine.phases import during
 from ...numerics.arrays import cellwise
 from . import compiling
 
@@ -56,13 +56,8 @@ def deal(compute, cells, order: np.ndarray):
             whole[mine] = part[: len(mine)]
         return whole
 
-    compiling.listen()
-    compiling.taken()
-    with during("engine"), ThreadPoolExecutor(shares) as pool:
+    with compiling.apart("engine"), during("engine"), ThreadPoolExecutor(shares) as pool:
         answers = list(pool.map(work, range(shares)))
-    compiled = compiling.taken()
-    add("compiling", compiled)
-    add("engine", -compiled)
     whole = jax.tree.map(collect, *(answer[0] for answer in answers))
     return whole, np.sum([answer[1] for answer in answers], axis=0)
 
