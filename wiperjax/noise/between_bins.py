@@ -8,7 +8,7 @@ method on it costs a hundredth.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.fft
@@ -119,9 +119,9 @@ def refined(spectrum: np.ndarray, place: np.ndarray, bins: Bins, harmonics: int)
     return np.where(np.abs(place - start) < 0.5 * bins.resolution, place, start)
 
 
-def _derivatives(terms: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _derivatives(terms: np.ndarray, at: np.ndarray) -> tuple[Any, Any, Any]:
     """Value, first and second derivative of the polynomials `terms` (coefficient, ...) there."""
     value, slope, half = terms[-1], 0.0, 0.0
     for term in terms[-2::-1]:
         value, slope, half = value * at + term, slope * at + value, half * at + slope
-    return value, np.asarray(slope), np.asarray(2.0 * half)
+    return value, slope, 2.0 * half

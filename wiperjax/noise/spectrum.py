@@ -137,7 +137,7 @@ def _strongest(signal, inner, bins: Bins, minimum_cycles: float, harmonics: int)
     signal -= signal.sum(axis=1, keepdims=True) / window.sum() * window
     signal /= scale[:, None]
 
-    spectrum = np.asarray(scipy.fft.rfft(signal, n=bins.length, axis=1))
+    spectrum: Any = scipy.fft.rfft(signal, n=bins.length, axis=1)
     seen = spectrum.real**2 + spectrum.imag**2
     power = seen if bins.response is None else seen / bins.response
     start = max(1, int(np.ceil(minimum_cycles * bins.resolution)))
@@ -215,7 +215,7 @@ def _told(seen, power, highest, inner, scale, bins: Bins) -> np.ndarray:
     """Whether the line at the bin `highest` of each row is none that is folded down, and no hidden
     one may be as strong. `inner`: variance inside the samples, or its mean, (rows, samples or 1).
     """
-    row, window, response = np.arange(len(highest)), bins.window.astype(float), bins.response
+    row, window = np.arange(len(highest)), bins.window.astype(float)
     weight = window**2 if inner.shape[1] > 1 else np.ones(1)
     inner = (inner * weight).sum(axis=1) / weight.sum() / scale.astype(float) ** 2
     # of the strongest line, its square mean, and what of it means leave out if it has been folded
@@ -224,4 +224,5 @@ def _told(seen, power, highest, inner, scale, bins: Bins) -> np.ndarray:
     # Parseval: what is left when all lines that are seen have what they have lost
     unit = 2 / (bins.length * np.sum(window**2))
     lost = np.maximum(inner - unit * (power - seen).sum(axis=1), 0.0)
-    return (folded >= MARGIN * inner) & (MARGIN * HIDDEN * lost <= line / response[highest])
+    whole = 2 * power[row, highest] / window.sum() ** 2
+    return (folded >= MARGIN * inner) & (MARGIN * HIDDEN * lost <= whole)
