@@ -10,7 +10,7 @@ of them together are no more than the time that has passed.
 
 import os
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -20,7 +20,7 @@ class Account:
     """Seconds of each phase, since it was opened."""
 
     def __init__(self) -> None:
-        self._seconds: Counter[str] = Counter()
+        self._seconds: defaultdict[str, float] = defaultdict(float)
         self._begun, self._busy = time.perf_counter(), time.process_time()
         self._phase: str | None = None
         self._since = self._begun

@@ -31,10 +31,10 @@ def apart(phase: str) -> Iterator[None]:
 def _listen() -> None:
     """Notes from now on when jax compiles."""
 
-    def note(event: str, seconds: float, **_: object) -> None:
+    def note(event: str, duration_secs: float, **_: str | int) -> None:
         if event.startswith(EVENT):
             stop = time.perf_counter()
-            _spans.append((stop - seconds, stop))
+            _spans.append((stop - duration_secs, stop))
 
     jax.monitoring.register_event_duration_secs_listener(note)
 
