@@ -223,6 +223,33 @@ def maps(
     print(text)
 
 
+@app.command()
+def sweep(
+    output: Output = Path("sweep.h5"),
+    quick: Quick = False,
+    cells: Annotated[
+        list[int] | None,
+        typer.Option(help="Of the sweep: 1000, 10000, 100000 or 1000000 (repeatable; all)."),
+    ] = None,
+    repeats: Annotated[int, typer.Option(min=1, help="Interleaved.")] = 3,
+) -> None:
+    """What a sweep costs from the command line, beside the bare engine and the scalar loop.
+
+    Writes the dataset and its text (.md). A run that was stopped goes on where it was.
+    """
+    for size in cells or ():
+        if size not in (1000, 10_000, 100_000, 1_000_000):
+            raise ValueError(f"cells must be 1000, 10000, 100000 or 1000000, but was {size}")
+    _begin(output, None)
+    from .measurements import sweep
+    from .reports import sweep_text
+
+    sizes = tuple(cells or ((1000, 10_000) if quick else sweep.GRIDS))
+    text = sweep_text.text(sweep.run(output, sizes=sizes, repeats=1 if quick else repeats))
+    output.with_suffix(".md").write_text(text)
+    print(text)
+
+
 @app.command(name="all")
 def everything(
     folder: Annotated[Path, typer.Argument(help="Where the files go.")] = Path("docs/bench"),
@@ -233,40 +260,7 @@ def everything(
 
     A part whose text is there is kept: a run that was stopped goes on where it was.
     """
-    import os
-    import resource
-    import subprocess
-    import sys
-    import tempfile
-    import time
+    from .harness import everything
 
-    folder.mkdir(parents=True, exist_ok=True)
-    begun = time.perf_counter()
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-    # compilations are measured, and none may come from a cache; only the quick run saves its time
-    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
-    cache = tempfile.TemporaryDirectory()
-    if quick:
-        environment["JAX_COMPILATION_CACHE_DIR"] = cache.name
-    for name in ("chart", "failures", "limits", "smoothing", "maps", "speed", "profile"):
-        text = folder / f"{name}.md"
-        if text.exists() and not again:
-            print(f"{name}: kept {text}", flush=True)
-            continue
-        output = text if name == "profile" else text.with_suffix(".h5")
-        command = [sys.executable, "-m", "wiperjax", "bench", name, "-o", str(output)]
-        command += ["--quick"] if quick else []
-        started, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        print(f"--- {name}", flush=True)
-        status = subprocess.run(command, check=False, env=environment).returncode
-        if status:
-            raise typer.Exit(status)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
-        print(
-            f"--- {name}: {time.perf_counter() - started:.0f} s, {spent:.0f} s of processor time",
-            flush=True,
-        )
-    cache.cleanup()
-    print(f"everything in {folder}: {(time.perf_counter() - begun) / 60:.1f} minutes")
-    print(f"next: wiperjax bench rule {folder / 'chart.h5'}")
+    if status := everything.run(folder, quick, again):
+        raise typer.Exit(status)

@@ -55,15 +55,17 @@ def test_samples_are_analysed_in_parts(belt, monkeypatch):
         return analyse(signal, *given, **named)
 
     monkeypatch.setattr(block, "signal_columns", watched)
-    for samples in (2**30, 2**16):
+    for samples, cores in ((2**30, 1), (2**16, 1), (2**16, 3)):
         monkeypatch.setattr(block, "ANALYSED", samples)
+        monkeypatch.setattr(block.jax_settings, "cores", lambda cores=cores: cores)
         found.append(evaluate_block(spec, np.arange(50), engine)[0])
     assert sizes[0] == 50 * 4096 and sizes[-1] <= 2**16
-    whole_, parts = found
-    assert whole_.keys() == parts.keys() and "dominant_frequency" in parts
-    assert ("tone_time_after" in parts) == (belt == "wiping")
-    for name, values in whole_.items():
-        np.testing.assert_array_equal(parts[name], values)
+    whole_, *others = found
+    for parts in others:
+        assert whole_.keys() == parts.keys() and "dominant_frequency" in parts
+        assert ("tone_time_after" in parts) == (belt == "wiping")
+        for name, values in whole_.items():
+            np.testing.assert_array_equal(parts[name], values)
 
 
 def test_a_closer_look_keeps_to_the_memory_too(monkeypatch):
@@ -78,6 +80,22 @@ def test_a_closer_look_keeps_to_the_memory_too(monkeypatch):
         looks.clear()
         evaluate_block(make_spec(samples=samples), np.arange(2), watched)
         assert looks == most
+
+
+def test_a_closer_look_needs_no_more_than_samples(monkeypatch):
+    """The motion is the same: what it is called rests on the columns of the first look."""
+    monkeypatch.setattr(block, "untold", lambda columns, limits: np.array([False, True]))
+    spec = make_spec(samples=2**10)
+
+    def samples_only(spec, index, finer=1, room=None):
+        found = evaluate(spec, index, finer)
+        return found if finer == 1 else {"signal": found["signal"]}
+
+    whole_, _ = evaluate_block(spec, np.arange(20, 22), evaluate)
+    lean, _ = evaluate_block(spec, np.arange(20, 22), samples_only)
+    assert whole_.keys() == lean.keys()
+    for name, values in whole_.items():
+        np.testing.assert_array_equal(lean[name], values)
 
 
 def test_blocks_hold_some_time_of_motion_and_are_alike():

@@ -4,6 +4,7 @@ import logging
 import os
 import random
 import re
+import time
 
 import h5py
 import numpy as np
@@ -24,7 +25,9 @@ from stub_sweep import (
 )
 
 from wiperjax.cli import main
+from wiperjax.machine import provenance
 from wiperjax.machine.files import StoreError
+from wiperjax.machine.phases import during
 from wiperjax.maps import block, driver
 from wiperjax.maps.block import evaluate_block
 from wiperjax.maps.verify import verify
@@ -54,6 +57,23 @@ def test_a_sweep_makes_one_ordinary_file(tmp_path):
         )
         assert {file[name].dtype.kind for name in file} <= {"f", "i"}
         assert file["stick_fraction"].maxshape == (7, 5, 11)
+
+
+@pytest.mark.parametrize("to_disk", [True, False])
+def test_a_map_says_what_its_time_went_into(tmp_path, to_disk):
+    def slow(spec, index, finer=1, room=None):
+        with during("engine"):
+            time.sleep(0.02)
+        return evaluate(spec, index, finer)
+
+    started = time.perf_counter()
+    ds = run(make_spec(), tmp_path / "map.h5" if to_disk else None, evaluate=slow)
+    passed = time.perf_counter() - started
+    took = {name: ds.attrs[f"{name}_time"] for name in provenance.PHASES}
+    assert took["engine"] >= 8 * 0.02 and took["naming"] > 0 and took["compiling"] == 0
+    assert (took["storing"] > 0) == to_disk
+    assert took.pop("idle") <= passed
+    assert sum(took.values()) <= passed
 
 
 def test_one_axis_and_block_larger_than_the_map(tmp_path):

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from ..contact.regimes import forces, friction_coefficient, slip_forces, slip_sign, vector_field
+from ..contact.regimes import acceleration, friction_coefficient, slip_forces, slip_sign
 from ..contact.space import contact
 from ..numerics.types import Scalar
 from ..vocabulary.codes import Regime
@@ -23,8 +23,8 @@ from .wiper import Wiper
 
 GRID = 513  # angles on which roots are bracketed: two that lie within 0.35 degrees are not seen
 MOST_BRANCHES = 5  # three occur (one on each shoulder, a saddle on the neck)
-_LANES = 2048  # cells at a time: bounds the memory of a large map
-_FEWEST = 64
+_LANES = 64  # cells at a time, with all their angles: they fit in a cache
+_FEWEST, _STEP = 64, 2048  # cells are filled up to so many: few compilations
 _FINDER = optx.Bisection(rtol=1e-15, atol=1e-15, flip=False)
 
 
@@ -81,31 +81,35 @@ def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
     wiper = replace(wiper, belt=SteadyBelt(1.0))
     shape = map_shape(wiper, belt_speed)
     size = int(np.prod(shape))
-    padded = _FEWEST if size <= _FEWEST else -(-size // _LANES) * _LANES  # few compilations
+    padded = _FEWEST if size <= _FEWEST else -(-size // _STEP) * _STEP
 
     def flat(value):
-        # a zero becomes a Python zero (numpy's is traced): its terms are then not computed
+        # 0 and 1 become Python numbers (numpy's are traced): their terms are then not computed
         if isinstance(value, int):
             return value
-        if isinstance(value, float) and value == 0:
-            return 0.0
+        if isinstance(value, float) and value in (0, 1):
+            return float(value)
+        if np.ndim(value) == 0:  # what all cells share is computed once
+            return jnp.asarray(value, float)
+        return whole(value)
+
+    def whole(value):
         every = jnp.broadcast_to(jnp.asarray(value, float), shape).ravel()
         return jnp.concatenate([every, jnp.ones(padded - size)])
 
-    speed = flat(jnp.broadcast_to(jnp.asarray(belt_speed, float), shape))
-    found = _map(jax.tree.map(flat, wiper), speed, branches)
+    found = _map(jax.tree.map(flat, wiper), whole(belt_speed), branches)
     return jax.tree.map(lambda x: x[:size].reshape(*shape, branches), found)
 
 
 @eqx.filter_jit
 def _map(wiper, belt_speed, branches):
-    varying, fixed = eqx.partition((wiper, belt_speed), eqx.is_array)
+    varying, fixed = eqx.partition((wiper, belt_speed), lambda x: np.ndim(x) > 0)  # of all cells
 
     def one(varying):
         wiper, speed = eqx.combine(varying, fixed)
         return equilibria(replace(wiper, belt=SteadyBelt(speed)), branches)
 
-    return jax.lax.map(one, varying, batch_size=min(belt_speed.shape[0], _LANES))
+    return jax.lax.map(one, varying, batch_size=_LANES)
 
 
 class _Motion(NamedTuple):
@@ -123,13 +127,10 @@ def _slip(wiper: Wiper, x, velocity, regime) -> _Motion:
     t = jnp.zeros_like(x)
     q = (x, jnp.zeros_like(x))
     v = wiper.from_rates(t, q, (velocity, jnp.zeros_like(x)))
-    acceleration = vector_field(t, (q, v), (wiper, regime))[1][0]
-    c = contact(wiper, t, q, v)
-    normal = forces(wiper, c, regime).normal
-    sign = slip_sign(regime)
-    d = slip_forces(c, sign, friction_coefficient(wiper, c, sign), wiper.unilateral)[1]
+    c, sign = contact(wiper, t, q, v), slip_sign(regime)
+    force, d = slip_forces(c, sign, friction_coefficient(wiper, c, sign), wiper.unilateral)
     mass = d / (c.w_tt * c.w_nn - c.w_tn * c.w_tn)
-    return _Motion(acceleration, normal, mass, (normal > 0) & (d > 0))
+    return _Motion(acceleration(c, force)[0], force.normal, mass, (force.normal > 0) & (d > 0))
 
 
 def equilibria(wiper: Wiper, branches: int) -> SteadySlip:

@@ -24,6 +24,7 @@ from .tables import (
     cost,
     print_classes,
     print_events,
+    print_phases,
     print_plan,
     print_sensitivities,
 )
@@ -119,6 +120,7 @@ def sweep(
     print_sensitivities(dataset)
     print_events(dataset)
     print(f"map      {output}: {cost(output, begun)}")
+    print_phases(dataset)
     if drawing is not None:
         from ..plots import plot_file
 

@@ -108,6 +108,17 @@ def print_special(branch: Any) -> None:
     print(f"ends     {branch.attrs['ends']}")
 
 
+def print_phases(dataset: Any) -> None:
+    """What the time of a sweep went into."""
+    from ..machine.provenance import PHASES
+
+    seconds = {name: float(dataset.attrs.get(f"{name}_time", 0.0)) for name in PHASES}
+    if any(seconds.values()):
+        idle = seconds.pop("idle")
+        parts = ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())
+        print(f"time     {parts}; cores idle for {idle:.1f} s of it")
+
+
 def cost(output: Path, begun: float) -> str:
     """What a file took: its size, the time since `begun`, and the most memory of this process."""
     from ..machine.memory import peak_memory

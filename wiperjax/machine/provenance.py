@@ -8,7 +8,14 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
-RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time")
+from .phases import Account
+
+PHASES = ("engine", "compiling", "naming", "storing", "idle")
+"""What the time of a sweep is told of, each as an attribute `<name>_time` [s]. All but `idle`, the
+share of the cores that had nothing to do, exclude each other.
+"""
+
+RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time", *(f"{p}_time" for p in PHASES))
 """Attributes that say how a map came to be; two runs of one sweep agree in everything else, bit for
 bit.
 """
@@ -20,13 +27,19 @@ LIBRARIES = (
 
 
 def record(command: str | None, wall_time: float, host: str | None = None) -> dict[str, Any]:
-    """Values of `RUN_ATTRIBUTES`; `wall_time` in seconds, summed over blocks."""
+    """Values of `RUN_ATTRIBUTES`; `wall_time` in seconds, summed over blocks; no phases yet."""
     return {
         "command": command or "",
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "host": host or host_kind(),
         "wall_time": float(wall_time),
-    }
+    } | phase_times(Account())
+
+
+def phase_times(spent: Account) -> dict[str, float]:
+    """Attributes that say what the time went into so far, by `PHASES`."""
+    seconds = spent.seconds() | {"idle": spent.idle()}
+    return {f"{name}_time": float(seconds.get(name, 0.0)) for name in PHASES}
 
 
 def versions() -> dict[str, str]:

@@ -7,12 +7,16 @@ jax comes in only with `cells`, and only when no other `evaluate` is given.
 
 import platform
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..datasets import map_dataset
-from ..machine import provenance
+from ..machine import jax_settings, provenance
+from ..machine.phases import during
 from ..noise import classes
 from ..noise.signals import signal_columns, untold
 from ..vocabulary import codes, schema
@@ -26,7 +30,8 @@ SHARES = 4  # blocks for each of several workers, at least: they end at about th
 SHARED_CELLS = 1024  # unless blocks would have fewer cells than this
 BLOCK_BYTES = 2**27  # of samples and event logs
 FINER = (2, 16)  # times as many samples, for cells whose frequency the first do not tell
-ANALYSED = 2**22  # samples at once
+OF_THE_MOTION = ("result", "velocity_rms", "belt_speed_rms")  # whatever the samples
+ANALYSED = 2**17  # samples at once, of each core
 
 Evaluate = Callable[..., Mapping[str, Any]]  # (spec, cells) and, of samples, (finer, room)
 
@@ -35,12 +40,15 @@ DECISIVE = ("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 
 
 class Block(NamedTuple):
-    """A computed block: its number, stored columns, the engine's occupancy, seconds it took."""
+    """A computed block: its number, stored columns, the engine's occupancy, seconds it took, and
+    those of its phases where another process computed it.
+    """
 
     number: int
     columns: dict[str, np.ndarray]
     occupancy: float | None
     seconds: float
+    phases: Mapping[str, float] = MappingProxyType({})
 
 
 def block_size(spec: Any, workers: int = 1) -> int:
@@ -83,8 +91,13 @@ def evaluate_block(
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes, and nothing else (ValueError). Cells whose
     frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
-    most, by `evaluate(spec, cells, finer, room)`.
+    most, by `evaluate(spec, cells, finer, room)`, which need return no more than samples.
     """
+    with during("naming"):  # all but the engine, which has a phase of its own
+        return _evaluate_block(spec, index, evaluate)
+
+
+def _evaluate_block(spec, index, evaluate):
     columns = dict(evaluate(spec, index))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)
@@ -92,8 +105,9 @@ def evaluate_block(
         again = np.flatnonzero(untold(found | columns, spec.classes))
         most = max(1, len(index) // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
-            closer = naming(spec, dict(evaluate(spec, index[part], finer, len(index))))
-            for name, values in closer.items():
+            shared = {name: np.asarray(columns[name])[part] for name in OF_THE_MOTION}
+            closer = evaluate(spec, index[part], finer, len(index))
+            for name, values in naming(spec, shared | dict(closer)).items():
                 found[name][part] = values
     if found:
         told = found["frequency_told"] != codes.TOLD["no"]
@@ -119,32 +133,44 @@ def naming(spec: Any, columns: dict[str, Any]) -> dict[str, np.ndarray]:
     inner = columns.pop("signal_inner", None)
     if signal is None:
         return {}
-    if interval is None:
-        interval = spec.run.window / signal.shape[-1]
-    # what a cell that stopped early left in its samples is no settled motion
-    finished = np.asarray(columns["result"]) == RESULTS["finished"]
-    whole = np.where(finished[:, None], signal, np.nan)
-    quiet = spec.classes.quiet_velocity_ratio * np.asarray(columns["belt_speed_rms"])
-    if inner is None:  # on a steady belt: what the means lack to the exact variance
-        lack = np.square(columns["velocity_rms"]) - np.var(whole, axis=-1, dtype=float)
-        inner = np.maximum(lack, 0.0)[:, None]
-    return _analysed(whole, float(np.mean(interval)), spec.classes, quiet, since, wiping, inner)
-
-
-def _analysed(signal, interval, limits, quiet, since, wiping, inner) -> dict[str, np.ndarray]:
-    """`signal_columns` of some cells after the other: filters and spectra hold twenty times the
-    memory of the samples, and a block of long ones would not fit.
-    """
     cells, samples = signal.shape
-    given = {"quiet_below": np.broadcast_to(quiet, cells), "inner": inner}
+    if interval is None:
+        interval = spec.run.window / samples
+    # what a cell that stopped early left in its samples is no settled motion
+    given = {
+        "signal": signal,
+        "finished": np.asarray(columns["result"]) == RESULTS["finished"],
+        "quiet": spec.classes.quiet_velocity_ratio * np.asarray(columns["belt_speed_rms"]),
+        "rms": np.asarray(columns["velocity_rms"]),
+        "inner": inner,
+    }
     if since is not None:
         given["since"] = np.broadcast_to(since, signal.shape)
         given["wiping"] = np.broadcast_to(wiping, cells)
     rows = max(1, ANALYSED // samples)
+    named = partial(_named, limits=spec.classes, interval=float(np.mean(interval)))
     parts = [
-        signal_columns(
-            signal[part], interval, limits, **{name: x[part] for name, x in given.items()}
-        )
-        for part in (slice(start, start + rows) for start in range(0, cells, rows))
+        {name: None if x is None else x[start : start + rows] for name, x in given.items()}
+        for start in range(0, cells, rows)
     ]
-    return {name: np.concatenate([found[name] for found in parts]) for name in parts[0]}
+    if len(parts) == 1:
+        return named(parts[0])
+    with ThreadPoolExecutor(jax_settings.cores()) as pool:  # numpy, mostly without the GIL
+        found = list(pool.map(named, parts))
+    return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+
+
+def _named(of: dict[str, Any], limits: Any, interval: float) -> dict[str, np.ndarray]:
+    """`naming` of some cells: filters and spectra hold many times the memory of the samples, so a
+    block is looked at in parts, which are also what the cores share.
+    """
+    signal = of["signal"]
+    if not of["finished"].all():
+        signal = np.where(of["finished"][:, None], signal, np.nan).astype(signal.dtype)
+    if (
+        inner := of["inner"]
+    ) is None:  # on a steady belt: what the means lack to the exact variance
+        lack = np.square(of["rms"]) - np.var(signal, axis=-1, dtype=float)
+        inner = np.maximum(lack, 0.0)[:, None]
+    given = (of["quiet"], of.get("since"), of.get("wiping"), inner)
+    return signal_columns(signal, interval, limits, *given)

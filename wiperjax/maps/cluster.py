@@ -29,6 +29,7 @@ from ..machine import provenance
 from ..machine.files import StoreError, log
 from ..machine.jax_settings import configure
 from ..machine.lock import acquire
+from ..machine.phases import account
 from . import block
 
 _KEPT = "finished blocks are kept, go on with --resume"
@@ -45,6 +46,7 @@ class _Answer(NamedTuple):
     columns: dict[str, np.ndarray]
     occupancy: float | None
     seconds: float
+    phases: dict[str, float]
     made_by: dict[str, str]
     host: str
 
@@ -156,7 +158,8 @@ class Workers:
                 _compare(answer.made_by, self._made_by)
                 self._hosts.add(answer.host)
                 submit()
-                yield block.Block(number, answer.columns, answer.occupancy, answer.seconds)
+                share = {name: x / self.count for name, x in answer.phases.items()}
+                yield block.Block(number, answer.columns, answer.occupancy, answer.seconds, share)
         finally:
             with contextlib.suppress(Exception):  # of a cluster that is gone
                 self._client.cancel(list(flying), force=True)
@@ -203,9 +206,10 @@ def _compute(spec: Any, start: int, stop: int, evaluate: block.Evaluate | None) 
         made_by = _made_by(spec, evaluate)
         begun = time.perf_counter()
         evaluate = evaluate or block.engine()[0]
-        columns, occupancy = block.evaluate_block(spec, np.arange(start, stop), evaluate)
-        seconds = time.perf_counter() - begun
-        return _Answer(columns, occupancy, seconds, made_by, provenance.host_kind())
+        with account() as spent:
+            columns, occupancy = block.evaluate_block(spec, np.arange(start, stop), evaluate)
+        seconds, phases = time.perf_counter() - begun, spent.seconds()
+        return _Answer(columns, occupancy, seconds, phases, made_by, provenance.host_kind())
 
 
 def _made_by(spec: Any, evaluate: block.Evaluate | None) -> dict[str, str]:

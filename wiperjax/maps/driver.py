@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -18,6 +18,7 @@ import xarray as xr
 from ..datasets import map_dataset
 from ..machine import provenance
 from ..machine.files import StoreError, check_move, check_output, log
+from ..machine.phases import Account, account, during
 from ..specs.load import load_sweep, parse_sweep
 from ..store.blocks import BlockStore
 from ..store.manifest import parts_of
@@ -87,10 +88,33 @@ def sweep(
         block = block_size(spec, 1 if workers is None else workers.count)
     blocks, known = _computing(spec, evaluate, workers)
     known |= dict(identity or {})
-    if output is None:
-        check_memory(spec)
-        return _in_memory(spec, blocks, int(block), known, progress, command)
-    output = Path(output)
+    with account() as spent:
+        task = _Task(spec, blocks, int(block), known, progress, command, spent, workers)
+        if output is None:
+            check_memory(spec)
+            return _in_memory(task)
+        with during("storing"):  # all but the computing of blocks, which has phases of its own
+            return _onto_disk(task, Path(output), resume, force, source)
+
+
+class _Task(NamedTuple):
+    """A sweep, who computes its blocks, and what is said of it."""
+
+    spec: Any
+    blocks: Blocks
+    block: int
+    known: dict[str, str]  # what must not change within the map
+    progress: bool
+    command: str | None
+    spent: Account
+    workers: "Workers | None"
+
+
+def _onto_disk(
+    task: _Task, output: Path, resume: bool, force: bool, source: Path | None
+) -> xr.Dataset:
+    """`sweep` into a file, block by block."""
+    spec, block, known = task.spec, task.block, task.known
     stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
     found = finished(output, stated) if resume and output.is_file() else None
     if found and not found.damaged:
@@ -112,14 +136,15 @@ def sweep(
     ) as store:
         if found:
             salvage(output, found.damaged, store)
-        _fill(spec, store, blocks, progress, lambda: _how_to_resume(store, output, command))
+        _fill(task, store, lambda: _how_to_resume(store, output, task.command))
         if output.exists() and not replace:
             raise StoreError(
                 f"{output}: was made by another program meanwhile; move it away and go on with "
                 "--resume"
             )
-        host = workers.host if workers is not None else None
-        finalize(store, output, _made(known) | provenance.record(command, 0.0, host))
+        host = task.workers.host if task.workers is not None else None
+        made = _made(known) | provenance.record(task.command, 0.0, host)
+        finalize(store, output, made, lambda: provenance.phase_times(task.spent))
     return open_map(output)
 
 
@@ -147,11 +172,11 @@ def _computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[s
     return partial(_one_by_one, evaluate=evaluate), known
 
 
-def _fill(spec, store: BlockStore, blocks: Blocks, progress: bool, hint: Callable[[], str]) -> None:
+def _fill(task: _Task, store: BlockStore, hint: Callable[[], str]) -> None:
     """Computes what a store lacks. Raises: `SweepInterrupted` on Ctrl-C, with the `hint`."""
-    with Report(store.cells, title=spec.title, show=progress) as report:
+    with Report(store.cells, title=task.spec.title, show=task.progress) as report:
         try:
-            _compute(spec, store, blocks, report)
+            _compute(task, store, report)
         except KeyboardInterrupt:
             raise SweepInterrupted(hint()) from None
 
@@ -175,7 +200,7 @@ def _one_by_one(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]:
         yield Block(number, columns, occupancy, time.perf_counter() - begun)
 
 
-def _compute(spec: Any, store: BlockStore, blocks: Blocks, report: Report) -> None:
+def _compute(task: _Task, store: BlockStore, report: Report) -> None:
     """Computes and stores every block that is not done."""
     done = store.done()
     for number in np.flatnonzero(done):
@@ -187,32 +212,29 @@ def _compute(spec: Any, store: BlockStore, blocks: Blocks, report: Report) -> No
         report.done += stop - start
         report.count(found[0])
     spans = {int(number): store.span(int(number)) for number in np.flatnonzero(~done)}
-    for number, columns, occupancy, seconds in blocks(spec, spans):
-        store.write(number, columns, seconds)
-        start, stop = spans[number]
-        report.update(columns, stop - start, occupancy)
+    for block in _computed(task, spans, report):
+        store.write(block.number, block.columns, block.seconds)
 
 
-def _in_memory(
-    spec: Any,
-    blocks: Blocks,
-    block: int,
-    known: dict[str, str],
-    progress: bool,
-    command: str | None,
-) -> xr.Dataset:
-    begun = time.perf_counter()
-    starts = range(0, spec.size, block)
-    spans = {k: (start, min(spec.size, start + block)) for k, start in enumerate(starts)}
-    pieces: dict[int, dict[str, np.ndarray]] = {}
-    with Report(spec.size, title=spec.title, show=progress) as report:
-        for number, columns, occupancy, _ in blocks(spec, spans):
-            pieces[number] = columns
-            start, stop = spans[number]
-            report.update(columns, stop - start, occupancy)
+def _computed(task: _Task, spans: Spans, report: Report) -> Iterator[Block]:
+    """Blocks, each counted by the account and by the report."""
+    for block in task.blocks(task.spec, spans):
+        for phase, seconds in block.phases.items():
+            task.spent.add(phase, seconds)
+        start, stop = spans[block.number]
+        report.update(block.columns, stop - start, block.occupancy)
+        yield block
+
+
+def _in_memory(task: _Task) -> xr.Dataset:
+    begun, spec = time.perf_counter(), task.spec
+    starts = range(0, spec.size, task.block)
+    spans = {k: (start, min(spec.size, start + task.block)) for k, start in enumerate(starts)}
+    with Report(spec.size, title=spec.title, show=task.progress) as report:
+        pieces = {block.number: block.columns for block in _computed(task, spans, report)}
     whole = {name: np.concatenate([pieces[k][name] for k in spans]) for name in pieces[0]}
-    made = _made(known) | provenance.record(command, time.perf_counter() - begun)
-    return map_dataset.assemble(spec, whole, attributes=made)
+    made = _made(task.known) | provenance.record(task.command, time.perf_counter() - begun)
+    return map_dataset.assemble(spec, whole, attributes=made | provenance.phase_times(task.spent))
 
 
 def _made(known: Mapping[str, str]) -> dict[str, str]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..vocabulary.codes import SETTLED, TOLD
-from .spectrum import strongest_lines
+from .spectrum import dominant_frequency, strongest_lines
 from .tones import SIDES, tones
 
 SLOW = 10.0  # multiples of the wiping frequency that are the stroke's own motion, not vibration
@@ -36,7 +36,7 @@ def signal_columns(
     Arguments:
 
     - `signal`: mean tip velocity [m/s] over each sample interval, (cells, samples); NaN where a
-        cell ended.
+        cell ended. Of float32 on a steady belt the spectra are float32.
     - `interval`: time [s] between samples.
     - `limits`: thresholds, as `labels.Thresholds`.
     - `quiet_below`: [m/s], a number or (cells,): motion that counts as none when settling is
@@ -53,7 +53,9 @@ def signal_columns(
     `reversal_count` and the results of `turns.tones`. Where the strokes are quiet and a tone around
     the turn is not, the dominant frequency is that of the longest tone. All (cells,).
     """
-    signal = np.atleast_2d(np.asarray(signal, dtype=float))
+    signal = np.atleast_2d(np.asarray(signal))
+    if since is not None or signal.dtype != np.float32:  # filters ring long: they need the digits
+        signal = signal.astype(float)
     found: dict[str, np.ndarray] = {}
     finite = np.isfinite(signal).all(axis=-1)
     quiet_below = np.broadcast_to(np.asarray(quiet_below, dtype=float), signal.shape[:1])
@@ -126,12 +128,14 @@ def settled(
     half = signal.shape[-1] // 2
     parts = signal[..., :half], signal[..., -half:]
     spread = np.stack([part.std(axis=-1) for part in parts])
-    pitch = np.stack([strongest_lines(part, interval, averaged=True).frequency for part in parts])
+    known = np.isfinite(spread).all(axis=0)
     silent = np.all(spread <= np.asarray(quiet_below), axis=0)
     with np.errstate(invalid="ignore"):
         steady = np.abs(spread[1] - spread[0]) <= change * spread.max(axis=0)
-        steady &= np.abs(pitch[1] - pitch[0]) <= change * pitch.max(axis=0)
-    known = np.isfinite(spread).all(axis=0)
+    open_ = np.flatnonzero(known & steady & ~silent)  # a pitch costs more than all the rest
+    pitch = [dominant_frequency(part[open_], interval, averaged=True) for part in parts]
+    with np.errstate(invalid="ignore"):
+        steady[open_] = np.abs(pitch[1] - pitch[0]) <= change * np.maximum(*pitch)
     return np.where(
         known, np.where(silent | steady, SETTLED["yes"], SETTLED["no"]), SETTLED["unknown"]
     )

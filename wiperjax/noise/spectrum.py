@@ -6,9 +6,9 @@ bins the Hann window loses up to 1.4 dB between bins, enough to prefer the secon
 narrow pulse train to its fundamental. The STRONGEST LINE is then the highest local maximum that
 lies at `minimum_cycles` cycles per window or above; slower motion cannot be told from drift. Its
 place is refined by a parabola and then by Newton's method on the spectrum as a continuous function
-of frequency, at the line and its next harmonics together (each weighted by its own power): that
-keeps a fundamental with only five cycles in the window from being pulled by the skirts of its own
-harmonics.
+of frequency (`between_bins`), at the line and its next harmonics together (each weighted by its own
+power): that keeps a fundamental with only five cycles in the window from being pulled by the skirts
+of its own harmonics.
 
 If the strongest line is a harmonic of a lower line at least half as high, the lower one is the
 answer: the slip pulses of slow stick-slip fill a few per cent of the period, their comb of lines is
@@ -24,19 +24,16 @@ line is as strong if what the lines that are seen do not account for is too litt
 together: the frequency is `told`.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.fft
 
-from ..machine import jax_settings
+from .between_bins import Bins, refined
 
-PADDING = 4  # spectrum points per bin of the unpadded transform, or a little more
-NEWTON_STEPS = 3
 FUNDAMENTAL_RATIO = 0.5  # height of a fundamental against its highest harmonic
 FEW_HARMONICS, HARMONICS = 6, 40  # up to which a fundamental is looked for without, and with a comb
-CHUNK = 250_000  # numbers transformed at once by a thread: bounds the memory, and fits in caches
+CHUNK = 2**18  # numbers transformed at once: they fit in caches, and are no new memory each time
 HIDDEN = 1 / (1 - np.sinc(0.5) ** 2)  # most that a hidden line has, over what means leave out of it
 MARGIN = 1.2  # for motion that is not the same throughout its window
 
@@ -71,7 +68,7 @@ def strongest_lines(
     sample_interval: float,
     *,
     averaged: bool = False,
-    inner: Any = 0.0,
+    inner: Any = None,
     minimum_cycles: float = 1.5,
     harmonics: int = 4,
 ) -> Lines:
@@ -79,16 +76,18 @@ def strongest_lines(
 
     Arguments:
 
-    - `signal`: samples, shape (..., samples), uniformly spaced, any unit. Small oscillations on a
-        large mean need float64 (or the mean taken off before rounding to float32).
+    - `signal`: samples, shape (..., samples), uniformly spaced, any unit. Of float32 the spectrum
+        is float32, of all else float64. Small oscillations on a large mean need float64 (or the
+        mean taken off before rounding to float32).
     - `sample_interval`: time between samples in seconds.
     - `averaged`: samples are means over their intervals, not values at instants. Of values at
         instants nothing is known but the samples: they tell all that they seem to.
-    - `inner`: variance inside the intervals, shape (..., samples), or its mean, (..., 1).
+    - `inner`: variance inside the intervals, shape (..., samples), or its mean, (..., 1); None
+        where there is none.
     - `minimum_cycles`: lines with fewer cycles in the window than this are not looked for.
     - `harmonics`: lines (the strongest one and its multiples) used in the last refinement.
 
-    Returns: `Lines` of shape (...,).
+    Returns: `Lines` of shape (...,). Those of a signal do not depend on its neighbours, to the bit.
 
     Raises: `ValueError` if there are fewer than 8 samples or `sample_interval` is not positive.
     """
@@ -101,139 +100,129 @@ def strongest_lines(
     if not sample_interval > 0:
         raise ValueError(f"argument sample_interval must be > 0, but is {sample_interval}")
     flat = signal.reshape(-1, samples)
-    inner = np.asarray(inner, dtype=float)
-    width = inner.shape[-1] if inner.ndim else 1
-    hidden = np.broadcast_to(inner, (*signal.shape[:-1], width)).reshape(-1, width)
-    rows = max(1, CHUNK // (PADDING * samples))
-    starts = range(0, len(flat), rows)
-
-    def line(i: int) -> Lines:
-        part = slice(i, i + rows)
-        return _strongest(flat[part], hidden[part], averaged, minimum_cycles, harmonics)
-
-    if len(starts) > 1:  # most of it is numpy and scipy, without GIL
-        with ThreadPoolExecutor(jax_settings.cores()) as pool:
-            parts = list(pool.map(line, starts))
-    else:
-        parts = [line(i) for i in starts] or [Lines(np.zeros(0), np.zeros(0, bool))]
+    if flat.dtype != np.float32:
+        flat = flat.astype(np.float64)
+    hidden = None
+    if averaged and inner is not None:
+        inner = np.asarray(inner, dtype=float)
+        width = inner.shape[-1] if inner.ndim else 1
+        hidden = np.broadcast_to(inner, (*signal.shape[:-1], width)).reshape(-1, width)
+    bins = Bins.of(samples, averaged, flat.dtype.name)
+    rows = max(1, CHUNK // bins.length)
+    found = [
+        _strongest(
+            flat[part], None if hidden is None else hidden[part], bins, minimum_cycles, harmonics
+        )
+        for part in (slice(start, start + rows) for start in range(0, len(flat), rows))
+    ] or [Lines(np.zeros(0), np.zeros(0, bool))]
     frequency, told = (
-        np.concatenate(found).reshape(signal.shape[:-1]) for found in zip(*parts, strict=True)
+        np.concatenate(parts).reshape(signal.shape[:-1]) for parts in zip(*found, strict=True)
     )
     return Lines(frequency / sample_interval, told)
 
 
-def _strongest(signal, inner, averaged: bool, minimum_cycles: float, harmonics: int) -> Lines:
+def _strongest(signal, inner, bins: Bins, minimum_cycles: float, harmonics: int) -> Lines:
     """`strongest_lines` of the rows of `signal` (rows, samples), in cycles per sample."""
-    signal = signal.astype(np.float64)
-    samples = signal.shape[1]
-    window = np.hanning(samples + 2)[1:-1]
-    finite = np.all(np.isfinite(signal), axis=1)
-    signal = np.where(finite[:, None], signal, 0.0)
+    window = bins.window
+    finite = np.isfinite(signal).all(axis=1)
+    if not finite.all():
+        signal = np.where(finite[:, None], signal, 0)
     # Two passes: the first leaves a mean of the size of the rounding error, which matters at 1e-9
     # of the mean. The weighted mean makes the windowed signal free of a constant part, whose skirt
     # would pull low lines.
     signal = signal - signal.mean(axis=1, keepdims=True)
     spread = np.abs(signal).max(axis=1)
-    signal = signal - (signal * window).sum(axis=1, keepdims=True) / window.sum()
-    scale = np.where(spread > 0, spread, 1.0)
-    windowed = signal / scale[:, None] * window
+    scale = np.where(spread > 0, spread, 1)
+    signal *= window
+    signal -= signal.sum(axis=1, keepdims=True) / window.sum() * window
+    signal /= scale[:, None]
 
-    length = int(scipy.fft.next_fast_len(PADDING * samples, real=True) or 0)
-    seen = np.abs(np.asarray(scipy.fft.rfft(windowed, n=length, axis=1))) ** 2
-    place = np.arange(seen.shape[1]) / length  # cycles per sample
-    response = np.sinc(place) ** 2 if averaged else np.ones_like(place)
-    power = seen / response
-    start = max(1, int(np.ceil(minimum_cycles * length / samples)))
-    inside = power[:, start:-1]
-    is_peak = (inside >= power[:, start - 1 : -2]) & (inside >= power[:, start + 1 :])
-    highest = start + np.argmax(np.where(is_peak, inside, -1.0), axis=1)
-    peak = _fundamental(power, np.pad(is_peak, ((0, 0), (start, 1))), highest, length / samples)
+    spectrum: Any = scipy.fft.rfft(signal, n=bins.length, axis=1)
+    seen = spectrum.real**2 + spectrum.imag**2
+    power = seen if bins.response is None else seen / bins.response
+    start = max(1, int(np.ceil(minimum_cycles * bins.resolution)))
+    highest = _highest(power, start)
+    peak = _fundamental(power, highest, start, bins.resolution)
     row = np.arange(len(peak))
-    left, top, right = (power[row, peak + k] for k in (-1, 0, 1))
+    left, top, right = (power[row, peak + k].astype(float) for k in (-1, 0, 1))
     bend = left - 2.0 * top + right
     offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
-    frequency = np.where(
-        finite & (spread > 0), _refine(windowed, (peak + offset) / length, harmonics), np.nan
-    )
-    if not averaged:
+    place = refined(spectrum, peak + offset, bins, harmonics)
+    frequency = np.where(finite & (spread > 0), place / bins.length, np.nan)
+    if inner is None or bins.response is None:
         return Lines(frequency, finite)
-    weight = window**2 if inner.shape[1] > 1 else np.ones(1)
-    inner = (inner * weight).sum(axis=1) / weight.sum() / scale**2
-    # of the strongest line, its square mean, and what of it means leave out if it has been folded
-    line = 2 * seen[row, highest] / window.sum() ** 2
-    folded = line * (1 / np.sinc(1 - place[highest]) ** 2 - 1)
-    # Parseval: what is left when all lines that are seen have what they have lost
-    unit = 2 / (length * np.sum(window**2))
-    lost = np.maximum(inner - unit * (power - seen).sum(axis=1), 0.0)
-    told = (folded >= MARGIN * inner) & (MARGIN * HIDDEN * lost <= line / response[highest])
-    return Lines(frequency, finite & told)
+    return Lines(frequency, finite & _told(seen, power, highest, inner, scale, bins))
 
 
-def _fundamental(power, is_peak, peak, resolution) -> np.ndarray:
+def _highest(power, start: int) -> np.ndarray:
+    """Highest local maximum of each row from bin `start` on, (rows,)."""
+    inside = power[:, start:-1]
+    row = np.arange(len(power))
+    highest = start + np.argmax(inside, axis=1)
+    # at the first bin or the last but one it may be the skirt of what is outside
+    top = power[row, highest]
+    skirt = (top < power[row, highest - 1]) | (top < power[row, highest + 1])
+    if skirt.any():
+        some = power[skirt]
+        inside = some[:, start:-1]
+        is_peak = (inside >= some[:, start - 1 : -2]) & (inside >= some[:, start + 1 :])
+        highest[skirt] = start + np.argmax(np.where(is_peak, inside, -1.0), axis=1)
+    return highest
+
+
+def _fundamental(power, peak, start: int, resolution: float) -> np.ndarray:
     """Lower `peak` of each row to the line it is a harmonic of, if that one is half as high; from
     the seventh harmonic on, where lines that merely lie lower would be met, only if all the
     harmonics between are.
 
     Bins within half a line's width (`resolution`, bins a line) of peak / n are looked at.
     """
-    row, order = np.arange(len(peak)), np.arange(2, HARMONICS + 1)
-    enough = FUNDAMENTAL_RATIO**2 * power[row, peak]
+    enough = (FUNDAMENTAL_RATIO**2 * power[np.arange(len(peak)), peak]).astype(power.dtype)
     reach = int(np.ceil(0.5 * resolution))
-    place = np.round(peak[:, None] / order).astype(int)[..., None] + np.arange(-reach, reach + 1)
-    place = np.clip(place, 0, power.shape[1] - 1)  # (rows, orders, bins)
-    every = row[:, None, None]
-    line = is_peak[every, place] & (power[every, place] >= enough[:, None, None])
-    for k, n in enumerate(order[order > FEW_HARMONICS], FEW_HARMONICS - 1):
-        some = np.flatnonzero(line[:, k].any(axis=1))
-        between = np.round(peak[some, None] * np.arange(2, n) / n).astype(int)
-        near = [power[some[:, None], between + shift] for shift in (-1, 0, 1)]
-        line[some, k] &= np.all(np.max(near, axis=0) >= enough[some, None], axis=1)[:, None]
-    return np.minimum(peak, np.where(line, place, power.shape[1]).min(axis=(1, 2)))
+    stop = int(peak.max(initial=0)) // 2 + reach + 2
+    # few bins are so high: the rest is about those alone, (bins,)
+    row, place = np.nonzero(power[:, start:stop] >= enough[:, None])
+    place += start
+    here = power[row, place]
+    kept = (place <= peak[row] / 2 + reach + 1) & (place < power.shape[1] - 1)
+    kept &= (here >= power[row, place - 1]) & (here >= power[row, place + 1])
+    row, place = row[kept], place[kept]
+    order = np.arange(2, HARMONICS + 1)
+    near = np.abs(np.round(peak[row, None] / order) - place[:, None]) <= reach  # (bins, orders)
+    line, k = np.nonzero(near)
+    order = order[k]
+    holds = order <= FEW_HARMONICS
+    far = np.flatnonzero(~holds)
+    holds[far] = _comb(power, row[line[far]], peak, order[far], enough)
+    lowest = peak.copy()
+    np.minimum.at(lowest, row[line[holds]], place[line[holds]])
+    return lowest
 
 
-def _refine(windowed: np.ndarray, frequency: np.ndarray, harmonics: int) -> np.ndarray:
-    """Maximum near `frequency` (cycles per sample) of sum_h |X(h f)|^4, X the transform of the
-    windowed rows.
+def _comb(power, row, peak, order, enough) -> np.ndarray:
+    """Whether all lines of a comb are high: those of a `row` at peak m / order, 1 < m < order."""
+    found, where = np.unique(row * (HARMONICS + 1) + order, return_inverse=True)
+    row, order = np.divmod(found, HARMONICS + 1)
+    m = np.arange(2, HARMONICS)
+    between = np.round(peak[row, None] * np.minimum(m, order[:, None]) / order[:, None]).astype(int)
+    high = power[row[:, None], between]
+    for shift in (-1, 1):
+        high = np.maximum(high, power[row[:, None], between + shift])
+    return np.all(high >= enough[row, None], axis=1)[where]
 
-    The fourth power weights each line with its own strength, so weak harmonics (noise) say little.
-    A row keeps its value where the curve is not a peak there or Newton's method would leave the
-    main lobe.
+
+def _told(seen, power, highest, inner, scale, bins: Bins) -> np.ndarray:
+    """Whether the line at the bin `highest` of each row is none that is folded down, and no hidden
+    one may be as strong. `inner`: variance inside the samples, or its mean, (rows, samples or 1).
     """
-    samples = windowed.shape[1]
-    time = np.arange(samples) - 0.5 * (samples - 1)
-    start = frequency.copy()
-    for _ in range(NEWTON_STEPS):
-        slope = np.zeros_like(frequency)
-        curvature = np.zeros_like(frequency)
-        rotation = _rotation(frequency, time)
-        turned = windowed * rotation
-        for order in range(1, harmonics + 1):
-            inside = order * frequency < 0.5 - 2.0 / samples
-            # Sums, not matrix products: those differ in the last bit with the number of threads and
-            # rows.
-            first = turned * time
-            x0, x1, x2 = turned.sum(axis=1), first.sum(axis=1), (first * time).sum(axis=1)
-            unit = 2.0 * np.pi * order
-            d1, d2 = -1j * unit * x1, -(unit**2) * x2  # derivatives of X(h f) by f
-            p0 = np.abs(x0) ** 2
-            p1 = 2.0 * (x0.conj() * d1).real
-            p2 = 2.0 * (np.abs(d1) ** 2 + (x0.conj() * d2).real)
-            slope += np.where(inside, 2.0 * p0 * p1, 0.0)
-            curvature += np.where(inside, 2.0 * (p0 * p2 + p1 * p1), 0.0)
-            turned *= rotation
-        step = np.where(curvature < 0, -slope / np.where(curvature < 0, curvature, 1.0), 0.0)
-        frequency = frequency + np.clip(step, -0.25 / samples, 0.25 / samples)
-    good = np.abs(frequency - start) < 0.5 / samples
-    return np.where(good, frequency, start)
-
-
-def _rotation(frequency: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """exp(-2 pi i f t), shape (rows, samples); as a product of a coarse and a fine part, for few
-    exponentials.
-    """
-    fine = 64
-    coarse = -(-time.size // fine)
-    turn = -2j * np.pi * frequency[:, None]
-    steps = np.exp(turn * (time[0] + fine * np.arange(coarse)))
-    product = steps[:, :, None] * np.exp(turn * np.arange(fine))[:, None, :]
-    return product.reshape(frequency.size, -1)[:, : time.size]
+    row, window = np.arange(len(highest)), bins.window.astype(float)
+    weight = window**2 if inner.shape[1] > 1 else np.ones(1)
+    inner = (inner * weight).sum(axis=1) / weight.sum() / scale.astype(float) ** 2
+    # of the strongest line, its square mean, and what of it means leave out if it has been folded
+    line = 2 * seen[row, highest] / window.sum() ** 2
+    folded = line * (1 / np.sinc(1 - highest / bins.length) ** 2 - 1)
+    # Parseval: what is left when all lines that are seen have what they have lost
+    unit = 2 / (bins.length * np.sum(window**2))
+    lost = np.maximum(inner - unit * (power - seen).sum(axis=1), 0.0)
+    whole = 2 * power[row, highest] / window.sum() ** 2
+    return (folded >= MARGIN * inner) & (MARGIN * HIDDEN * lost <= whole)

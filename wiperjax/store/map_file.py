@@ -9,7 +9,7 @@ covers whole chunks, so no chunk is packed twice.
 
 import math
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +82,10 @@ def slabs(
 
 
 def finalize(
-    store: BlockStore, output: str | Path, attributes: Mapping[str, Any] | None = None
+    store: BlockStore,
+    output: str | Path,
+    attributes: Mapping[str, Any] | None = None,
+    last: Callable[[], Mapping[str, float]] = dict,
 ) -> None:
     """Writes the map of a complete store to `output`, reads it back, and deletes the store.
 
@@ -91,6 +94,7 @@ def finalize(
     - `store`: all its blocks done.
     - `output`: replaced if it exists; the caller has asked.
     - `attributes`: further attributes of the map, such as `provenance.record(...)`.
+    - `last`: numbers among them that are known when all is written and read back: called then.
 
     Raises: `StoreError` if blocks are missing or damaged (the store is kept, resuming computes
         them again), or `output` cannot be written (it is as it was).
@@ -105,6 +109,9 @@ def finalize(
             sums = _write(store, target, dict(attributes or {}))
             target.finish()
         _verify(temporary, sums)
+        with h5py.File(temporary, "r+") as file:
+            for name, value in last().items():
+                file.attrs.modify(name, value)  # in its place: needs no room on the disk
         with open(temporary, "r+b") as file:
             checksums.add(file)
     try:

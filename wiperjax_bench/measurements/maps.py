@@ -48,16 +48,19 @@ QUICK = [SETTINGS[3], SETTINGS[-2]]
 QUICK_REFERENCES = ("scalar", {"rtol": 1e-10}), ("scalar", {"rtol": 1e-9})  # compile nothing more
 
 
-def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = None) -> dict:
-    """Return the columns of cells as `cells.batch.evaluate` does, by the scalar loop."""
+def scene_of(spec, index: np.ndarray) -> families.Scene:
+    """Return cells of a sweep on a steady belt as a scene."""
     wiper = build_wiper(spec.cells(index), spec.belt.kind, spec.blade.friction)
     full = lambda x: np.broadcast_to(np.asarray(x, float), index.shape).copy()
     start = np.zeros((len(index), 4))
     start[:, 0] = full(wiper.lip_length) * np.sin(full(wiper.attack_angle))
-    run = spec.run
-    end = run.transient + run.window
-    speed = full(wiper.belt.peak)
-    scene = families.Scene("map", "", wiper, start, end, np.array([end]), (families.LENGTH, speed))
+    end, scales = spec.run.transient + spec.run.window, (families.LENGTH, full(wiper.belt.peak))
+    return families.Scene("map", "", wiper, start, end, np.array([end]), scales)
+
+
+def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = None) -> dict:
+    """Return the columns of cells as `cells.batch.evaluate` does, by the scalar loop."""
+    scene, run = scene_of(spec, index), spec.run
     samples = finer * spec.samples
     r = compiled.run(
         scene, spec.rtol, threads=None, mark=run.transient, samples=samples, window=run.window
@@ -77,7 +80,7 @@ def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = 
         "flight_fraction": total[:, statistics.FLIGHT_TIME] / run.window,
         "velocity_rms": np.sqrt(np.maximum(variance, 0)),
         "velocity_mean": mean,
-        "belt_speed_rms": speed,
+        "belt_speed_rms": scene.scales[1],
         "normal_force_mean": total[:, statistics.FORCE] / run.window,
         "normal_force_max": total[:, statistics.FORCE_MAX],
         "signal": np.diff(r.signal) * samples / run.window,  # means between places

@@ -61,7 +61,9 @@ class Signal(eqx.Module):
         none = jnp.zeros(like.shape, jnp.int32)
         begin = jnp.zeros(like.shape) + self.start
         zero = jnp.zeros_like(like)
-        still = Segment(begin, zero, zero, (zero,) * len(NODES), (zero,) * len(NODES), none)
+        powers = (zero,) * len(NODES)
+        squares, regime = powers if self.inner else None, none if self.regimes else None
+        still = Segment(begin, zero, zero, powers, squares, regime)
         square = slots if self.inner else None
         return Ring(Samples(slots, square, codes), none, begin, still)
 
@@ -89,8 +91,8 @@ class Segment(NamedTuple):
     step: Scalar
     end: Scalar  # of the motion, in units of the step: an event may lie off its end
     powers: tuple  # coefficients of u^0 .. u^4,
-    squares: tuple  # and those of its square
-    regime: Scalar
+    squares: tuple | None  # and those of its square
+    regime: Scalar | None
 
 
 class Ring(NamedTuple):
@@ -102,23 +104,24 @@ class Ring(NamedTuple):
     segment: Segment
 
 
-def segment_of(stretch: Stretch) -> Segment:
-    """Return the output along a committed stretch of motion."""
+def segment_of(signal: Signal, stretch: Stretch) -> Segment:
+    """Return the output along a committed stretch of motion: as much of it as is recorded, for
+    each number is one more that every lane carries."""
     values = [stop_gradient(x) for x in outputs(stretch)]
-    powers, squares = quartic.powers(values), quartic.powers([x * x for x in values])
+    powers = quartic.powers(values)
+    squares = quartic.powers([x * x for x in values]) if signal.inner else None
+    regime = stretch.regime if signal.regimes else None
     dtype = values[0].dtype
     step = stop_gradient(stretch.step)
     end = stop_gradient(stretch.length) / jnp.where(step > 0, step, 1.0)
-    return Segment(
-        stretch.start, step.astype(dtype), end.astype(dtype), powers, squares, stretch.regime
-    )
+    return Segment(stretch.start, step.astype(dtype), end.astype(dtype), powers, squares, regime)
 
 
 def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Ring, Scalar]:
     """Return the ring after a turn that has committed ``stretch`` where ``moves``, and whether it
     is full: the lane must not move on before it has been flushed.
     """
-    fresh = segment_of(stretch)
+    fresh = segment_of(signal, stretch)
     part = jax.tree.map(lambda new, old: jnp.where(moves, new, old), fresh, ring.segment)
     dtype = part.step.dtype
     step = jnp.where(part.step > 0, part.step, 1.0).astype(ring.until.dtype)

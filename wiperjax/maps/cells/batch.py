@@ -20,7 +20,8 @@ from ...engine.observers.reversal import ReversalTotals
 from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
 from ...numerics.runge_kutta import SOLVERS
-from .columns import columns_of
+from . import compiling
+from .columns import columns_of, sampled
 from .devices import capacity, deal, dearest_first, lane_count
 
 RING = 4  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
@@ -35,9 +36,9 @@ def evaluate(
     each ``sample_interval`` [s] of the window, on a belt that reverses ``signal_inner``, its
     variance inside each, and ``occupancy`` of the batch.
 
-    ``finer``: times as many samples; ``room`` (default: the number of cells) for so many cells with
-    the plain number of samples the program is compiled. Calls of one room share it, if they have
-    at most room / finer cells.
+    ``finer``: times as many samples, which are then all that is returned. ``room`` (default: the
+    number of cells): for so many cells with the plain number of samples the program is compiled.
+    Calls of one room share it, if they have at most room / finer cells.
     """
     wiper, system, position, velocity = prepare(spec, index, room)
     settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
@@ -58,7 +59,10 @@ def evaluate(
     )
     order = dearest_first(wiper, len(index))
     (outcome, signal), effort = deal(compute, cells, order)
-    return columns_of(spec, outcome, signal, effort, wiper, len(index))
+    if finer > 1:
+        return sampled(spec, signal, wiper, len(index))
+    with compiling.apart("naming"):
+        return columns_of(spec, outcome, signal, effort, wiper, len(index))
 
 
 def prepare(spec, index, room: int | None = None) -> tuple[Wiper, Any, tuple, tuple]:

@@ -15,30 +15,36 @@ from ...engine.observers.margins import Watched, regime_totals
 from ...numerics.arrays import cellwise
 from ...vocabulary.codes import Result
 from ...vocabulary.schema import EVENT_COLUMNS, SCHEMA
+from .devices import spread
 
 
 def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int) -> dict[str, Any]:
     """Return what `evaluate` returns, from the answers of the engine."""
     run = spec.run
     useful, executed = effort
-    columns: dict[str, Any] = _columns(outcome, run, wiper, count)
-    columns["signal"] = signal.output
-    columns["sample_interval"] = interval = run.window / signal.output.shape[1]
-    if signal.inner is not None:
-        columns["signal_inner"] = signal.inner
+    columns = _columns(outcome, run, wiper, count) | sampled(spec, signal, wiper, count)
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
     if outcome.log is not None:
         columns |= _events(outcome.log, run)
+    columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
+    linear = spread(lambda wiper: steady_slip(wiper, operating_speed(wiper.belt)), wiper)
+    columns["growth_rate"] = cellwise(linear.growth_rate, count)
+    columns["linear_frequency"] = cellwise(linear.frequency, count)
+    return columns
+
+
+def sampled(spec, signal, wiper: Wiper, count: int) -> dict[str, Any]:
+    """Return what is told of samples: what `maps.block.naming` takes."""
+    run, samples = spec.run, signal.output.shape[1]
+    columns: dict[str, Any] = {"signal": signal.output, "sample_interval": run.window / samples}
+    if signal.inner is not None:
+        columns["signal_inner"] = signal.inner
     if not isinstance(wiper.belt, SteadyBelt):
-        times = run.transient + interval * (np.arange(signal.output.shape[1]) + 0.5)
+        times = run.transient + run.window / samples * (np.arange(samples) + 0.5)
         per_cell = jax.tree.map(lambda x: cellwise(x, count)[:, None], wiper.belt)
         columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
         columns["wiping_frequency"] = cellwise(wiper.belt.wiping_frequency, count)
-    columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
-    linear = steady_slip(wiper, operating_speed(wiper.belt))
-    columns["growth_rate"] = cellwise(linear.growth_rate, count)
-    columns["linear_frequency"] = cellwise(linear.frequency, count)
     return columns
 
 

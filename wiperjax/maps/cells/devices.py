@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...blade.wiper import Wiper
+from ...machine.phases import during
 from ...numerics.arrays import cellwise
+from . import compiling
 
 
 def dearest_first(wiper: Wiper, count: int) -> np.ndarray:
@@ -54,10 +56,27 @@ def deal(compute, cells, order: np.ndarray):
             whole[mine] = part[: len(mine)]
         return whole
 
-    with ThreadPoolExecutor(shares) as pool:
+    with compiling.apart("engine"), during("engine"), ThreadPoolExecutor(shares) as pool:
         answers = list(pool.map(work, range(shares)))
     whole = jax.tree.map(collect, *(answer[0] for answer in answers))
     return whole, np.sum([answer[1] for answer in answers], axis=0)
+
+
+def spread(function, cells):
+    """Return ``function(cells)``, arrays with the cells as last axis, computed in a part for each
+    device. ``cells``: arrays too, `capacity` cells or one for all; the rest is handed on as it is.
+    """
+    parts = len(devices())
+    size = max(np.shape(x)[-1] for x in jax.tree.leaves(cells) if np.ndim(x)) // parts
+
+    def work(part):
+        def pick(x):
+            return x[..., part * size : (part + 1) * size] if np.ndim(x) else x
+
+        return jax.tree.map(np.asarray, function(jax.tree.map(pick, cells)))
+
+    with ThreadPoolExecutor(parts) as pool:
+        return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *pool.map(work, range(parts)))
 
 
 def devices() -> list:

@@ -1,0 +1,83 @@
+"""Where the time of a long task goes, by the name of what it does.
+
+    with account() as spent:
+        with during("storing"):
+            ...
+
+Phases may lie in each other: the time of an inner one does not count for the outer one, so that all
+of them together are no more than the time that has passed.
+"""
+
+import os
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+
+class Account:
+    """Seconds of each phase, since it was opened."""
+
+    def __init__(self) -> None:
+        self._seconds: defaultdict[str, float] = defaultdict(float)
+        self._begun, self._busy = time.perf_counter(), time.process_time()
+        self._phase: str | None = None
+        self._since = self._begun
+
+    def enter(self, phase: str | None) -> str | None:
+        """Goes on in `phase`; returns the one before."""
+        now, before = time.perf_counter(), self._phase
+        if before is not None:
+            self._seconds[before] += now - self._since
+        self._phase, self._since = phase, now
+        return before
+
+    def add(self, phase: str, seconds: float) -> None:
+        """Books `seconds` on a phase, or takes them off it: those of other processes or threads."""
+        self._seconds[phase] += seconds
+
+    def seconds(self) -> dict[str, float]:
+        """Seconds of each phase up to now."""
+        self.enter(self._phase)
+        return dict(self._seconds)
+
+    def idle(self) -> float:
+        """Seconds that all cores of this process together had nothing to do for it."""
+        cores = len(os.sched_getaffinity(0))
+        busy = (time.process_time() - self._busy) / cores
+        return max(time.perf_counter() - self._begun - busy, 0.0)
+
+
+_open: ContextVar[Account | None] = ContextVar("account", default=None)
+
+
+@contextmanager
+def account() -> Iterator[Account]:
+    """A new account for all phases in this block of this thread; one that is open rests."""
+    opened = Account()
+    token = _open.set(opened)
+    try:
+        yield opened
+    finally:
+        _open.reset(token)
+
+
+@contextmanager
+def during(phase: str) -> Iterator[None]:
+    """Books the time of this block on `phase`, if an account is open in this thread."""
+    spent = _open.get()
+    if spent is None:
+        yield
+        return
+    before = spent.enter(phase)
+    try:
+        yield
+    finally:
+        spent.enter(before)
+
+
+def add(phase: str, seconds: float) -> None:
+    """`Account.add` to the account that is open in this thread, if one is."""
+    if (spent := _open.get()) is not None:
+        spent.add(phase, seconds)
