@@ -18,6 +18,7 @@ from ..noise.signals import signal_columns, untold
 from ..vocabulary import codes, schema
 from ..vocabulary.codes import RESULTS
 from ..vocabulary.ranges import MOST_SAMPLES
+from . import starts
 
 MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy
 BLOCK_TIME = 2**13  # s of motion in a block: half a minute on two cores, so that little can be lost
@@ -28,7 +29,9 @@ BLOCK_BYTES = 2**27  # of samples and event logs
 FINER = (2, 16)  # times as many samples, for cells whose frequency the first do not tell
 ANALYSED = 2**22  # samples at once
 
-Evaluate = Callable[..., Mapping[str, Any]]  # (spec, cells) and, of samples, (finer, room)
+Evaluate = Callable[..., Mapping[str, Any]]
+"""(spec, cells) and, of samples, (finer, room); in a map of several starts also, by its name,
+`ended`, columns of the motions that the cells go on from."""
 
 DECISIVE = ("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 """Libraries whose version has a part in the numbers; it must not change within a map."""
@@ -56,9 +59,13 @@ def block_size(spec: Any, workers: int = 1) -> int:
         most = min(most, max(spec.size // (SHARES * workers), SHARED_CELLS))
     # few cells keep few lanes busy, but no block may outgrow the memory
     most = max(min(BLOCK_BYTES // of_a_cell, max(most, FEWEST_CELLS)), 1)
+    if spec.starts is not None:
+        most = starts.block_cells(spec, most, BLOCK_BYTES // of_a_cell, workers)
     # all alike: one compilation, and no small one at the end
-    blocks = -(-spec.size // most)
-    return -(-spec.size // blocks)
+    line = starts.line_cells(spec)
+    lines, most = spec.size // line, max(1, most // line)
+    blocks = -(-lines // most)
+    return line * -(-lines // blocks)
 
 
 def made_by(spec: Any) -> dict[str, str]:
@@ -75,24 +82,48 @@ def engine() -> tuple[Evaluate, dict[str, str]]:
 
 
 def evaluate_block(
-    spec: Any, index: np.ndarray, evaluate: Evaluate
+    spec: Any,
+    index: np.ndarray,
+    evaluate: Evaluate,
+    neighbours: Mapping[str, dict[str, np.ndarray]] | None = None,
 ) -> tuple[dict[str, np.ndarray], float | None]:
     """Stored columns of the cells `index`, each of shape (len(index),), and the engine's occupancy
-    if it tells.
+    if it tells; of several starts, and of `neighbours`, as `starts.run_starts` has them.
 
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes, and nothing else (ValueError). Cells whose
     frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
     most, by `evaluate(spec, cells, finer, room)`.
     """
-    columns = dict(evaluate(spec, index))
+    if getattr(spec, "starts", None) is None:
+        return _from_one_start(spec, index, None, evaluate)
+
+    def run(spec, index, ended):
+        return _from_one_start(spec, index, ended, evaluate)
+
+    columns, occupancy = starts.run_starts(spec, index, run, neighbours)
+    return map_dataset.select(columns, len(index), spec.starts.count), occupancy
+
+
+def _from_one_start(
+    spec: Any, index: np.ndarray, ended: Mapping[str, Any] | None, evaluate: Evaluate
+) -> tuple[dict[str, np.ndarray], float | None]:
+    """The same of cells with one start each: their own, or where others `ended`."""
+
+    def going_on(cells=slice(None)):
+        if ended is None:
+            return {}
+        return {"ended": {name: np.asarray(x)[cells] for name, x in ended.items()}}
+
+    columns = dict(evaluate(spec, index, **going_on()))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)
     for finer in (n for n in FINER if n * spec.samples <= MOST_SAMPLES):
         again = np.flatnonzero(untold(found | columns, spec.classes))
         most = max(1, len(index) // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
-            closer = naming(spec, dict(evaluate(spec, index[part], finer, len(index))))
+            looked = evaluate(spec, index[part], finer, len(index), **going_on(part))
+            closer = naming(spec, dict(looked))
             for name, values in closer.items():
                 found[name][part] = values
     if found:

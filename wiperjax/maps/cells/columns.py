@@ -28,6 +28,8 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
         columns["signal_inner"] = signal.inner
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
+    if spec.starts is not None:
+        columns["final_regime"] = outcome.regime
     if outcome.log is not None:
         columns |= _events(outcome.log, run)
     if not isinstance(wiper.belt, SteadyBelt):
