@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..specs.tables import Start
-from ..vocabulary.codes import LABELS, NOT_COMPUTED, Regime
+from ..vocabulary.codes import LABELS, Regime
 from ..vocabulary.kinds import WAYS
-from ..vocabulary.schema import SCHEMA
+from ..vocabulary.schema import ENDED, SCHEMA
 
 FEWEST_LINES = 512  # of a block: both ways together then fill the lanes of two cores
 
@@ -132,7 +132,8 @@ def _walked(spec: Any, index: np.ndarray, run: Run) -> dict[str, tuple[Columns, 
 def _kicked(spec: Any, index: np.ndarray, ended: Columns) -> Columns:
     """Where others ended, the tip moved by the kick of a lip of the cells `index`."""
     length = spec.cells(index)["lip_length"]
-    return ended | {"final_x": ended["final_x"] + spec.starts.kick * length}
+    last = {name: ended[name] for name in ENDED}
+    return last | {"final_x": last["final_x"] + spec.starts.kick * length}
 
 
 def _summary(starts: Any, label: np.ndarray) -> Columns:
@@ -156,7 +157,3 @@ def share_error(count: Any, of: int) -> np.ndarray:
     """
     share = (np.asarray(count) + 2) / (of + 4)
     return np.sqrt(share * (1 - share) / (of + 4))
-
-
-NOWHERE = {"result": NOT_COMPUTED}
-"""What stands for the motion of a cell that is not there: nothing goes on from it."""

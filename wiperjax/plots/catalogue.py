@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from ..datasets.run_dataset import between, check_quantity, last_periods, settled
 from ..machine.files import StoreError
 from . import branches
+from .door import at_start
 from .maps import categories, classes, line, overview, planes
 from .runs import animation, friction, page, portrait, spectra
 from .style.caption import with_noise
@@ -194,6 +195,9 @@ def draw(
             raise ValueError(f"{flag} does not suit the picture {name!r} of a {kind}")
     if missing := [variable for variable in picture.needs if variable not in ds]:
         raise StoreError(f"{path}: has no {missing[0]}, which the picture {name!r} needs")
+    if kind == "map":
+        ds, at = at_start(ds, given.pop("at", None))
+        given |= {} if at is None else {"at": at}
     if kind != "run":
         return _figure(picture.draw(ds, **given))
     if "quantity" in given:

@@ -176,6 +176,9 @@ EVENT_COLUMNS = {
 }
 """Field of the engine's event log -> its column in maps and runs."""
 
+ENDED = ("result", "final_x", "final_y", "final_vx", "final_vy", "final_regime")
+"""Columns of a motion from which another can go on."""
+
 SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error")
 """Columns that only a map of several starts has; shares, only of random ones."""
 

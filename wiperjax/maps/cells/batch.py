@@ -22,11 +22,9 @@ from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
 from ...numerics.runge_kutta import SOLVERS
 from ...specs.tables import Start
+from ...vocabulary.schema import ENDED
 from .columns import columns_of
 from .devices import capacity, deal, dearest_first, lane_count
-
-ENDED = ("result", "final_x", "final_y", "final_vx", "final_vy", "final_regime")
-"""Columns of a motion from which another can go on."""
 
 RING = 4  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
 
