@@ -85,8 +85,7 @@ def plot(
     at: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="AXIS=VALUE",
-            help="Map: cut another axis here (degrees), not in the middle; start=up: that start.",
+            metavar="AXIS=VALUE", help="Map: cut another axis here (degrees); start=up: that start."
         ),
     ] = None,
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
