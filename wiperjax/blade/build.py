@@ -59,7 +59,8 @@ def continued_state(wiper: Wiper, ended: Mapping[str, Any]):
     """
     x, y, vx, vy = (jnp.asarray(ended[f"final_{key}"], float) for key in ("x", "y", "vx", "vy"))
     regime = jnp.asarray(ended["final_regime"])
-    glass = wiper.belt.velocity(0.0, wiper.belt.first_piece(jnp.asarray(0.0)))
+    belt = wiper.belt
+    glass = jnp.asarray(belt.velocity(0.0, belt.first_piece(jnp.asarray(0.0))))
     flies, sticks = regime == Regime.FLIGHT, regime == Regime.STICK
     goes_on = jnp.asarray(ended["result"]) == Result.FINISHED
     goes_on &= jnp.abs(x) < wiper.lip_length * jnp.sin(wiper.collapse_angle)

@@ -18,7 +18,7 @@ from ..noise.signals import signal_columns, untold
 from ..vocabulary import codes, schema
 from ..vocabulary.codes import RESULTS
 from ..vocabulary.ranges import MOST_SAMPLES
-from . import starts
+from .starts import Cells, block_cells, line_cells, looked_at, together
 
 MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy
 BLOCK_TIME = 2**13  # s of motion in a block: half a minute on two cores, so that little can be lost
@@ -60,9 +60,9 @@ def block_size(spec: Any, workers: int = 1) -> int:
     # few cells keep few lanes busy, but no block may outgrow the memory
     most = max(min(BLOCK_BYTES // of_a_cell, max(most, FEWEST_CELLS)), 1)
     if spec.starts is not None:
-        most = starts.block_cells(spec, most, BLOCK_BYTES // of_a_cell, workers)
+        most = block_cells(spec, most, BLOCK_BYTES // of_a_cell, workers)
     # all alike: one compilation, and no small one at the end
-    line = starts.line_cells(spec)
+    line = line_cells(spec)
     lines, most = spec.size // line, max(1, most // line)
     blocks = -(-lines // most)
     return line * -(-lines // blocks)
@@ -88,52 +88,56 @@ def evaluate_block(
     neighbours: Mapping[str, dict[str, np.ndarray]] | None = None,
 ) -> tuple[dict[str, np.ndarray], float | None]:
     """Stored columns of the cells `index`, each of shape (len(index),), and the engine's occupancy
-    if it tells; of several starts, and of `neighbours`, as `starts.run_starts` has them.
+    if it tells; of several starts, and of `neighbours`, as `starts.looked_at` has them.
 
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes, and nothing else (ValueError). Cells whose
     frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
     most, by `evaluate(spec, cells, finer, room)`.
     """
+
+    def look(spec, index, ended):
+        return _first_look(spec, index, ended, evaluate)
+
     if getattr(spec, "starts", None) is None:
-        return _from_one_start(spec, index, None, evaluate)
+        columns, occupancy = look(spec, index, None)
+        found = Cells(spec, index, columns, None, len(index), occupancy)
+        return _named(found, evaluate), occupancy
+    parts = looked_at(spec, index, look, neighbours)
+    columns = together(spec, [_named(part, evaluate) for part in parts])
+    told = [part.occupancy for part in parts if part.occupancy is not None]
+    columns = map_dataset.select(columns, len(index), spec.starts.count)
+    return columns, float(np.mean(told)) if told else None
 
-    def run(spec, index, ended):
-        return _from_one_start(spec, index, ended, evaluate)
 
-    columns, occupancy = starts.run_starts(spec, index, run, neighbours)
-    return map_dataset.select(columns, len(index), spec.starts.count), occupancy
-
-
-def _from_one_start(
+def _first_look(
     spec: Any, index: np.ndarray, ended: Mapping[str, Any] | None, evaluate: Evaluate
 ) -> tuple[dict[str, np.ndarray], float | None]:
-    """The same of cells with one start each: their own, or where others `ended`."""
-
-    def going_on(cells=slice(None)):
-        if ended is None:
-            return {}
-        return {"ended": {name: np.asarray(x)[cells] for name, x in ended.items()}}
-
-    columns = dict(evaluate(spec, index, **going_on()))
+    """Columns of cells with one start each, their own or where others `ended`; without classes."""
+    columns = dict(evaluate(spec, index, **({} if ended is None else {"ended": ended})))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)
+    return columns | found, None if occupancy is None else float(np.mean(occupancy))
+
+
+def _named(cells: Cells, evaluate: Evaluate) -> dict[str, np.ndarray]:
+    """Stored columns of cells after a first look: where it does not tell the frequency, another is
+    taken at once for all that want one, for small batches leave lanes empty.
+    """
+    spec, index, columns, ended, room, _ = cells
     for finer in (n for n in FINER if n * spec.samples <= MOST_SAMPLES):
-        again = np.flatnonzero(untold(found | columns, spec.classes))
-        most = max(1, len(index) // finer)  # the room of a block holds so many
+        again = np.flatnonzero(untold(columns, spec.classes))
+        most = max(1, room // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
-            looked = evaluate(spec, index[part], finer, len(index), **going_on(part))
-            closer = naming(spec, dict(looked))
+            on = {} if ended is None else {"ended": {key: x[part] for key, x in ended.items()}}
+            closer = naming(spec, dict(evaluate(spec, index[part], finer, room, **on)))
             for name, values in closer.items():
-                found[name][part] = values
-    if found:
-        told = found["frequency_told"] != codes.TOLD["no"]
-        found["dominant_frequency"] = np.where(told, found["dominant_frequency"], np.nan)
-    columns |= found
+                columns[name][part] = values
+    if "frequency_told" in columns:
+        told = columns["frequency_told"] != codes.TOLD["no"]
+        columns["dominant_frequency"] = np.where(told, columns["dominant_frequency"], np.nan)
     columns |= classes.classify(columns, spec.classes)
-    return map_dataset.select(columns, len(index)), None if occupancy is None else float(
-        np.mean(occupancy)
-    )
+    return map_dataset.select(columns, len(index))
 
 
 def naming(spec: Any, columns: dict[str, Any]) -> dict[str, np.ndarray]:

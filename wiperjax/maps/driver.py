@@ -29,7 +29,7 @@ from ..vocabulary.ranges import MOST_CELLS, Range
 from .block import Block, Evaluate, block_size, engine, evaluate_block, made_by
 from .estimate import check_memory, check_room
 from .progress import Report
-from .starts import line_cells
+from .starts import whole_lines
 
 if TYPE_CHECKING:
     from .cluster import Workers
@@ -84,15 +84,12 @@ def sweep(
     _check(resume, force, progress, block, evaluate, output)
     source = Path(spec) if isinstance(spec, str | os.PathLike) else None
     spec = _sweep(spec)
-    if block is None:
-        block = block_size(spec, 1 if workers is None else workers.count)
-    line = line_cells(spec)
-    block = -(-int(block) // line) * line
+    block = whole_lines(spec, block or block_size(spec, 1 if workers is None else workers.count))
     blocks, known = _computing(spec, evaluate, workers)
     known |= dict(identity or {})
     if output is None:
         check_memory(spec)
-        return _in_memory(spec, blocks, int(block), known, progress, command)
+        return _in_memory(spec, blocks, block, known, progress, command)
     output = Path(output)
     stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
     found = finished(output, stated) if resume and output.is_file() else None

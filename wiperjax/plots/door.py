@@ -63,10 +63,10 @@ def of(kind: str, *needs: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
             if dataset is not None or signature.parameters[first].default is not None:
                 check_dataset(first, dataset, kind, needs)
             check_options(options)
-            if kind != "map":
+            if kind != "map" or not isinstance(dataset, xr.Dataset):
                 return draw(*args, **kwargs)
             dataset, options["at"] = at_start(dataset, options.get("at"))
-            known = {key: x for key, x in options.items() if x is not None}
+            known = {key: value for key, value in options.items() if value is not None}
             return draw(dataset, **known)  # pyright: ignore[reportCallIssue]
 
         return checked

@@ -96,7 +96,8 @@ def prepare(
         there, goes_on = continued_state(wiper, last)
         there = start_on_rung(system, there, "state")
         start = jax.tree.map(lambda x, y: jnp.where(goes_on, x, y), there, start)
-    return wiper, system, *start
+    position, velocity = start
+    return wiper, system, position, velocity
 
 
 class _Settings(NamedTuple):
