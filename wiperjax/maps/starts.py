@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..noise.class_counts import share_error
 from ..specs.tables import Start
 from ..vocabulary.codes import LABELS, NOT_COMPUTED, Regime, Result
 from ..vocabulary.kinds import WAYS
@@ -179,14 +180,3 @@ def _summary(starts: Any, label: np.ndarray) -> Columns:
         found["class_share"] = count / starts.count
         found["class_share_error"] = share_error(count, starts.count)
     return found
-
-
-def share_error(count: Any, of: int) -> np.ndarray:
-    """Standard error of a share, `count` seen among `of` independent ones.
-
-    Of (count + 2)/(of + 4), the middle of Wilson's interval at two standard errors (A. Agresti and
-    B. A. Coull, The American Statistician 52 (1998) 119): what was never seen is not known to be
-    impossible.
-    """
-    share = (np.asarray(count) + 2) / (of + 4)
-    return np.sqrt(share * (1 - share) / (of + 4))
