@@ -2,6 +2,7 @@
 others.
 """
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -15,6 +16,7 @@ from wiperjax.maps.block import block_size
 from wiperjax.maps.verify import verify
 from wiperjax.specs.errors import SpecError
 from wiperjax.specs.load import parse_sweep
+from wiperjax.store import checksums
 from wiperjax.store.manifest import parts_of
 from wiperjax.store.partial import open_partial
 from wiperjax.vocabulary.codes import LABELS, RESULTS
@@ -252,3 +254,28 @@ def test_a_map_of_one_start_is_what_it_was(tmp_path):
     ds = run(spec, path, evaluate=plain)
     assert hangs_on_start(ds) is None and from_start(ds) is ds
     assert_same_map(path, spec)
+
+
+def test_a_damaged_map_is_mended_by_its_lines(tmp_path):
+    spec, path, calls = random_spec(), tmp_path / "map.h5", []
+    whole = driver.sweep(spec, progress=False, **options(block=11))
+    for variable, again in (("label", True), ("class_share", True), ("start_vx", False)):
+        if not path.exists():
+            run(spec, path, **options(block=11))
+        calls.clear()
+        with h5py.File(path) as file:
+            start, length = checksums._runs(file[variable])[0]
+        content = bytearray(path.read_bytes())
+        content[start + length // 2] ^= 1
+        path.write_bytes(content)
+        with pytest.raises(StoreError, match=f"is damaged: {variable}; a map is mended"):
+            wiperjax.open_map(path, check=True)
+
+        def counting(*given, **ended):
+            calls.append(given[1])
+            return evaluate(*given, **ended)
+
+        run(spec, path, **options(evaluate=counting, resume=True, block=11))
+        assert bool(calls) is again
+        with wiperjax.open_map(path, check=True) as ds:
+            xr.testing.assert_identical(data_of(ds), data_of(whole))

@@ -20,7 +20,7 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
     Raises: ValueError for what is no map, or has no such codes.
     """
     checks.instance("ds", ds, xr.Dataset, "a map, such as open_map(...)")
-    coded = [str(name) for name in ds.data_vars if "flag_meanings" in ds[name].attrs]
+    coded = [str(name) for name in ds.data_vars if "flag_values" in ds[name].attrs]
     checks.choice("variable", variable, coded)
     names = flag_names(ds[variable])
     codes, counts = np.unique(np.asarray(ds[variable]), return_counts=True)
