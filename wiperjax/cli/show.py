@@ -22,7 +22,7 @@ PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map, a run or a branch.\n\n"
     "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
     "frequency, value (over two axes), line (along one axis: frequency, amplitude, regimes), "
-    "raster (regime over time).\n\n"
+    "shares (of random starts), raster (regime over time).\n\n"
     "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
     "spectrogram, animation.\n\n"
     "Pictures of a branch: overview, cycles (any number of them over the parameter), multipliers."

@@ -98,6 +98,11 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             ("x", "at"),
             ("dominant_frequency", "velocity_rms", "slip_fraction", *_SHARES[:2]),
         ),
+        "shares": Picture(
+            "shares of the classes along one axis (--x), of a sweep with [starts] random",
+            lambda ds, x=None, at=None: line.class_shares(ds, along=x, at=at),
+            ("x", "at"),
+        ),
         "raster": Picture(
             "regime over time along one axis (--y), of a sweep with [run] raster",
             lambda ds, y=None, at=None: line.regime_raster(ds, along=y, at=at),
