@@ -40,6 +40,7 @@ def test_shares_of_the_friction_oscillator_are_the_exact_ones(oscillator):
     assert share[4] == 0 and share[5] == 1
 
 
+@pytest.mark.slow
 def test_a_start_is_what_it_would_be_alone(oscillator):
     (x,), (v,) = box(5)
     speeds = np.array([1.2, 1.3, 1.4, 1.5, 1.6])

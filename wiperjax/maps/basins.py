@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ..blade.numbers import traceable
+from ..blade.wiper import Wiper
 from ..contact.system import AbstractSystem
 from ..engine.arguments import check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
@@ -55,9 +56,14 @@ def basins(
     window = checks.number("window", window, POSITIVE)
     check_integration(solver, rtol, zeno_time, max_steps)
     max_steps = checks.whole("max_steps", max_steps, COUNT)
+    zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
     position, velocity = _arrays(starts)
+    if isinstance(system, Wiper) and len(position) != 2:
+        raise ValueError(
+            f"starts must have the 2 coordinates of Wiper, but had {len(position)} of them"
+        )
     integration = Integration(
-        solver, float(rtol), tolerances(atol, len(position)), max_steps, zeno_time=float(zeno_time)
+        solver, float(rtol), tolerances(atol, len(position)), max_steps, zeno_time=zeno_time
     )
     count = position[0].size
     room = capacity(count)
