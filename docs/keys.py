@@ -14,6 +14,7 @@ from pydantic_core import PydanticUndefined
 
 from wiperjax.specs.axis import Axis
 from wiperjax.specs.scene import SceneSpec
+from wiperjax.specs.starts import Starts
 from wiperjax.specs.sweep import SweepSpec
 from wiperjax.specs.tables import ALLOWED, Classes, SceneRun, Sensitivities, Start, SweepRun, Table
 from wiperjax.vocabulary.kinds import BELTS, FRICTIONS
@@ -59,9 +60,12 @@ def page() -> str:
         + table(Classes),
         "## [sensitivities]\n\nA sweep only. " + words(Sensitivities)
         + " [Gradients](gradients.md) explains them.\n\n" + table(Sensitivities),
+        "## [starts]\n\nA sweep only. " + words(Starts)
+        + " [Maps](maps.md#more-than-one-answer) explains them.\n\n" + table(Starts),
     ]  # fmt: skip
     assert set(SweepSpec.model_fields) | set(SceneSpec.model_fields) == {
-        *TOP, "axes", "blade", "belt", "start", "run", "classes", "sensitivities"
+        *TOP, "axes", "blade", "belt", "start", "run", "classes", "sensitivities",
+        "starts",
     }  # fmt: skip
     return "\n".join(text.rstrip() + "\n" for text in texts)
 

@@ -10,9 +10,10 @@ from .engine.observers.base import AbstractObserver
 from .engine.observers.totals import RegimeTotals
 from .engine.solve import solve
 from .machine.jax_settings import configure
+from .maps.basins import basins
 from .maps.driver import sweep
 from .maps.verify import verify
-from .noise.class_counts import class_table
+from .noise.class_counts import class_table, share_error
 from .noise.run_class import assess
 from .runs.scene import run_scene
 from .runs.simulate import simulate
@@ -39,6 +40,7 @@ __all__ = [
     "Wiper",
     "WipingBelt",
     "assess",
+    "basins",
     "class_table",
     "configure",
     "load_scene",
@@ -47,6 +49,7 @@ __all__ = [
     "parse_scene",
     "parse_sweep",
     "run_scene",
+    "share_error",
     "simulate",
     "solve",
     "steady_slip",

@@ -113,6 +113,22 @@ CASES = {
         {"system": BLADE, "duration": 0.01},
         MOTION | {"zeno_time": LENGTH, "sample_interval": [*LENGTH, 0.02, 1e-12]},
     ),
+    "basins": (
+        wiperjax.basins,
+        {"system": BLADE, "starts": (([0.0], 0.0), (0.0, 0.0)), "settle": 0.1, "window": 0.1},
+        {key: MOTION[key] for key in ("system", "rtol", "atol", "solver", "max_steps")}
+        | {
+            "starts": [*MOTION["initial_state"], (([0.0],), ([0.0],)), (([[0.0]], 0), (0, 0))],
+            "settle": [*NO_NUMBER, -1],
+            "window": LENGTH,
+            "zeno_time": LENGTH,
+        },
+    ),
+    "share_error": (
+        wiperjax.share_error,
+        {"count": 3, "of": 10},
+        {"count": [*NO_NUMBER, -1, 11], "of": [*NO_NUMBER, 0, 1.5]},
+    ),
     "sweep": (
         wiperjax.sweep,
         {"spec": SPEC},

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..contact.friction import CLASSES as LAW_CLASSES
 from ..specs.tables import Start
+from ..vocabulary.codes import Regime, Result
 from ..vocabulary.kinds import BELTS, FRICTIONS, LAW_PARAMETERS, known
 from ..vocabulary.parameters import PARAMETERS, REFERENCE
 from .belts import CLASSES as BELT_CLASSES
@@ -45,6 +46,26 @@ def build_wiper(parameters: Mapping[str, Any], belt_kind: str, friction: str = "
         friction=given,
         **{name: value for name, value in parameters.items() if name in own},
     )
+
+
+def continued_state(wiper: Wiper, ended: Mapping[str, Any]):
+    """Return ((x, y), (x', y')) [m, m/s] of motions that go on where others ``ended``, and whether
+    they can: not where the other failed or collapsed, or ended where this lip would collapse.
+
+    ``ended``: the columns ``result``, ``final_x``, ``final_y``, ``final_vx``, ``final_vy`` and
+    ``final_regime`` of those, one entry a cell.
+
+    What sticks rides on the glass at this belt's own speed; what touches it is on it exactly.
+    """
+    x, y, vx, vy = (jnp.asarray(ended[f"final_{key}"], float) for key in ("x", "y", "vx", "vy"))
+    regime = jnp.asarray(ended["final_regime"])
+    belt = wiper.belt
+    glass = jnp.asarray(belt.velocity(0.0, belt.first_piece(jnp.asarray(0.0))))
+    flies, sticks = regime == Regime.FLIGHT, regime == Regime.STICK
+    goes_on = jnp.asarray(ended["result"]) == Result.FINISHED
+    goes_on &= jnp.abs(x) < wiper.lip_length * jnp.sin(wiper.collapse_angle)
+    velocity = jnp.where(sticks, glass, vx), jnp.where(flies, vy, 0.0)
+    return ((x, jnp.where(flies, y, 0.0)), velocity), goes_on
 
 
 def start_state(wiper: Wiper, start: Start):

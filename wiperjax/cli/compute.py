@@ -94,7 +94,6 @@ def sweep(
     if embedded:
         configure(workers)
     from ..maps.driver import sweep as sweep_map
-    from ..noise.class_counts import class_table
 
     stated: dict[str, Any] = {
         "--workers": workers,
@@ -116,7 +115,7 @@ def sweep(
         except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
             print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
-    print_classes(class_table(dataset))
+    print_classes(dataset)
     print_sensitivities(dataset)
     print_events(dataset)
     print(f"map      {output}: {cost(output, begun)}")

@@ -53,14 +53,19 @@ def check_output(path: Path, suffixes: Sequence[str], force: bool, *sources: Pat
         check_output(path, force, source)
 
 
-def cuts(texts: Sequence[str] | None) -> dict[str, float] | None:
-    """`AXIS=VALUE` options as a mapping. Raises ValueError for any other form."""
-    cuts = {}
+def cuts(texts: Sequence[str] | None) -> dict[str, float | str] | None:
+    """`AXIS=VALUE` options as a mapping; a start may have a name. Raises ValueError for any other
+    form.
+    """
+    cuts: dict[str, float | str] = {}
     for text in texts or ():
         name, _, value = text.partition("=")
         try:
             cuts[name.strip()] = float(value)
         except ValueError:
+            if name.strip() == "start" and value.strip():
+                cuts["start"] = value.strip()
+                continue
             raise ValueError(
                 f"--at must be AXIS=NUMBER, such as normal_load=15, was {text}"
             ) from None

@@ -22,7 +22,7 @@ PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map, a run or a branch.\n\n"
     "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
     "frequency, value (over two axes), line (along one axis: frequency, amplitude, regimes), "
-    "raster (regime over time).\n\n"
+    "shares (of random starts), raster (regime over time).\n\n"
     "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
     "spectrogram, animation.\n\n"
     "Pictures of a branch: overview, cycles (any number of them over the parameter), multipliers."
@@ -85,7 +85,7 @@ def plot(
     at: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="AXIS=VALUE", help="Map: cut another axis here (degrees), not in the middle."
+            metavar="AXIS=VALUE", help="Map: cut another axis here (degrees); start=up: that start."
         ),
     ] = None,
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
@@ -189,7 +189,7 @@ def info(
     ],
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
-    from ..noise.class_counts import anatomy, class_table, unsettled, untold
+    from ..noise.class_counts import anatomy, unsettled, untold
     from ..store.whole import open_map, sound
 
     checked = sound(file)
@@ -197,7 +197,7 @@ def info(
         print(", ".join(f"{name} {count}" for name, count in dataset.sizes.items()))
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
         if "label" in dataset:
-            print_classes(class_table(dataset))
+            print_classes(dataset)
             if fast := untold(dataset):
                 print(f"not told     {fast} cells: faster than the finest samples (frequency: NaN)")
             if lost := unsettled(dataset):

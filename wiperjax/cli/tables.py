@@ -2,7 +2,6 @@
 
 import sys
 import time
-from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -23,12 +22,25 @@ def print_plan(spec: Any, cores: int) -> None:
         print(f"note: {note}", file=sys.stderr)
 
 
-def print_classes(table: Sequence[tuple[str, int, float]]) -> None:
-    print(f"{'class':<12}{'cells':>9}{'share':>9}")
-    for name, count, share in table:
+def print_classes(dataset: Any) -> None:
+    """Classes of a map, counted; of several starts, of each named one, and what hangs on them."""
+    from ..datasets.map_starts import hangs_on_start
+    from ..noise.class_counts import class_table
+
+    print(f"{'class':<12}{'runs' if 'start' in dataset.sizes else 'cells':>9}{'share':>9}")
+    for name, count, share in class_table(dataset):
         if name == "not_computed":  # of an unfinished sweep: has no share
             continue
         print(f"{name:<12}{count:>9}{share:>9.1%}")
+    several = hangs_on_start(dataset)
+    if several is None:
+        return
+    for start in dataset["start"].values if "class_share" not in dataset else ():
+        rows = class_table(dataset.sel(start=start))
+        shares = ", ".join(f"{name} {share:.1%}" for name, count, share in rows if count)
+        print(f"start {start}: {shares}")
+    done = int((dataset["class_set"] >= 0).sum())
+    print(f"the class depends on the start in {int(several.sum())} of {done} cells")
 
 
 def print_class(run: Any) -> None:

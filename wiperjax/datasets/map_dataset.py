@@ -12,6 +12,7 @@ import xarray as xr
 
 from ..machine.provenance import version
 from ..vocabulary.cf import CONVENTIONS, plain_attributes
+from ..vocabulary.codes import LABELS
 from ..vocabulary.kinds import MODELS
 from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.schema import SCHEMA
@@ -22,9 +23,10 @@ def raster_index(samples: int, instants: int) -> list[int]:
     return [k * samples // instants for k in range(instants)]
 
 
-def select(columns: Mapping[str, Any], length: int) -> dict[str, np.ndarray]:
+def select(columns: Mapping[str, Any], length: int, starts: int = 0) -> dict[str, np.ndarray]:
     """`columns` in the order and types of the schema, each of shape (length,), or (length, size of
-    the further dimension).
+    the further dimension); of a map of several `starts`, what differs between them has the shape
+    (length, starts, ...).
 
     Raises: `ValueError` if a column is not in the schema (it would be lost unseen), has another
     shape, or is one of integers and holds what its type cannot.
@@ -36,8 +38,13 @@ def select(columns: Mapping[str, Any], length: int) -> dict[str, np.ndarray]:
         if name not in columns:
             continue
         given = np.asarray(columns[name])
-        if given.shape[:1] != (length,) or given.ndim != 1 + bool(column.along):
-            shape = f"({length}, {column.along})" if column.along else f"({length},)"
+        several = (starts,) if starts and column.each_start else ()
+        leading = (length, *several)
+        if given.shape[: len(leading)] != leading or given.ndim != len(leading) + bool(
+            column.along
+        ):
+            shape = ", ".join([*map(str, leading), *[column.along] * bool(column.along)])
+            shape = f"({shape})" if "," in shape else f"({shape},)"
             raise ValueError(f"column {name} must have the shape {shape}, but has {given.shape}")
         dtype = np.dtype(column.dtype)
         if dtype.kind == "i" and given.dtype != dtype and length:
@@ -77,9 +84,39 @@ def describe(spec: Any) -> dict[str, Any]:
     return {
         "shape": [int(n) for n in spec.shape],
         "coords": coords,
-        "further_coords": further,
+        "further_coords": further | _starts(getattr(spec, "starts", None)),
         "attrs": _attributes(spec),
     }
+
+
+def _starts(starts: Any) -> dict[str, Any]:
+    """Coordinates of a map of several starts: their names, or numbers and states of random ones."""
+    if starts is None:
+        return {}
+    about = {"long_name": "start of the motion"}
+    if starts.names is not None:
+        return {"start": {"values": list(starts.names), "dtype": "str", "attrs": about}}
+    found: dict[str, Any] = {
+        "start": {
+            "values": list(range(starts.count)),
+            "dtype": "int32",
+            "attrs": {"units": "1", "long_name": "number of the random start"},
+        },
+        "class": {
+            "values": list(LABELS),
+            "dtype": "str",
+            "attrs": {"long_name": "noise class"},
+        },
+    }
+    for key, values in starts.draws().items():
+        units, what = ("m/s", "velocity") if key.startswith("v") else ("m", "position")
+        where = "along the glass" if key.endswith("x") else "normal to it"
+        found[f"start_{key}"] = {
+            "along": "start",
+            "values": values.tolist(),
+            "attrs": {"units": units, "long_name": f"{what} {where} at the start"},
+        }
+    return found
 
 
 def _attributes(spec: Any) -> dict[str, Any]:
@@ -103,7 +140,12 @@ def _attributes(spec: Any) -> dict[str, Any]:
     attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
     attrs["start"] = json.dumps(start, sort_keys=True) if start else MODELS[attrs["model"]]
+    if (starts := getattr(spec, "starts", None)) is not None:
+        attrs["start"] = "several, the dimension start"
+        if starts.random is not None:
+            attrs["seed"] = starts.seed
     tables = (("run", "run_"), ("classes", "class_"), ("sensitivities", "sensitivity_"))
+    tables = (*tables, ("starts", "starts_"))
     for table, prefix in tables:
         for key, value in sorted((meaning.get(table) or {}).items()):
             if value is not None:
@@ -143,10 +185,10 @@ def build(
     """Map from the result of `describe` and flat columns; see `assemble`."""
     shape = tuple(description["shape"])
     coords = {
-        name: ((name,), coordinate(entry), dict(entry["attrs"]))
+        name: ((entry.get("along", name),), coordinate(entry), dict(entry["attrs"]))
         for name, entry in (description["coords"] | description["further_coords"]).items()
     }
-    chosen = select(columns, int(np.prod(shape)))
+    chosen = select(columns, int(np.prod(shape)), start_count(description))
     variables = {
         name: (
             dimensions(name, description),
@@ -166,5 +208,12 @@ def coordinate(entry: Mapping[str, Any]) -> np.ndarray:
 
 def dimensions(name: str, description: Mapping[str, Any]) -> tuple[str, ...]:
     """Dimensions of the variable `name` in a map from the result of `describe`."""
-    further = SCHEMA[name].along
-    return (*description["coords"], further) if further else tuple(description["coords"])
+    column = SCHEMA[name]
+    several = ("start",) if column.each_start and start_count(description) else ()
+    further = (column.along,) if column.along else ()
+    return (*description["coords"], *several, *further)
+
+
+def start_count(description: Mapping[str, Any]) -> int:
+    """Number of starts of each cell in a map from the result of `describe`; 0 if it has but one."""
+    return len(description["further_coords"].get("start", {}).get("values", ()))

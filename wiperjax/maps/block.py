@@ -22,6 +22,7 @@ from ..noise.signals import signal_columns, untold
 from ..vocabulary import codes, schema
 from ..vocabulary.codes import RESULTS
 from ..vocabulary.ranges import MOST_SAMPLES
+from .starts import Cells, block_cells, line_cells, looked_at, together
 
 MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy
 BLOCK_TIME = 2**13  # s of motion in a block: half a minute on two cores, so that little can be lost
@@ -33,7 +34,9 @@ FINER = (2, 16)  # times as many samples, for cells whose frequency the first do
 OF_THE_MOTION = ("result", "velocity_rms", "belt_speed_rms")  # whatever the samples
 ANALYSED = 2**17  # samples at once, of each core
 
-Evaluate = Callable[..., Mapping[str, Any]]  # (spec, cells) and, of samples, (finer, room)
+Evaluate = Callable[..., Mapping[str, Any]]
+"""(spec, cells) and, of samples, (finer, room); in a map of several starts also, by its name,
+`ended`, columns of the motions that the cells go on from."""
 
 DECISIVE = ("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 """Libraries whose version has a part in the numbers; it must not change within a map."""
@@ -64,9 +67,13 @@ def block_size(spec: Any, workers: int = 1) -> int:
         most = min(most, max(spec.size // (SHARES * workers), SHARED_CELLS))
     # few cells keep few lanes busy, but no block may outgrow the memory
     most = max(min(BLOCK_BYTES // of_a_cell, max(most, FEWEST_CELLS)), 1)
+    if spec.starts is not None:
+        most = block_cells(spec, most, BLOCK_BYTES // of_a_cell, workers)
     # all alike: one compilation, and no small one at the end
-    blocks = -(-spec.size // most)
-    return -(-spec.size // blocks)
+    line = line_cells(spec)
+    lines, most = spec.size // line, max(1, most // line)
+    blocks = -(-lines // most)
+    return line * -(-lines // blocks)
 
 
 def made_by(spec: Any) -> dict[str, str]:
@@ -83,10 +90,13 @@ def engine() -> tuple[Evaluate, dict[str, str]]:
 
 
 def evaluate_block(
-    spec: Any, index: np.ndarray, evaluate: Evaluate
+    spec: Any,
+    index: np.ndarray,
+    evaluate: Evaluate,
+    neighbours: Mapping[str, dict[str, np.ndarray]] | None = None,
 ) -> tuple[dict[str, np.ndarray], float | None]:
     """Stored columns of the cells `index`, each of shape (len(index),), and the engine's occupancy
-    if it tells.
+    if it tells; of several starts, and of `neighbours`, as `starts.looked_at` has them.
 
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes, and nothing else (ValueError). Cells whose
@@ -94,29 +104,53 @@ def evaluate_block(
     most, by `evaluate(spec, cells, finer, room)`, which need return no more than samples.
     """
     with during("naming"):  # all but the engine, which has a phase of its own
-        return _evaluate_block(spec, index, evaluate)
+        return _evaluate_block(spec, index, evaluate, neighbours)
 
 
-def _evaluate_block(spec, index, evaluate):
-    columns = dict(evaluate(spec, index))
+def _evaluate_block(spec, index, evaluate, neighbours):
+    def look(spec, index, ended):
+        return _first_look(spec, index, ended, evaluate)
+
+    if getattr(spec, "starts", None) is None:
+        columns, occupancy = look(spec, index, None)
+        found = Cells(spec, index, columns, None, len(index), occupancy)
+        return _classified(found, evaluate), occupancy
+    parts = looked_at(spec, index, look, neighbours)
+    columns = together(spec, [_classified(part, evaluate) for part in parts])
+    told = [part.occupancy for part in parts if part.occupancy is not None]
+    columns = map_dataset.select(columns, len(index), spec.starts.count)
+    return columns, float(np.mean(told)) if told else None
+
+
+def _first_look(
+    spec: Any, index: np.ndarray, ended: Mapping[str, Any] | None, evaluate: Evaluate
+) -> tuple[dict[str, np.ndarray], float | None]:
+    """Columns of cells with one start each, their own or where others `ended`; without classes."""
+    columns = dict(evaluate(spec, index, **({} if ended is None else {"ended": ended})))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)
+    return columns | found, None if occupancy is None else float(np.mean(occupancy))
+
+
+def _classified(cells: Cells, evaluate: Evaluate) -> dict[str, np.ndarray]:
+    """Stored columns of cells after a first look: where it does not tell the frequency, another is
+    taken at once for all that want one, for small batches leave lanes empty.
+    """
+    spec, index, columns, ended, room, _ = cells
     for finer in (n for n in FINER if n * spec.samples <= MOST_SAMPLES):
-        again = np.flatnonzero(untold(found | columns, spec.classes))
-        most = max(1, len(index) // finer)  # the room of a block holds so many
+        again = np.flatnonzero(untold(columns, spec.classes))
+        most = max(1, room // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
+            on = {} if ended is None else {"ended": {key: x[part] for key, x in ended.items()}}
             shared = {name: np.asarray(columns[name])[part] for name in OF_THE_MOTION}
-            closer = evaluate(spec, index[part], finer, len(index))
+            closer = evaluate(spec, index[part], finer, room, **on)
             for name, values in naming(spec, shared | dict(closer)).items():
-                found[name][part] = values
-    if found:
-        told = found["frequency_told"] != codes.TOLD["no"]
-        found["dominant_frequency"] = np.where(told, found["dominant_frequency"], np.nan)
-    columns |= found
+                columns[name][part] = values
+    if "frequency_told" in columns:
+        told = columns["frequency_told"] != codes.TOLD["no"]
+        columns["dominant_frequency"] = np.where(told, columns["dominant_frequency"], np.nan)
     columns |= classes.classify(columns, spec.classes)
-    return map_dataset.select(columns, len(index)), None if occupancy is None else float(
-        np.mean(occupancy)
-    )
+    return map_dataset.select(columns, len(index))
 
 
 def naming(spec: Any, columns: dict[str, Any]) -> dict[str, np.ndarray]:

@@ -30,6 +30,7 @@ from ..vocabulary.ranges import MOST_CELLS, Range
 from .block import Block, Evaluate, block_size, engine, evaluate_block, made_by
 from .estimate import check_memory, check_room
 from .progress import Report
+from .starts import whole_lines
 
 if TYPE_CHECKING:
     from .cluster import Workers
@@ -70,7 +71,7 @@ def sweep(
     Other arguments:
 
     - `block`: cells computed, and lost at worst, together; `block_size` if None. A sweep that
-        is resumed keeps its own.
+        is resumed keeps its own. Whole lines, where cells go on from each other.
     - `evaluate`: what computes cells, `wiperjax.maps.cells.batch.evaluate` if None.
     - `workers`: who computes, as `maps.cluster.connect` gives them; this process if None.
     - `identity`: what else must agree between parts of one map (such as the kind of device), text
@@ -84,8 +85,7 @@ def sweep(
     _check(resume, force, progress, block, evaluate, output)
     source = Path(spec) if isinstance(spec, str | os.PathLike) else None
     spec = _sweep(spec)
-    if block is None:
-        block = block_size(spec, 1 if workers is None else workers.count)
+    block = whole_lines(spec, block or block_size(spec, 1 if workers is None else workers.count))
     blocks, known = _computing(spec, evaluate, workers)
     known |= dict(identity or {})
     with account() as spent:

@@ -15,7 +15,14 @@ from typing import Any
 import numpy as np
 
 from ..machine.files import StoreError
-from ..vocabulary.schema import DIFFERENTIABLE, SCHEMA, Column, sensitivity_name
+from ..vocabulary.codes import LABELS
+from ..vocabulary.schema import (
+    DIFFERENTIABLE,
+    SCHEMA,
+    SEVERAL_STARTS,
+    Column,
+    sensitivity_name,
+)
 
 RATE = 150.0  # s of motion a second and core: the reference map at rtol 1e-6 (AMD EPYC, avx512)
 COMPILATION = 15.0  # s
@@ -33,6 +40,8 @@ def columns(spec: Any) -> Iterator[Column]:
     for name, column in SCHEMA.items():
         if column.along == "raster_time":
             has = spec.run.raster is not None
+        elif name in SEVERAL_STARTS:
+            has = spec.starts is not None and (spec.starts.random or not column.along)
         elif name.startswith("event_") or column.along == "event":
             has = spec.run.event_log is not None
         elif name in DERIVATIVES or name.startswith("d_"):
@@ -48,9 +57,12 @@ def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
     log, which are packed.
     """
     lengths = {"": 1, "raster_time": spec.run.raster or 0, "event": spec.run.event_log or 0}
+    lengths["class"] = len(LABELS)
+    starts = spec.starts.count if spec.starts else 1
     plain = packed = 0
     for column in columns(spec):
         size = lengths[column.along] * np.dtype(column.dtype).itemsize
+        size *= starts if column.each_start else 1
         plain, packed = (plain, packed + size) if column.along else (plain + size, packed)
     return plain, packed
 
@@ -58,6 +70,7 @@ def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
 def seconds(spec: Any, cores: int) -> float:
     """Time [s] of a sweep on some cores, if its cells are like those of the reference map."""
     motion = spec.size * (spec.run.transient + spec.run.window)
+    motion *= spec.starts.count if spec.starts else 1
     derivatives = 1 + len(spec.sensitivities.parameters) if spec.sensitivities else 1
     return COMPILATION + motion * derivatives / (RATE * cores)
 
@@ -69,10 +82,11 @@ def words(spec: Any, cores: int) -> str:
     size = _bytes(spec.size * plain)
     if packed:
         size += f" to {_bytes(spec.size * (plain + packed))}"
+    starts = f" from {spec.starts.count} starts" if spec.starts else ""
     where = f"{cores} core{'s' if cores > 1 else ''}"
     guess = f"about {_duration(seconds(spec, cores))} on {where}"
     return (
-        f"{spec.size} of {time:g} s, {size}, {guess} "
+        f"{spec.size} of {time:g} s{starts}, {size}, {guess} "
         "(a guess from the reference map: a third to ten times that)"
     )
 

@@ -13,8 +13,11 @@ from ..machine.files import StoreError
 from ..specs.load import parse_sweep
 from ..store.whole import open_map
 from ..vocabulary import checks
+from ..vocabulary.codes import NOT_COMPUTED
 from ..vocabulary.ranges import NON_NEGATIVE, Range
+from ..vocabulary.schema import ENDED
 from .block import MOST_CELLS, Evaluate, engine, evaluate_block
+from .starts import before
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,8 @@ def verify(
     places = list(zip(*np.unravel_index(index, spec.shape), strict=True))
     with h5py.File(path, "r") as file:
         stored = {name: _values(file, name, places) for name in names}
-    fresh, _ = evaluate_block(spec, index, evaluate or engine()[0])
+        neighbours = _neighbours(file, spec, index) if spec.starts is not None else None
+    fresh, _ = evaluate_block(spec, index, evaluate or engine()[0], neighbours)
     largest: dict[str, float] = {}
     wrong = np.zeros(len(index), dtype=bool)
     for name in fresh.keys() & stored.keys():
@@ -119,6 +123,17 @@ def verify(
         largest=dict(sorted(largest.items())),
         differing=tuple(int(cell) for cell in index[wrong]),
     )
+
+
+def _neighbours(file: h5py.File, spec: Any, index: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
+    """Way -> where the cells ended from which the cells `index` go on."""
+    found = {}
+    for way in spec.starts.ways:
+        cells, start = before(spec, index, way), spec.starts.names.index(way)
+        places = list(zip(*np.unravel_index(np.maximum(cells, 0), spec.shape), strict=True))
+        found[way] = {name: _values(file, name, places)[:, start] for name in ENDED}
+        found[way]["result"] = np.where(cells < 0, NOT_COMPUTED, found[way]["result"])
+    return found
 
 
 def _values(file: h5py.File, name: str, places: list[tuple[int, ...]]) -> np.ndarray:

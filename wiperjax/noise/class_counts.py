@@ -1,4 +1,6 @@
-"""Classes counted: the table and the anatomy of a map."""
+"""Classes counted: the table and the anatomy of a map, and the error of a share."""
+
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -6,6 +8,7 @@ import xarray as xr
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import LABELS, SETTLED, TOLD
+from ..vocabulary.ranges import COUNT, NON_NEGATIVE
 
 
 def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int, float]]:
@@ -17,7 +20,7 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
     Raises: ValueError for what is no map, or has no such codes.
     """
     checks.instance("ds", ds, xr.Dataset, "a map, such as open_map(...)")
-    coded = [str(name) for name in ds.data_vars if "flag_meanings" in ds[name].attrs]
+    coded = [str(name) for name in ds.data_vars if "flag_values" in ds[name].attrs]
     checks.choice("variable", variable, coded)
     names = flag_names(ds[variable])
     codes, counts = np.unique(np.asarray(ds[variable]), return_counts=True)
@@ -55,3 +58,17 @@ def untold(ds: xr.Dataset) -> int:
 def unsettled(ds: xr.Dataset) -> int:
     """Number of cells whose motion had not settled in the window, or is irregular for good."""
     return int(np.sum(np.asarray(ds["settled"]) == SETTLED["no"])) if "settled" in ds else 0
+
+
+def share_error(count: Any, of: int) -> np.ndarray:
+    """Standard error of a share, `count` seen among `of` independent ones.
+
+    Of (count + 2)/(of + 4), the middle of Wilson's interval at two standard errors (A. Agresti and
+    B. A. Coull, The American Statistician 52 (1998) 119): what was never seen is not known to be
+    impossible. Raises: `ValueError` for counts that cannot be.
+    """
+    checks.numbers("of", of, COUNT)
+    checks.numbers("count", count, NON_NEGATIVE)
+    checks.at_most("count", count, of, "of")
+    share = (np.asarray(count) + 2) / (of + 4)
+    return np.sqrt(share * (1 - share) / (of + 4))

@@ -28,6 +28,7 @@ fraction_map = of("map", "label")(planes.fraction_map)
 frequency_map = of("map", "label", "dominant_frequency")(planes.frequency_map)
 map_overview = of("map", *_SHARES, "dominant_frequency")(overview.map_overview)
 along_axis = of("map", *_SHARES, "dominant_frequency", "slip_fraction")(line.along_axis)
+class_shares = of("map", "label")(line.class_shares)
 regime_raster = of("map", "label")(line.regime_raster)
 
 # runs

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from ..datasets.run_dataset import between, check_quantity, last_periods, settled
 from ..machine.files import StoreError
 from . import branches
+from .door import at_start
 from .maps import categories, classes, line, overview, planes
 from .runs import animation, friction, page, portrait, spectra
 from .style.caption import with_noise
@@ -96,6 +97,11 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             lambda ds, x=None, at=None: line.along_axis(ds, along=x, at=at),
             ("x", "at"),
             ("dominant_frequency", "velocity_rms", "slip_fraction", *_SHARES[:2]),
+        ),
+        "shares": Picture(
+            "shares of the classes along one axis (--x), of a sweep with [starts] random",
+            lambda ds, x=None, at=None: line.class_shares(ds, along=x, at=at),
+            ("x", "at"),
         ),
         "raster": Picture(
             "regime over time along one axis (--y), of a sweep with [run] raster",
@@ -194,6 +200,9 @@ def draw(
             raise ValueError(f"{flag} does not suit the picture {name!r} of a {kind}")
     if missing := [variable for variable in picture.needs if variable not in ds]:
         raise StoreError(f"{path}: has no {missing[0]}, which the picture {name!r} needs")
+    if kind == "map":
+        ds, at = at_start(ds, given.pop("at", None))
+        given |= {} if at is None else {"at": at}
     if kind != "run":
         return _figure(picture.draw(ds, **given))
     if "quantity" in given:

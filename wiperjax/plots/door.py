@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from ..datasets.map_starts import from_start
 from ..vocabulary import checks
 from ..vocabulary.ranges import FINITE, POSITIVE, Range
 
@@ -62,11 +63,21 @@ def of(kind: str, *needs: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
             if dataset is not None or signature.parameters[first].default is not None:
                 check_dataset(first, dataset, kind, needs)
             check_options(options)
-            return draw(*args, **kwargs)
+            if kind != "map" or not isinstance(dataset, xr.Dataset):
+                return draw(*args, **kwargs)
+            dataset, options["at"] = at_start(dataset, options.get("at"))
+            known = {key: value for key, value in options.items() if value is not None}
+            return draw(dataset, **known)  # pyright: ignore[reportCallIssue]
 
         return checked
 
     return wrap
+
+
+def at_start(ds: xr.Dataset, at: Mapping[str, Any] | None) -> tuple[xr.Dataset, Any]:
+    """A map from the start that `at` names, and the rest of `at`; see `map_starts.from_start`."""
+    cut = dict(at or {})
+    return from_start(ds, cut.pop("start", None)), cut or None
 
 
 def check_dataset(name: str, value: Any, kind: str, needs: tuple[str, ...]) -> None:
@@ -96,4 +107,5 @@ def check_options(options: Mapping[str, Any]) -> None:
         elif name == "at":
             checks.instance(name, value, Mapping, "a mapping of axis to value")
             for axis, number in value.items():
-                checks.number(f"at of {axis}", number, FINITE)
+                if axis != "start" or not isinstance(number, str):  # a start may have a name
+                    checks.number(f"at of {axis}", number, FINITE)

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..vocabulary.wording import digits
 from .axis import Axis
 from .errors import Fault, SpecError, show, unknown
 from .reversal import FLIP, flip_time
+from .starts import Starts, check_starts, swept_last
 from .system import System
 from .tables import (
     Classes,
@@ -46,13 +48,21 @@ class SweepSpec(System):
     """A sweep: the axes of a map, what is held fixed, how cells are run and how they are named.
 
     Cells are numbered in C order of the axes, in the order in which the file lists them: the last
-    axis varies fastest. Made by `load_sweep` or `parse_sweep`.
+    axis varies fastest (`[starts] along` is made the last). Made by `load_sweep` or `parse_sweep`.
     """
 
     axes: dict[str, Axis]
     run: SweepRun
     classes: Classes = Classes()
     sensitivities: Sensitivities | None = None
+    starts: Starts | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sweeps_its_last_axis(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and "starts" in data:
+            return {**data, "axes": swept_last(data.get("axes"), data["starts"])}
+        return data
 
     def with_sensitivities(self) -> "SweepSpec":
         """The same sweep with derivatives; as the file asks for them, else the default ones.
@@ -68,6 +78,8 @@ class SweepSpec(System):
         return spec
 
     def _check_sensitivities(self, asked: Sensitivities) -> None:
+        if self.starts is not None:
+            raise Fault("starts", "must be left out with sensitivities")
         for name in asked.parameters:
             if name not in self.parameter_names:
                 problem = unknown(name, list(self.parameter_names))
@@ -102,6 +114,8 @@ class SweepSpec(System):
         self._check_strokes()
         if self.sensitivities is not None:
             self._check_sensitivities(self.sensitivities)
+        if self.starts is not None:
+            check_starts(self)
         return self
 
     def _check_strokes(self) -> None:
@@ -221,8 +235,9 @@ class SweepSpec(System):
         }
         if self.blade.friction != "stribeck":
             meaning["friction"] = self.blade.friction
-        if self.sensitivities is not None:
-            meaning["sensitivities"] = self.sensitivities.model_dump(mode="json")
+        for name in ("sensitivities", "starts"):
+            if (table := getattr(self, name)) is not None:
+                meaning[name] = table.model_dump(mode="json")
         return json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self) -> str:

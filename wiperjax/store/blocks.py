@@ -178,7 +178,8 @@ class BlockStore:
         for wrong shapes.
         """
         start, stop = self.span(number)
-        chosen = map_dataset.select(columns, stop - start)
+        several = map_dataset.start_count(self.manifest["map"])
+        chosen = map_dataset.select(columns, stop - start, several)
         buffer = io.BytesIO()
         with h5py.File(buffer, "w") as file:
             file.attrs.update(manifest.place(self.manifest, (start, stop)))

@@ -129,9 +129,14 @@ def _write(
     reader = Reader(store)
     sums = []
     with h5netcdf.File(target, "w") as file:
-        file.dimensions = {name: len(entry["values"]) for name, entry in coords.items()}
+        own = {name: entry for name, entry in coords.items() if "along" not in entry}
+        beside = coords.keys() - own.keys()  # coordinates of another's dimension
+        file.dimensions = {name: len(entry["values"]) for name, entry in own.items()}
         for name, entry in coords.items():
-            variable = file.create_variable(name, (name,), data=map_dataset.coordinate(entry))
+            values = map_dataset.coordinate(entry)
+            if values.dtype.kind == "U":  # HDF5 has no such type
+                values = values.astype(h5py.string_dtype())
+            variable = file.create_variable(name, (entry.get("along", name),), data=values)
             variable.attrs.update(entry["attrs"])
         # Columns of one shape go together: those of the map's, then those with a further dimension.
         groups: dict[tuple[str, ...], list[str]] = {}
@@ -152,6 +157,8 @@ def _write(
                     shuffle=True,
                 )
                 variable.attrs.update(column.attributes())
+                if beside and "start" in dims:
+                    variable.attrs["coordinates"] = " ".join(sorted(beside))
             each = math.prod(shape) // store.cells  # numbers of a cell; a slab has whole cells
             for start, stop, index in slabs(shape, chunk):
                 columns = reader.read(start // each, stop // each, names)

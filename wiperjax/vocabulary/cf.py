@@ -46,6 +46,14 @@ def flags(codes: Mapping[str, int], dtype: Any = np.int8) -> dict[str, Any]:
     }
 
 
+def masks(codes: Mapping[str, int], dtype: Any) -> dict[str, Any]:
+    """CF attributes of a set of categories (`flag_masks`, `flag_meanings`): bit 2^code of each."""
+    return {
+        "flag_masks": np.array([1 << code for code in codes.values()], dtype=dtype),
+        "flag_meanings": " ".join(codes),
+    }
+
+
 def flag_names(variable: xr.DataArray) -> dict[int, str]:
     """Code -> meaning of a categorical variable, from its CF attributes."""
     values = np.atleast_1d(variable.attrs["flag_values"])

@@ -22,6 +22,19 @@ MODELS: Mapping[str, str] = MappingProxyType(
 )
 """Rung of the ladder, the poorest first -> how its motion starts by default."""
 
+WAYS = ("up", "down")
+"""Ways in which an axis is swept, each cell from where its neighbour ended."""
+
+STARTS: Mapping[str, str] = MappingProxyType(
+    {
+        "at_rest": "touching at the attack angle, at rest",
+        "steady_slip": "at steady slip, but for a kick",
+        "up": "where the next lower cell of the swept axis ended",
+        "down": "where the next higher cell of the swept axis ended",
+    }
+)
+"""Starts that `[starts]` of a sweep file can name."""
+
 SOLVERS = ("tsit5", "dopri5", "dopri8", "bosh3")
 """Runge-Kutta methods; diffrax has each under its name with a capital."""
 

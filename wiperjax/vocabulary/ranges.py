@@ -114,6 +114,13 @@ SETTINGS: Mapping[str, Range] = MappingProxyType(
         "equilibrium": Range(-1, 1),
         "position": Range(-1, 1, unit="m"),
         "velocity": Range(-1e3, 1e3, unit="m/s"),
+        "kick": Range(0, 0.1),
+        "random": Range(2, 10_000, whole=True),
+        "seed": Range(0, 2**31 - 1, whole=True),
+        "x": Range(-1, 1, unit="m"),
+        "y": Range(-1, 1, unit="m"),
+        "vx": Range(-1e3, 1e3, unit="m/s"),
+        "vy": Range(-1e3, 1e3, unit="m/s"),
         # derivatives
         "check": SHARE,
         "step": Range(1e-12, 1e-2),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .cf import flags
+from .cf import flags, masks
 from .codes import (
     BANDS,
     EVENTS,
@@ -37,11 +37,18 @@ class Column:
     flags: Mapping[str, int] | None = None  # meaning -> code, for categories
     comment: str = ""
     along: str = ""  # the dimension it has beside those of the map, if any
+    members: Mapping[str, int] | None = None  # meaning -> number of its bit, for sets of categories
+    each_start: bool = True  # whether it has the dimension `start` too where cells have several
 
     def attributes(self) -> dict[str, Any]:
         """CF attributes of the variable; netCDF-valid types only."""
         attrs: dict[str, Any] = {"long_name": self.long_name}
-        attrs |= {"units": self.units} if self.flags is None else flags(self.flags, self.dtype)
+        if self.flags is not None:
+            attrs |= flags(self.flags, self.dtype)
+        elif self.members is not None:
+            attrs |= masks(self.members, self.dtype)
+        else:
+            attrs["units"] = self.units
         if self.comment:
             attrs["comment"] = self.comment
         return attrs
@@ -96,7 +103,9 @@ _TABLE = (
     Column("reversal_count", "int32", "1", "passages of V through zero in the settled window"),
     Column("velocity_mean", "float64", "m/s", "mean tip velocity"),
     Column("velocity_rms_reversal", "float64", "m/s", "the same, just after reversal"),
-    Column("belt_speed_rms", "float64", "m/s", "root mean square of the belt speed"),
+    Column(
+        "belt_speed_rms", "float64", "m/s", "root mean square of the belt speed", each_start=False
+    ),
     Column("normal_force_mean", "float64", "N/m", "mean normal force"),
     Column("normal_force_max", "float64", "N/m", "largest normal force"),
     Column("normal_force_mean_stroke", "float64", "N/m", "mean normal force away from reversal"),
@@ -107,8 +116,13 @@ _TABLE = (
     Column("lift_off_count", "int32", "1", "lift-offs in the settled window"),
     Column("impact_impulse_max", "float64", "N s/m", "largest normal impulse of an impact"),
     Column("impact_impulse_reversal", "float64", "N s/m", "the same, around reversal"),
-    Column("growth_rate", "float64", "1/s", "growth rate of steady slip, linearised"),
-    Column("linear_frequency", "float64", "Hz", "frequency of steady slip, linearised"),
+    Column(
+        "growth_rate", "float64", "1/s", "growth rate of steady slip, linearised", each_start=False
+    ),
+    Column(
+        "linear_frequency", "float64", "Hz", "frequency of steady slip, linearised",
+        each_start=False,
+    ),
     Column("steps", "int32", "1", "accepted steps"),
     Column("rejected_steps", "int32", "1", "rejected steps"),
     Column("unproved_steps", "int32", "1", "steps that might hide a double crossing"),
@@ -117,6 +131,20 @@ _TABLE = (
     Column("final_y", "float64", "m", "gap at the end"),
     Column("final_vx", "float64", "m/s", "tip velocity along the glass at the end"),
     Column("final_vy", "float64", "m/s", "tip velocity normal to the glass at the end"),
+    Column("final_regime", "uint8", "", "regime at the end", REGIMES),
+    Column(
+        "class_set", "int16", "", "noise classes that the starts of the cell end in",
+        members=LABELS, each_start=False,
+    ),
+    Column(
+        "class_share", "float64", "1", "share of the random starts that end in the class",
+        along="class", each_start=False,
+    ),
+    Column(
+        "class_share_error", "float64", "1", "standard error of that share",
+        comment="of (k + 2) of n + 4 starts (Agresti and Coull), so that it is not 0 where all "
+        "starts seen agree", along="class", each_start=False,
+    ),
     Column(
         "regime_raster", "uint8", "", "regime over time in the settled window", REGIMES,
         comment="none: the cell ended before", along="raster_time",
@@ -147,6 +175,12 @@ EVENT_COLUMNS = {
     "impulse": "event_impulse",
 }
 """Field of the engine's event log -> its column in maps and runs."""
+
+ENDED = ("result", "final_x", "final_y", "final_vx", "final_vy", "final_regime")
+"""Columns of a motion from which another can go on."""
+
+SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error")
+"""Columns that only a map of several starts has; shares, only of random ones."""
 
 DIFFERENTIABLE = (
     *("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms", "velocity_mean"),

@@ -1,5 +1,6 @@
 """The engine's side of a sweep: cells of a specification in, columns of the map out."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -8,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...blade.belts import SteadyBelt
-from ...blade.build import build_wiper, start_state
+from ...blade.build import build_wiper, continued_state, start_state
 from ...blade.rungs import on_rung, start_on_rung
 from ...blade.wiper import Wiper
 from ...contact.system import AbstractSystem
@@ -20,6 +21,8 @@ from ...engine.observers.reversal import ReversalTotals
 from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
 from ...numerics.runge_kutta import SOLVERS
+from ...specs.tables import Start
+from ...vocabulary.schema import ENDED
 from . import compiling
 from .columns import columns_of, sampled
 from .devices import capacity, deal, dearest_first, lane_count
@@ -28,7 +31,11 @@ RING = 4  # samples of a lane between two flushes; with more a turn costs more, 
 
 
 def evaluate(
-    spec: Any, index: np.ndarray, finer: int = 1, room: int | None = None
+    spec: Any,
+    index: np.ndarray,
+    finer: int = 1,
+    room: int | None = None,
+    ended: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the columns of the cells ``index`` of a `SweepSpec`, each of shape (len(index),).
 
@@ -39,8 +46,11 @@ def evaluate(
     ``finer``: times as many samples, which are then all that is returned. ``room`` (default: the
     number of cells): for so many cells with the plain number of samples the program is compiled.
     Calls of one room share it, if they have at most room / finer cells.
+
+    ``ended``: columns of as many motions that these go on from (`build.continued_state`); default:
+    the start of ``spec``.
     """
-    wiper, system, position, velocity = prepare(spec, index, room)
+    wiper, system, position, velocity = prepare(spec, index, room, ended)
     settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
     sampling = Sampling.of(spec, finer)
 
@@ -65,17 +75,32 @@ def evaluate(
         return columns_of(spec, outcome, signal, effort, wiper, len(index))
 
 
-def prepare(spec, index, room: int | None = None) -> tuple[Wiper, Any, tuple, tuple]:
+def prepare(
+    spec, index, room: int | None = None, ended: Mapping[str, Any] | None = None
+) -> tuple[Wiper, Any, tuple, tuple]:
     """Return wiper, system (its rung), positions and velocities of the cells ``index``, and
     of some that fill up to ``room``.
 
     Every call of a sweep has the same shapes (one compilation).
     """
     size = capacity(max(len(index), room or 0))
-    padded = np.concatenate([index, np.full(size - len(index), index[-1])]).astype(np.int64)
-    wiper = build_wiper(spec.cells(padded), spec.belt.kind, spec.blade.friction)
+
+    def padded(values):
+        return np.concatenate([values, np.full(size - len(values), values[-1])])
+
+    cells = padded(index).astype(np.int64)
+    wiper = build_wiper(spec.cells(cells), spec.belt.kind, spec.blade.friction)
     system = on_rung(wiper, spec.model)
-    position, velocity = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
+    start = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
+    if spec.starts is not None and spec.start.kind == "equilibrium":  # none: at rest
+        rest = start_on_rung(system, start_state(wiper, Start()), "default")
+        start = jax.tree.map(lambda x, y: jnp.where(jnp.isfinite(x), x, y), start, rest)
+    if ended is not None:
+        last = {name: padded(np.asarray(ended[name])) for name in ENDED}
+        there, goes_on = continued_state(wiper, last)
+        there = start_on_rung(system, there, "state")
+        start = jax.tree.map(lambda x, y: jnp.where(goes_on, x, y), there, start)
+    position, velocity = start
     return wiper, system, position, velocity
 
 

@@ -25,6 +25,8 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
     columns = _columns(outcome, run, wiper, count) | sampled(spec, signal, wiper, count)
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
+    if spec.starts is not None:
+        columns["final_regime"] = outcome.regime
     if outcome.log is not None:
         columns |= _events(outcome.log, run)
     columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start

@@ -1,5 +1,6 @@
 """Cells of a sweep computed: plainly, or with derivatives if the sweep asks for them."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -15,12 +16,16 @@ def identity() -> dict[str, str]:
 
 
 def evaluate(
-    spec: Any, index: np.ndarray, finer: int = 1, room: int | None = None
+    spec: Any,
+    index: np.ndarray,
+    finer: int = 1,
+    room: int | None = None,
+    ended: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the columns of the cells ``index`` of a `SweepSpec`, each of shape (len(index),).
 
-    ``finer`` and ``room`` as of `batch.evaluate`: a closer look has no derivatives.
+    ``finer``, ``room`` and ``ended`` as of `batch.evaluate`: a closer look has no derivatives.
     """
     if spec.sensitivities is not None and finer == 1:
         return with_derivatives(spec, index)
-    return batch.evaluate(spec, index, finer, room)
+    return batch.evaluate(spec, index, finer, room, ended)

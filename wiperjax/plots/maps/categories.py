@@ -12,6 +12,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from ...datasets.map_starts import hangs_on_start
 from ...noise.class_counts import class_table
 from ...vocabulary.cf import flag_names
 from ...vocabulary.codes import NOT_COMPUTED
@@ -23,6 +24,7 @@ from ..style.palette import (
     HATCHES,
     MECHANISMS,
     MOTIONS,
+    SEVERAL,
     SPARE,
     UNKNOWN,
     readable,
@@ -150,7 +152,8 @@ def _planes(cells: xr.Dataset, panel: str | None) -> Iterator[tuple[xr.Dataset, 
 
 def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "label") -> bool:
     """Draws a categorical variable of a map of the dimensions `x` and `y` into `ax`, with the
-    stability boundary; returns whether there is one.
+    stability boundary; returns whether there is one. Where the class hangs on the start it is
+    hatched.
     """
     codes = ds[variable].transpose(y, x).values
     across, up = edges(shown(ds[x])[0]), edges(shown(ds[y])[0])
@@ -162,6 +165,9 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
     for value, name in names.items():
         if name in HATCHES and (codes == value).any():
             _hatch(ax, across, up, codes == value, *HATCHES[name])
+    several = hangs_on_start(ds) if variable == "label" else None
+    if several is not None:
+        _hatch(ax, across, up, several.transpose(y, x).values, *SEVERAL)
     set_axis(ax, "x", ds[x])
     set_axis(ax, "y", ds[y])
     return stability_boundary(ds, ax, x, y)
@@ -204,6 +210,13 @@ def category_legend(
             handles.append(_swatch(name, text, colours.get(name, UNKNOWN)))
     if (np.asarray(cells["label"]) == NOT_COMPUTED).any():
         handles.append(_swatch("not_computed", "not computed", COLOURS["not_computed"]))
+    several = hangs_on_start(cells) if variable == "label" else None
+    if several is not None and several.any():
+        text = "depends on the start" + (f" ({float(several.mean()):.1%})" if shares else "")
+        hatch, edge = SEVERAL
+        handles.append(
+            Patch(facecolor="none", edgecolor=edge, linewidth=0.0, hatch=hatch, label=text)
+        )
     if boundary:
         words = "steady slip loses stability (linear)"
         handles.append(Line2D([], [], color=BOUNDARY, linewidth=1.4, label=words))

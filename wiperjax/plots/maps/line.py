@@ -170,6 +170,43 @@ def _unstable(line: xr.Dataset, axes: np.ndarray, across: np.ndarray) -> bool:
     return bool((growth[known] > 0).any())
 
 
+def class_shares(
+    ds: xr.Dataset, ax: Axes | None = None, *, along: str | None = None, at: At | None = None
+) -> Axes:
+    """Shares of the random starts that end in each class, stacked, over one axis of a map that was
+    swept with `[starts] random`.
+
+    Arguments: as those of `along_axis`.
+
+    Raises: `ValueError` if the map holds no shares.
+    """
+    if "class_share" not in ds:
+        raise ValueError("this map holds no shares; sweep with [starts] random = 200, say")
+    check_dim(ds, along)
+    line, where, along = _line(ds, along, at)
+    whole = ax is None
+    if ax is None:
+        ax = page((7.0, 4.2)).subplots()
+    shares = line["class_share"].transpose("class", along)
+    seen = [str(name) for name in line["class"].values if (shares.sel({"class": name}) > 0).any()]
+    across = shown(line[along])[0]
+    bands = ax.stackplot(
+        across, *(shares.sel({"class": name}).values for name in seen),
+        colors=[CLASSES.get(name, UNKNOWN) for name in seen], edgecolor="#333333", linewidth=0.5,
+        labels=[readable(name) for name in seen],
+    )  # fmt: skip
+    ax.set_ylim(0, 1)
+    ax.set_ylabel("share of the starts")
+    set_axis(ax, "x", line[along])
+    ax.set_xlim(across.min(), across.max())
+    if whole:
+        legend_below(ax.figure, bands)
+        error = float(line["class_share_error"].max())
+        words = f"{ds.attrs.get('starts_random', '')} random starts of each cell"
+        set_caption(ax.figure, ds, where, f"{words}, standard error of a share up to {error:.2g}")
+    return ax
+
+
 def regime_raster(
     ds: xr.Dataset, ax: Axes | None = None, *, along: str | None = None, at: At | None = None
 ) -> Axes:

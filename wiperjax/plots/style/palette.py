@@ -20,6 +20,7 @@ HATCHES = {  # pattern and its colour
     "failed": ("xxxx", "#FFFFFF"),
     "not_computed": ("....", "#FFFFFF"),
 }
+SEVERAL = ("\\\\\\\\", "#333333")  # where the class hangs on the start
 MECHANISMS = {  # what keeps a motion going, as `labels` tells it
     "none": CLASSES["quiet"],
     "self_excited_slip": "#E69F00",

@@ -1,0 +1,89 @@
+"""Many starts of one system: the oscillator of docs/basins.md, whose shares are known exactly."""
+
+import numpy as np
+import pytest
+from pages import DOCS, blocks
+
+import wiperjax
+
+SPEEDS = (1.25, 1.4, 1.55, 1.7)
+EXACT = (0.0801969, 0.2122652, 0.3565963, 0.4941116)  # from the unstable cycle, by quadrature
+HOPF, LAST_CYCLE = np.log(10) / 2, 1.8367771041
+
+
+@pytest.fixture(scope="module")
+def oscillator():
+    """The class that the page defines."""
+    names = {"wiperjax": wiperjax}
+    exec(blocks(DOCS / "basins.md", "python")[0], names)
+    return names["FrictionOscillator"]
+
+
+def box(count, seed=1):
+    rng = np.random.default_rng(seed)
+    return (rng.uniform(-2, 2, count),), (rng.uniform(0, 2, count),)
+
+
+@pytest.mark.slow
+def test_shares_of_the_friction_oscillator_are_the_exact_ones(oscillator):
+    count, ends = 4000, (HOPF - 0.05, LAST_CYCLE + 0.02)
+    speeds = np.repeat((*SPEEDS, *ends), count)
+    starts = box(speeds.size)
+    ds = wiperjax.basins(oscillator(belt=speeds), starts, settle=2000.0, window=50.0)
+    assert (ds.result == wiperjax.Result.FINISHED).all()
+    steady = (ds.velocity_rms < 1e-3).values.reshape(-1, count)
+    rms = ds.velocity_rms.values
+    assert not ((rms > 1e-4) & (rms < 0.3)).any()  # settled: the threshold does not matter
+    assert (ds.stick_fraction.values.reshape(-1, count)[steady] == 0).all()
+    share, error = steady.mean(axis=1), wiperjax.share_error(steady.sum(axis=1), count)
+    assert (np.abs(share[:4] - EXACT) < 3 * error[:4]).all(), (share, error)
+    assert share[4] == 0 and share[5] == 1
+
+
+@pytest.mark.slow
+def test_a_start_is_what_it_would_be_alone(oscillator):
+    (x,), (v,) = box(5)
+    speeds = np.array([1.2, 1.3, 1.4, 1.5, 1.6])
+    ds = wiperjax.basins(oscillator(belt=speeds), ((x,), (v,)), settle=20.0, window=20.0, rtol=1e-9)
+    np.testing.assert_array_equal(ds.initial_velocity[:, 0], v)
+    for k, speed in enumerate(speeds):
+        run = wiperjax.simulate(
+            oscillator(belt=speed), 40.0, initial_state=((x[k],), (v[k],)), rtol=1e-10
+        )
+        assert float(ds.final_position[k, 0]) == pytest.approx(
+            float(run.final_position[0]), abs=1e-6
+        )
+        late = run.isel(time=slice(run.sizes["time"] // 2, None))
+        assert float(ds.velocity_rms[k]) == pytest.approx(float(late.velocity.std()), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"starts": 3}, "starts must be (position, velocity), each n >= 1 arrays"),
+        ({"starts": (([1.0],), ())}, "starts must be (position, velocity), each n >= 1 arrays"),
+        ({"starts": (([1.0, 2.0],), ([1.0, 2.0, 3.0],))}, "starts must be (position, velocity)"),
+        ({"starts": (([1.0, np.nan],), (0.0,))}, "one a start, but had nan"),
+        ({"settle": -1.0}, "settle must be a finite number >= 0, but was -1"),
+        ({"window": 0.0}, "window must be a finite number > 0, but was 0"),
+        ({"rtol": 1.0}, "rtol must lie inside"),
+        ({"system": 1}, "system must be a system such as Wiper()"),
+    ],
+)
+def test_what_cannot_be_meant_is_one_line(oscillator, given, said):
+    usual = {"system": oscillator(), "starts": box(3), "settle": 1.0, "window": 1.0}
+    with pytest.raises(ValueError) as refused:
+        wiperjax.basins(**usual | given)
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_the_error_of_a_share_is_that_of_many_repetitions():
+    rng, count = np.random.default_rng(2), 400
+    for share in (0.02, 0.3, 0.5):
+        seen = rng.binomial(count, share, 20_000)
+        assert wiperjax.share_error(share * count, count) == pytest.approx(
+            seen.std() / count, rel=0.1
+        )
+    with pytest.raises(ValueError, match=r"count must be at most of \(400\), but was 401"):
+        wiperjax.share_error(401, count)
+    assert wiperjax.share_error(0, count) > 0 and wiperjax.share_error(count, count) > 0

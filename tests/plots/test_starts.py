@@ -1,0 +1,101 @@
+"""Pictures of maps of several starts: one start drawn, hatched where the class hangs on it."""
+
+import matplotlib
+import numpy as np
+import pytest
+from pictures import legends
+
+matplotlib.use("Agg")
+
+from wiperjax import plots
+from wiperjax.cli import main
+from wiperjax.cli.options import cuts
+from wiperjax.datasets import map_dataset
+from wiperjax.specs.load import parse_sweep
+from wiperjax.store.whole import write_dataset
+from wiperjax.vocabulary.codes import LABELS
+
+QUIET, SQUEAL = LABELS["quiet"], LABELS["squeal"]
+
+
+def a_map(**starts):
+    """Speeds 1 to 4: quiet from the first start above 3, from the last above 1."""
+    spec = parse_sweep(
+        {
+            "axes": {
+                "attack_angle": {"values": [0, 5, 10]},
+                "belt_speed": {"values": [1, 2, 3, 4]},
+            },
+            "run": {"transient": 0.1, "window": 0.1},
+            "starts": starts,
+        }
+    )
+    speed = np.tile([1, 2, 3, 4], 3)[:, None]
+    lasts = np.linspace(3, 1, spec.starts.count)
+    label = np.where(speed <= lasts, SQUEAL, QUIET)
+    columns = {
+        "label": label,
+        "velocity_rms": speed * (label == SQUEAL),
+        "class_set": np.bitwise_or.reduce(1 << label, axis=1),
+        "growth_rate": np.full(12, -1.0),
+    }
+    if "random" in starts:
+        shares = np.stack([(label == code).mean(axis=1) for code in LABELS.values()], axis=1)
+        columns |= {"class_share": shares, "class_share_error": 0 * shares}
+    return map_dataset.assemble(spec, columns)
+
+
+def drawn(ax):
+    """Codes of the cells of a plane, and how many runs of cells are hatched."""
+    mesh, *hatched = ax.collections
+    pieces = sum(len(h.get_paths()) for h in hatched if h.get_hatch())
+    return mesh.get_array().reshape(4, 3).data, pieces
+
+
+@pytest.mark.parametrize(("at", "quiet"), [(None, 1), ({"start": "up"}, 1), ({"start": "down"}, 3)])
+def test_the_start_that_is_asked_for_is_drawn_and_what_hangs_on_it_hatched(at, quiet):
+    ds = a_map(names=["up", "down"])
+    (ax,) = plots.class_map(ds, at=at)
+    codes, hatched = drawn(ax)
+    assert (codes == QUIET).sum() == 3 * quiet
+    assert hatched == 2  # rows of speed 2 and 3, neighbours as one piece
+    words = [text.get_text() for legend in legends(ax.figure) for text in legend.get_texts()]
+    assert "depends on the start (50.0%)" in words
+    loud = plots.value_map(ds, "velocity_rms", at=at).collections[0].get_array()
+    assert (loud == 0).sum() == 3 * quiet
+
+
+def test_of_random_starts_the_most_frequent_class_is_drawn():
+    ds = a_map(random=9, x=[0.0, 1e-3])
+    (ax,) = plots.class_map(ds)
+    assert (drawn(ax)[0] == QUIET).sum() == 6
+    (ax,) = plots.class_map(ds, at={"start": 8})
+    assert (drawn(ax)[0] == QUIET).sum() == 9
+
+
+def test_shares_of_random_starts_are_stacked_over_an_axis():
+    ax = plots.class_shares(a_map(random=9, x=[0.0, 1e-3]))
+    quiet, squeal = (
+        band.get_paths()[0].vertices for band in ax.collections
+    )  # of 9 starts all squeal at 1, 5 or 4 up to 2, one at 3, none at 4
+    top = {x: quiet[quiet[:, 0] == x, 1].max() for x in (1, 2, 3, 4)}
+    np.testing.assert_allclose([top[x] for x in (1, 2, 3, 4)], [0, 4 / 9, 8 / 9, 1])
+    assert squeal[:, 1].max() == 1 and ax.get_ylim() == (0, 1)
+    with pytest.raises(ValueError, match="this map holds no shares"):
+        plots.class_shares(a_map(names=["up"]))
+
+
+def test_the_commands_take_a_start_by_name(tmp_path, capsys):
+    path, picture = tmp_path / "map.h5", tmp_path / "down.png"
+    write_dataset(a_map(names=["up", "down"]), path)
+    plot = ["plot", str(path), "-p", "classes", "-o", str(picture), "--at"]
+    assert main([*plot, "start=down"]) == 0 and picture.exists()
+    assert main([*plot, "start=sideways", "--force"]) != 0
+    assert "'sideways' is not in this map's starts; it holds up, down" in capsys.readouterr().err
+    assert main(["info", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "start up: quiet 25.0%, squeal 75.0%" in said
+    assert "the class depends on the start in 6 of 12 cells" in said
+    assert cuts(["start=3", "belt_speed=2"]) == {"start": 3.0, "belt_speed": 2.0}
+    with pytest.raises(ValueError, match="AXIS=NUMBER"):
+        cuts(["belt_speed=down"])

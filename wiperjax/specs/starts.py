@@ -1,0 +1,154 @@
+"""The table `[starts]` of a sweep file: each cell run from several starts."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from ..vocabulary.kinds import BELTS, STARTS, WAYS
+from ..vocabulary.ranges import MOST_CELLS
+from .errors import Fault, show, unknown
+from .tables import Pair, Table
+
+MOST_NUMBERS = 2**16  # of a cell, in one variable
+_WHOLE = 1e-6  # of a period, by which a number of them may miss a whole one
+_BOX = ("x", "y", "vx", "vy")
+
+
+class Starts(Table):
+    """Several starts for each cell: named ones, or random ones from a box.
+
+    Attributes:
+        names: some of `at_rest` (phi = alpha, touching), `steady_slip` (where there is none: at
+            rest), `up` and `down` (where the motion of the neighbouring cell ended, when the axis
+            `along` is swept up or down; the first cell, and one after a cell that failed or
+            collapsed, begins at rest).
+        along: the axis that is swept; left out: the last. It is made the last one of the map.
+        kick: how far the tip is moved along the glass from steady slip and from where its neighbour
+            ended, as a fraction of L: an unstable equilibrium is left by that.
+        random: number of random starts, the same for every cell, in place of names.
+        seed: of the random starts.
+        x: box of the random starts, from and to: place along the glass [m],
+        y: height above it [m],
+        vx: velocity of the tip along the glass [m/s],
+        vy: and normal to it [m/s].
+    """
+
+    names: Annotated[list[str], Field(min_length=1)] | None = None
+    along: str | None = None
+    kick: float = 1e-4
+    random: int | None = None
+    seed: int = 0
+    x: Pair | None = None
+    y: Pair = (0.0, 0.0)
+    vx: Pair = (0.0, 0.0)
+    vy: Pair = (0.0, 0.0)
+
+    @property
+    def count(self) -> int:
+        """Number of starts of a cell."""
+        return self.random if self.random is not None else len(self.names or ())
+
+    @property
+    def ways(self) -> tuple[str, ...]:
+        """Those of `WAYS` that are asked for."""
+        return tuple(name for name in self.names or () if name in WAYS)
+
+    def draws(self) -> dict[str, np.ndarray]:
+        """The random starts: x, y [m], vx, vy [m/s], (count,) each; empty if there are none."""
+        if self.random is None:
+            return {}
+        low, high = np.array([getattr(self, key) or (0.0, 0.0) for key in _BOX]).T
+        shares = np.random.default_rng(self.seed).random((self.random, len(_BOX)))
+        return dict(zip(_BOX, (low + (high - low) * shares).T, strict=True))
+
+
+def swept_last(axes: Any, starts: Any) -> Any:
+    """The axes of a file, not checked yet, with the one that `starts` is to sweep as the last."""
+    along = starts.get("along") if isinstance(starts, Mapping) else None
+    if not isinstance(axes, Mapping) or not isinstance(along, str) or along not in axes:
+        return axes
+    return {name: axis for name, axis in axes.items() if name != along} | {along: axes[along]}
+
+
+def check_starts(spec: Any) -> None:
+    """Raises Fault for starts that cannot be had in a sweep."""
+    starts: Starts = spec.starts
+    for table in ("start", "sensitivities"):
+        if table in spec.model_fields_set and getattr(spec, table) is not None:
+            raise Fault(table, "must be left out with [starts]")
+    if (starts.names is None) == (starts.random is None):
+        had = "none" if starts.names is None else "both"
+        raise Fault("starts", f"must have one of names and random, had {had}")
+    for key in ("along", "kick") if starts.random is not None else ("seed", *_BOX):
+        if key in starts.model_fields_set:
+            other = "names" if key in ("along", "kick") else "random"
+            raise Fault(f"starts.{key}", f"must be left out without starts.{other}")
+    _check_names(spec, starts)
+    if starts.random is not None:
+        _check_box(spec, starts)
+    each = max(spec.run.raster or 0, spec.run.event_log or 0)
+    if each * starts.count > MOST_NUMBERS:
+        must = f"times the number of starts ({starts.count}) must be at most {MOST_NUMBERS}"
+        raise Fault("run.raster" if each == spec.run.raster else "run.event_log", must)
+    if spec.size * starts.count > MOST_CELLS:
+        must = f"must make at most {MOST_CELLS} runs, made {spec.size * starts.count}"
+        raise Fault("starts", must)
+
+
+def _check_names(spec: Any, starts: Starts) -> None:
+    names = starts.names or []
+    for name in names:
+        if name not in STARTS:
+            raise Fault("starts.names", f"{show(name)}: {unknown(name, list(STARTS))}")
+    if "steady_slip" in names and spec.belt.kind != "steady":
+        must = f"must not have 'steady_slip' with belt.kind = {spec.belt.kind!r}"
+        raise Fault("starts.names", must)
+    if len(set(names)) < len(names):
+        raise Fault("starts.names", "must not name a start twice")
+    if not starts.ways:
+        if starts.along is not None:
+            raise Fault("starts.along", "must be left out without the start 'up' or 'down'")
+        return
+    if starts.along is not None and starts.along not in spec.axes:
+        raise Fault("starts.along", f"must be one of the axes, was {show(starts.along)}")
+    swept, axis = list(spec.axes.items())[-1]
+    if axis.count < 2:
+        raise Fault("starts.along", f"must have two values or more, {swept} has one")
+    if swept == "belt_phase":
+        raise Fault("starts.along", "must not be belt_phase: the belt goes on where it was")
+    if "belt_frequency" in BELTS[spec.belt.kind].values():
+        _check_phase(spec)
+
+
+def _check_phase(spec: Any) -> None:
+    """Raises Fault unless every cell ends with its belt where the next one begins."""
+    frequency = spec.axes.get("belt_frequency")
+    known = frequency.values() if frequency else [spec.fixed()["belt_frequency"]]
+    time = spec.run.transient + spec.run.window
+    periods = time * np.asarray(known)
+    wrong = np.abs(periods - np.round(periods)) > _WHOLE
+    if wrong.any() or (np.round(periods) < 1).any():
+        first = periods[wrong][0] if wrong.any() else periods.min()
+        must = "must make whole periods of the belt with run.window, for the start 'up' or 'down'"
+        raise Fault("run.transient", f"{must}, made {first:g}")
+
+
+def _check_box(spec: Any, starts: Starts) -> None:
+    if starts.x is None:
+        raise Fault("starts.x", "is missing; random starts are drawn from [from, to] in m")
+    for key in _BOX:
+        low, high = getattr(starts, key)
+        if low > high:
+            raise Fault(f"starts.{key}", f"must be [from, to] with from <= to, was [{low}, {high}]")
+    if starts.y[0] < 0:
+        raise Fault("starts.y", f"must not be negative (the glass is y = 0), was {starts.y[0]:g}")
+    length = spec.axes.get("lip_length")
+    reach = length.values().min() if length else spec.fixed()["lip_length"]
+    if (far := max(map(abs, starts.x))) >= reach:
+        raise Fault("starts.x", f"must be shorter than the lip ({reach:g} m), was {far:g}")
+    for key in ("y", "vy"):
+        if spec.model != "lip" and getattr(starts, key) != (0.0, 0.0):
+            must = f"must be left out with model = {spec.model!r}, which stays on the glass"
+            raise Fault(f"starts.{key}", must)
