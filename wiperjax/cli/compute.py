@@ -68,6 +68,15 @@ def sweep(
     block: Block = None,
     model: Model = None,
     target_error: Target = None,
+    refine: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Locate borders after it: N halvings of the spacing.",
+            show_default="as \\[refine] of the file",
+        ),
+    ] = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from ..specs.load import load_sweep
@@ -75,13 +84,13 @@ def sweep(
     begun = time.monotonic()
     if force and resume:
         raise ValueError("--force starts anew and --resume continues: give one of them")
-    if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
-        raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
+    check_who(workers, scheduler, local_cluster)
     spec = load_sweep(file, model)
     if target_error is not None:
         spec = at_error(spec, target_error, file)
     if sensitivities:
         spec = spec.with_sensitivities()
+    finer = refinement(spec, refine, file)
     name = usual_picture(spec)
     drawing = output.with_suffix(".png") if picture and name else None
     redraw = check_map_and_picture(
@@ -101,6 +110,7 @@ def sweep(
         "--local-cluster": local_cluster,
         "--model": model,
         "--target-error": target_error,
+        "--refine": refine,
     }
     command = ["wiperjax", "sweep", str(file), "-o", str(output)]
     command += ["--sensitivities"] if sensitivities else []
@@ -109,7 +119,7 @@ def sweep(
         command += [] if value is None else [option, str(value)]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     chosen |= {"resume": resume, "force": force, "command": shlex.join(command)}
-    with _who_computes(embedded, scheduler, local_cluster) as others:
+    with who_computes(embedded, scheduler, local_cluster) as others:
         try:
             dataset = sweep_map(spec, output, **others, **chosen)
         except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
@@ -119,6 +129,11 @@ def sweep(
     print_sensitivities(dataset)
     print_events(dataset)
     print(f"map      {output}: {cost(output, begun)}")
+    if finer is not None:
+        from .refine import run
+
+        dataset.close()
+        run(output, finer, workers, scheduler, local_cluster, command[1:])
     if drawing is not None:
         from ..plots import plot_file
 
@@ -126,8 +141,14 @@ def sweep(
         print(f"picture  {drawing}")
 
 
+def check_who(workers: int | None, scheduler: str | None, processes: int | None) -> None:
+    """Raises ValueError if more than one says who computes."""
+    if sum(choice is not None for choice in (workers, scheduler, processes)) > 1:
+        raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
+
+
 @contextlib.contextmanager
-def _who_computes(embedded: bool, scheduler: str | None, processes: int | None):
+def who_computes(embedded: bool, scheduler: str | None, processes: int | None):
     """The `workers` of `driver.sweep` while they are connected; none where it computes itself."""
     if embedded:
         yield {}
@@ -136,6 +157,19 @@ def _who_computes(embedded: bool, scheduler: str | None, processes: int | None):
 
     with connect(scheduler, processes) as workers:
         yield {"workers": workers}
+
+
+def refinement(spec: Any, levels: int | None, file: Path) -> dict[str, Any] | None:
+    """Settings of the refinement that follows a sweep, None if none does."""
+    stated = {} if spec.refine is None else spec.refine.model_dump(exclude_unset=True)
+    if levels is not None:
+        stated = {k: v for k, v in stated.items() if k != "resolution"} | {"levels": levels}
+    if not stated:
+        return None
+    from ..specs.refine import parse_refine
+
+    parse_refine(stated, spec)  # before hours are spent
+    return stated
 
 
 def usual_picture(spec: Any) -> str | None:

@@ -83,16 +83,18 @@ def evaluate_block(
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes, and nothing else (ValueError). Cells whose
     frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
-    most, by `evaluate(spec, cells, finer, room)`.
+    most, by `evaluate(spec, cells, finer, room)`. A `spec.room`, if there is one, is the room of
+    all blocks, also of those with few cells.
     """
-    columns = dict(evaluate(spec, index))
+    room = getattr(spec, "room", len(index))
+    columns = dict(evaluate(spec, index) if room == len(index) else evaluate(spec, index, 1, room))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)
     for finer in (n for n in FINER if n * spec.samples <= MOST_SAMPLES):
         again = np.flatnonzero(untold(found | columns, spec.classes))
-        most = max(1, len(index) // finer)  # the room of a block holds so many
+        most = max(1, room // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
-            closer = naming(spec, dict(evaluate(spec, index[part], finer, len(index))))
+            closer = naming(spec, dict(evaluate(spec, index[part], finer, room)))
             for name, values in closer.items():
                 found[name][part] = values
     if found:

@@ -85,7 +85,7 @@ def sweep(
     spec = _sweep(spec)
     if block is None:
         block = block_size(spec, 1 if workers is None else workers.count)
-    blocks, known = _computing(spec, evaluate, workers)
+    blocks, known = computing(spec, evaluate, workers)
     known |= dict(identity or {})
     if output is None:
         check_memory(spec)
@@ -112,7 +112,7 @@ def sweep(
     ) as store:
         if found:
             salvage(output, found.damaged, store)
-        _fill(spec, store, blocks, progress, lambda: _how_to_resume(store, output, command))
+        fill(spec, store, blocks, progress, lambda: _how_to_resume(store, output, command))
         if output.exists() and not replace:
             raise StoreError(
                 f"{output}: was made by another program meanwhile; move it away and go on with "
@@ -135,7 +135,7 @@ def _check(resume, force, progress, block, evaluate, output) -> None:
         checks.path("output", output)
 
 
-def _computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[str, str]]:
+def computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[str, str]]:
     """What computes blocks, and what of it must not change within a map."""
     known = made_by(spec)
     if workers is not None:
@@ -147,7 +147,16 @@ def _computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[s
     return partial(_one_by_one, evaluate=evaluate), known
 
 
-def _fill(spec, store: BlockStore, blocks: Blocks, progress: bool, hint: Callable[[], str]) -> None:
+def check_made_by(path: Path, attrs: Mapping[str, Any], known: Mapping[str, str]) -> None:
+    """Raises `StoreError` unless the map at `path` was made as this process would make it."""
+    made = json.loads(attrs.get("identity", "{}"))
+    names = sorted(made.keys() | known.keys())
+    pairs = [(name, made.get(name, "none"), known.get(name, "none")) for name in names]
+    if said := [f"{name} was {was}, now {now}" for name, was, now in pairs if was != now]:
+        raise StoreError(f"{path}: was made otherwise ({'; '.join(said)}); sweep it anew")
+
+
+def fill(spec, store: BlockStore, blocks: Blocks, progress: bool, hint: Callable[[], str]) -> None:
     """Computes what a store lacks. Raises: `SweepInterrupted` on Ctrl-C, with the `hint`."""
     with Report(store.cells, title=spec.title, show=progress) as report:
         try:

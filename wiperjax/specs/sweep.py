@@ -14,6 +14,7 @@ from ..vocabulary.ranges import MOST_CELLS
 from ..vocabulary.wording import digits
 from .axis import Axis
 from .errors import Fault, SpecError, show, unknown
+from .refine import Refine, check
 from .reversal import FLIP, flip_time
 from .system import System
 from .tables import (
@@ -53,6 +54,7 @@ class SweepSpec(System):
     run: SweepRun
     classes: Classes = Classes()
     sensitivities: Sensitivities | None = None
+    refine: Refine | None = None
 
     def with_sensitivities(self) -> "SweepSpec":
         """The same sweep with derivatives; as the file asks for them, else the default ones.
@@ -102,7 +104,15 @@ class SweepSpec(System):
         self._check_strokes()
         if self.sensitivities is not None:
             self._check_sensitivities(self.sensitivities)
+        if self.refine is not None:
+            self._check_refine(self.refine)
         return self
+
+    def _check_refine(self, refine: Refine) -> None:
+        try:
+            check(refine, self)
+        except Fault as fault:
+            raise Fault(f"refine.{fault.key}", fault.problem) from None
 
     def _check_strokes(self) -> None:
         """Raises Fault where the windows around V = 0 leave nothing of the strokes between."""

@@ -114,6 +114,14 @@ SETTINGS: Mapping[str, Range] = MappingProxyType(
         "equilibrium": Range(-1, 1),
         "position": Range(-1, 1, unit="m"),
         "velocity": Range(-1e3, 1e3, unit="m/s"),
+        # borders of a refined map
+        "levels": Range(1, 20, whole=True),
+        "resolution": Range(0, 0.5, low_open=True),
+        "max_cells": COUNT,
+        "probes": Range(0, 10**7, whole=True),
+        "lengthen": Range(1, 1000, whole=True),
+        "splits": Range(0, 20, whole=True),
+        "seed": Range(0, 2**31 - 1, whole=True),
         # derivatives
         "check": SHARE,
         "step": Range(1e-12, 1e-2),

@@ -6,8 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...blade.belts import SteadyBelt, operating_speed
-from ...blade.steady_slip import steady_slip
+from ...blade.belts import SteadyBelt
 from ...blade.wiper import Wiper
 from ...engine.carry.state import EventLog
 from ...engine.lanes import Outcome
@@ -15,6 +14,7 @@ from ...engine.observers.margins import Watched, regime_totals
 from ...numerics.arrays import cellwise
 from ...vocabulary.codes import Result
 from ...vocabulary.schema import EVENT_COLUMNS, SCHEMA
+from .linear import of_wiper
 
 
 def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int) -> dict[str, Any]:
@@ -36,10 +36,7 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
         columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
         columns["wiping_frequency"] = cellwise(wiper.belt.wiping_frequency, count)
     columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
-    linear = steady_slip(wiper, operating_speed(wiper.belt))
-    columns["growth_rate"] = cellwise(linear.growth_rate, count)
-    columns["linear_frequency"] = cellwise(linear.frequency, count)
-    return columns
+    return columns | of_wiper(wiper, count)
 
 
 def statistics(outcome: Outcome, window) -> dict[str, Any]:
