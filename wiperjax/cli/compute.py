@@ -234,9 +234,13 @@ def verify(
     report = verify_map(file, cells, seed)
     if report.passed:
         how = "identical" if report.identical else f"equal within {report.tolerance:g}"
-        print(f"{report.cells} cells computed again, {report.columns} columns compared: {how}")
+        finer = f" and {report.points} finer points" if report.points else ""
+        print(
+            f"{report.cells} cells{finer} computed again, {report.columns} columns compared: {how}"
+        )
     else:
-        print(f"{len(report.differing)} of {report.cells} cells differ, the first: ", end="")
+        count = report.cells + report.points
+        print(f"{len(report.differing)} of {count} cells differ, the first: ", end="")
         print(*report.differing[:10], sep=", ")
     for name, difference in report.largest.items():
         print(f"  {name}: largest relative difference {difference:.3g}")

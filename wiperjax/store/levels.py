@@ -23,7 +23,8 @@ from ..vocabulary.schema import SCHEMA
 from . import checksums
 from .spill import SpillFile
 
-LIST, BORDERS = "cell", "borders"
+LIST, BORDERS, FACTOR = "cell", "borders", "window_factor"
+FACTOR_ATTRS = {"long_name": "window over that of the map", "units": "1"}
 MOST_BYTES = 8 * 10**9  # of a level read as a regular grid
 
 
@@ -33,6 +34,7 @@ class Level(NamedTuple):
     number: int
     axes: Mapping[str, np.ndarray]  # values of the level's grid, edge units
     index: np.ndarray  # of the points in it, C order, sorted
+    factor: np.ndarray  # int16: times as long a window as the map's
     columns: Mapping[str, np.ndarray]
 
 
@@ -75,6 +77,7 @@ def _write_level(file: Any, level: Level) -> None:
             variable.attrs[key] = file[name].attrs[key]
     attrs = {"compress": " ".join(level.axes), "long_name": "number of the point in the level"}
     _variable(group, LIST, level.index, attrs | {"units": "1"})
+    _variable(group, FACTOR, level.factor, FACTOR_ATTRS)
     for name, values in level.columns.items():
         _variable(group, name, values, SCHEMA[name].attributes())
     group.attrs["level"] = level.number
@@ -100,7 +103,9 @@ def _read_back(path: Path, levels: Sequence[Level]) -> None:
     with h5py.File(path, "r") as file:
         for level in levels:
             group: Any = file[f"level_{level.number}"]
-            for name, values in ({LIST: level.index} | dict(level.columns)).items():
+            for name, values in (
+                {LIST: level.index, FACTOR: level.factor} | dict(level.columns)
+            ).items():
                 if not np.array_equal(group[name][...], values, equal_nan=values.dtype.kind == "f"):
                     raise StoreError(
                         f"{path}: {name} of level {level.number} reads back otherwise than it was "
@@ -124,6 +129,7 @@ def read_levels(path: str | Path, variables: Sequence[str] | None = None) -> lis
                     int(name[6:]),
                     {axis: group[axis][...] for axis in axes},
                     group[LIST][...],
+                    group[FACTOR][...],
                     {column: group[column][...] for column in columns},
                 )
             )

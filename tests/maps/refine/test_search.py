@@ -1,5 +1,7 @@
 """What a refinement finds where the truth is a formula: borders, islands, and what has none."""
 
+import shutil
+
 import numpy as np
 import pytest
 from border_maps import AXES, coarse_map, engine, refined
@@ -19,7 +21,9 @@ def random_points(count, names=("attack_angle", "belt_speed")):
     """Random values of axes, and the same from 0 to 1."""
     units = np.random.default_rng(1).random((len(names), count))
     span = {n: (AXES[n]["start"], AXES[n]["stop"]) for n in names}
-    values = {n: low + u * (high - low) for u, (n, (low, high)) in zip(units, span.items())}
+    values = {
+        n: low + u * (high - low) for u, (n, (low, high)) in zip(units, span.items(), strict=True)
+    }
     return values, units
 
 
@@ -62,7 +66,7 @@ def test_a_smooth_crossing_takes_few_looks_and_is_interpolated(tmp_path):
     other = refined(jump, steps, levels=8, probes=0)
     assert set(found.kind.values) == {CROSSINGS["smooth"]}
     assert np.abs(np.log(wave(*to_unit(found)) / 500)).max() < 1e-6  # a bracket is 5e-4
-    assert found.attrs["simulations"] < 0.6 * other.attrs["simulations"]
+    assert found.attrs["simulations"] < 0.7 * other.attrs["simulations"]
 
 
 def test_a_number_that_jumps_across_its_threshold_is_a_jump(tmp_path):
@@ -188,8 +192,9 @@ def test_answers_that_are_not_settled_are_asked_with_a_longer_window(tmp_path):
         return engine(pitch, settled)(spec, index)
 
     coarse_map(tmp_path / "map.h5", evaluate)
+    shutil.copy(tmp_path / "map.h5", tmp_path / "short.h5")
     found = refined(tmp_path / "map.h5", evaluate, levels=5)
     assert np.abs(to_unit(found)[1] - 0.5).max() < 1 / (8 * 2**5)
     assert found.attrs["lengthened_points"] > 0 and found.attrs["unsettled_points"] == 0
-    short = refined(tmp_path / "map.h5", evaluate, levels=5, lengthen=1)
+    short = refined(tmp_path / "short.h5", evaluate, levels=5, lengthen=1)
     assert np.abs(to_unit(short)[1] - 0.6).max() < 1 / (8 * 2**5)

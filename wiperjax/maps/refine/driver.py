@@ -153,11 +153,12 @@ def _run(search: Search, criterion: Criterion, bank: Bank, refine: Refine, compu
             request: Request = asked.send(told)
         except StopIteration:
             return
-        there, _ = bank.take(request.index)
+        there = bank.find(request.index) >= 0
         lacking = request.index if request.longer else request.index[~there]
         if len(lacking):
-            bank.put(lacking, compute(lacking, refine.lengthen if request.longer else 1))
-        told = criterion.facts(bank.take(request.index)[1])
+            factor = refine.lengthen if request.longer else 1
+            bank.put(lacking, compute(lacking, factor), factor)
+        told = criterion.facts(bank.take(bank.find(request.index)))
 
 
 def _compute(

@@ -2,11 +2,18 @@
 
 import hashlib
 import json
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...store.levels import is_refined
+from ...store.whole import borders
+from .bank import Bank
 from .grid import Grid, si
+
+Columns = dict[str, np.ndarray]
 
 ROOM = 4096  # points in a block; blocks of few points share the program of full ones
 
@@ -61,3 +68,18 @@ class Points:
     def digest(self) -> str:
         """SHA-256 of `canonical()`, 64 hexadecimal digits."""
         return hashlib.sha256(self.canonical().encode()).hexdigest()
+
+
+def sample(path: Path, spec: Any, count: int, seed: int) -> Iterator[tuple[Points, Columns]]:
+    """Some of the finer points of a map of the sweep `spec`, and their stored columns: first those
+    of the map's own window, then those of longer ones. Nothing of a map that is not refined.
+    """
+    if not is_refined(path):
+        return
+    said = borders(path).attrs
+    grid = Grid(spec.axes, int(said["levels"]))
+    bank = Bank.of_file(path, grid)
+    place = np.random.default_rng(seed).permutation(len(bank.index))[:count]
+    for factor in np.unique(bank.factor[place]).tolist():
+        some = np.sort(place[bank.factor[place] == factor])
+        yield Points(spec, grid, bank.index[some], factor), bank.take(some)

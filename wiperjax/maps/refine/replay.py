@@ -37,11 +37,11 @@ def replay(path: str | Path) -> tuple[Search, Criterion]:
             request = asked.send(told)
         except StopIteration:
             return search, criterion
-        there, columns = bank.take(request.index)
-        if not there.all():  # the budget ended it here
+        place = bank.find(request.index)
+        if (place < 0).any():  # the budget ended it here
             asked.close()
             return search, criterion
-        told = criterion.facts(columns)
+        told = criterion.facts(bank.take(place))
 
 
 def places_of(grid: Grid, values: Mapping[str, Any]) -> np.ndarray:
