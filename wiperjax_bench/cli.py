@@ -61,6 +61,29 @@ def chart(
 
 
 @app.command()
+def borders(
+    output: Output = Path("borders.h5"),
+    quick: Quick = False,
+    points: Annotated[int, typer.Option(min=16, help="Random, each simulated.")] = 2000,
+) -> None:
+    """How well borders are known for so many simulations: refined map, octree, full grid.
+
+    Writes the dataset, its picture (.png, .svg) and the text under it (.md). Maps are kept in
+    OUTPUT.maps, so that a run that was stopped goes on where it was.
+    """
+    _begin(output, None)
+    from .measurements import borders
+    from .reports import borders_page
+    from .reports.words import save
+
+    dataset = borders.run(output, quick=quick, count=points)
+    pictures = save(borders_page.draw(dataset), output)
+    text = output.with_suffix(".md")
+    text.write_text(borders_page.text(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {', '.join(map(str, pictures))}\ntext     {text}")
+
+
+@app.command()
 def failures(
     output: Output = Path("failures.h5"),
     quick: Quick = False,
