@@ -13,6 +13,7 @@ from pathlib import Path
 from pydantic_core import PydanticUndefined
 
 from wiperjax.specs.axis import Axis
+from wiperjax.specs.refine import Refine
 from wiperjax.specs.scene import SceneSpec
 from wiperjax.specs.sweep import SweepSpec
 from wiperjax.specs.tables import ALLOWED, Classes, SceneRun, Sensitivities, Start, SweepRun, Table
@@ -59,9 +60,11 @@ def page() -> str:
         + table(Classes),
         "## [sensitivities]\n\nA sweep only. " + words(Sensitivities)
         + " [Gradients](gradients.md) explains them.\n\n" + table(Sensitivities),
+        "## [refine]\n\nA sweep only. " + words(Refine)
+        + " [Borders](maps.md#borders) explains it.\n\n" + table(Refine),
     ]  # fmt: skip
     assert set(SweepSpec.model_fields) | set(SceneSpec.model_fields) == {
-        *TOP, "axes", "blade", "belt", "start", "run", "classes", "sensitivities"
+        *TOP, "axes", "blade", "belt", "start", "run", "classes", "sensitivities", "refine"
     }  # fmt: skip
     return "\n".join(text.rstrip() + "\n" for text in texts)
 
@@ -108,6 +111,8 @@ def allowed(name: str, annotation: typing.Any) -> str:
     """What a value must be, in the words of its error line."""
     if typing.get_origin(annotation) is typing.Literal:
         return " or ".join(f'`"{choice}"`' for choice in typing.get_args(annotation))
+    if typing.get_origin(annotation) is dict:
+        return "a table of axis = [low, high]"
     if name not in ALLOWED:
         return "a list of names" if "list" in str(annotation) else "text"
     must = ALLOWED[name].must.removeprefix("must ").removeprefix("be ")
@@ -117,7 +122,7 @@ def allowed(name: str, annotation: typing.Any) -> str:
 
 def shown(default: typing.Any) -> str:
     """A default as it would stand in a file."""
-    if default is None or default == "":
+    if default is None or default in ("", {}):
         return "-"
     if isinstance(default, list | tuple):
         return f"`[{', '.join(map(shown, default))}]`".replace("``", "").replace("[`", "[")
