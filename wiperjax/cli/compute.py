@@ -22,10 +22,8 @@ from .options import (
 )
 from .tables import (
     cost,
-    print_classes,
-    print_events,
+    print_map,
     print_plan,
-    print_sensitivities,
 )
 
 Workers = Annotated[int | None, typer.Option(min=1, help="Cores to use.", show_default="all")]
@@ -102,7 +100,6 @@ def sweep(
     if embedded:
         configure(workers)
     from ..maps.driver import sweep as sweep_map
-    from ..noise.class_counts import class_table
 
     stated: dict[str, Any] = {
         "--workers": workers,
@@ -125,14 +122,12 @@ def sweep(
         except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
             print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
-    print_classes(class_table(dataset))
-    print_sensitivities(dataset)
-    print_events(dataset)
+    with dataset:
+        print_map(dataset)
     print(f"map      {output}: {cost(output, begun)}")
     if finer is not None:
         from .refine import run
 
-        dataset.close()
         run(output, finer, workers, scheduler, local_cluster, command[1:])
     if drawing is not None:
         from ..plots import plot_file

@@ -23,6 +23,15 @@ def print_plan(spec: Any, cores: int) -> None:
         print(f"note: {note}", file=sys.stderr)
 
 
+def print_map(dataset: Any) -> None:
+    """Classes, derivatives and events of a map that was made just now."""
+    from ..noise.class_counts import class_table
+
+    print_classes(class_table(dataset))
+    print_sensitivities(dataset)
+    print_events(dataset)
+
+
 def print_classes(table: Sequence[tuple[str, int, float]]) -> None:
     print(f"{'class':<12}{'cells':>9}{'share':>9}")
     for name, count, share in table:

@@ -24,6 +24,7 @@ from . import checksums
 from .spill import SpillFile
 
 LIST, BORDERS, FACTOR = "cell", "borders", "window_factor"
+FINE = "_fine"  # ending of a level's axes: dimensions of one name have one length down a tree
 FACTOR_ATTRS = {"long_name": "window over that of the map", "units": "1"}
 MOST_BYTES = 8 * 10**9  # of a level read as a regular grid
 
@@ -70,12 +71,13 @@ def write_levels(path: Path, levels: Sequence[Level], borders: xr.Dataset) -> No
 
 def _write_level(file: Any, level: Level) -> None:
     group = file.create_group(f"level_{level.number}")
-    group.dimensions = {name: len(v) for name, v in level.axes.items()} | {LIST: len(level.index)}
+    sizes = {name + FINE: len(values) for name, values in level.axes.items()}
+    group.dimensions = sizes | {LIST: len(level.index)}
     for name, values in level.axes.items():
-        variable = group.create_variable(name, (name,), data=values)
+        variable = group.create_variable(name + FINE, (name + FINE,), data=values)
         for key in ("units", "long_name"):
             variable.attrs[key] = file[name].attrs[key]
-    attrs = {"compress": " ".join(level.axes), "long_name": "number of the point in the level"}
+    attrs = {"compress": " ".join(sizes), "long_name": "number of the point in the level"}
     _variable(group, LIST, level.index, attrs | {"units": "1"})
     _variable(group, FACTOR, level.factor, FACTOR_ATTRS)
     for name, values in level.columns.items():
@@ -127,7 +129,7 @@ def read_levels(path: str | Path, variables: Sequence[str] | None = None) -> lis
             found.append(
                 Level(
                     int(name[6:]),
-                    {axis: group[axis][...] for axis in axes},
+                    {axis.removesuffix(FINE): group[axis][...] for axis in axes},
                     group[LIST][...],
                     group[FACTOR][...],
                     {column: group[column][...] for column in columns},

@@ -75,13 +75,14 @@ def test_the_netcdf_library_reads_groups_and_gathered_lists(tmp_path):
         file.set_auto_mask(False)
         group = file["level_2"]
         cell = group["cell"]
-        assert cell.compress == "attack_angle normal_load" and cell.dimensions == ("cell",)
+        assert cell.compress == "attack_angle_fine normal_load_fine"
+        assert cell.dimensions == ("cell",)
         shape = tuple(group.dimensions[name].size for name in cell.compress.split())
         assert shape == (33, 21)
         places = np.unravel_index(cell[...], shape)
         np.testing.assert_array_equal(ds.computed.values[places], 1)
         np.testing.assert_array_equal(ds.label.values[places], group["label"][...])
-        assert group["attack_angle"].units == "degrees"
+        assert group["attack_angle_fine"].units == "degrees"
         assert file["borders"]["kind"].flag_meanings.startswith("smooth jump")
     tree = xr.open_datatree(path, engine="h5netcdf")
     assert {"level_2", "borders"} <= set(tree.children)

@@ -5,7 +5,7 @@
                middle: a border that is no single crossing shows there
     surfaces   two points on either side of the border inside each cube; where the plane through the
                crossings is wrong, or no plane fits them, the cube is halved
-    neighbours a point in each cube beside one with a border, and
+    neighbours a point in each cell of the map beside a cube with a border, and
     probes     random points in cubes without one; a cube with an unlike answer in it is halved
 
 A request depends on the answers to those before alone, so a search that is repeated with stored
@@ -13,20 +13,18 @@ answers arrives where it was.
 """
 
 import itertools
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...specs.refine import Refine
-from .cubes import Cubes
 from .grid import Grid
-from .known import Facts, Known, Pairs
+from .known import Facts
 from .outcome import Outcome, share_of
-from .step import crossing, next_step
+from .state import State
+from .step import next_step
 from .surface import Surfaces
 
-CHANGES = 3  # along one edge, from which it has no border that would become sharper
 OFF = 1.5  # brackets from the plane at which a surface is tested
 UNCLEAR = 1.0  # brackets: root mean square distance of crossings that no plane fits
 CLEAR = 0.75  # brackets: a test closer to the plane would say nothing
@@ -39,23 +37,16 @@ class Request(NamedTuple):
     longer: bool
 
 
-Requests = Iterator[Request]  # a generator, really: `send` takes `Facts`
-
-
 class _Spent(Exception):
     """The budget is spent."""
 
 
-class Search:
-    """State of a refinement; `requests` does it, `outcome` says what was found."""
+class Search(State):
+    """A refinement: `requests` does it, `outcome` says what was found."""
 
     def __init__(self, grid: Grid, settings: Refine, thresholds: Any, facts: Facts):
         """`thresholds` of `Facts.number`; `facts` of the points of the map, in its order."""
-        self.grid, self.settings, self.thresholds = grid, settings, thresholds
-        self.known = Known(grid, grid.coarse_points(), facts)
-        low, high = settings.cells_of(grid.along, grid.names, grid.width)
-        self.cubes = Cubes.of_map(grid, low, high)
-        self.wanted = settings.bracket(grid.shape)
+        super().__init__(grid, settings, thresholds, facts)
         self.used = 0
         self.spent = False
         self.left = 0  # cubes that a test found wrong and that are not halved any more
@@ -79,13 +70,13 @@ class Search:
                 found = yield from self._look(np.concatenate(looks))
                 if not drawn:
                     drawn = True
-                    self.shares["probe"] = share_of(self._codes(probes) != codes)
+                    self.shares["probe"] = share_of(self.codes(probes) != codes)
                 elif not found:
                     break
             mixed, codes = self._in_cubes(~self.pure())
             _, depth = self.answer(self.grid.places(mixed))
             yield from self._look(mixed)
-            wrong = self._codes(mixed) != codes
+            wrong = self.codes(mixed) != codes
             self.shares["border_probe"] = share_of(wrong)
             self.farthest = float(depth[wrong].max(initial=0.0))
         except _Spent:
@@ -94,19 +85,9 @@ class Search:
 
     def outcome(self) -> Outcome:
         """What was found."""
-        pairs, edges = self._pairs(), self.cubes.edges
-        mixed, irregular = self._mixed(pairs)
+        pairs, edges = self.pairs(), self.cubes.edges
+        mixed, irregular = self.mixed(pairs)
         return Outcome.of(self, pairs.take(mixed), irregular[pairs.edge[mixed]], edges)
-
-    def answer(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Codes that this refinement tells of `places` (points, dim) in steps of the grid, and
-        brackets to the nearest plane (infinite in cubes without one); -2 outside its box.
-        """
-        cube = self.cubes.locate(np.floor(places).astype(np.int64))
-        code, depth = self._surfaces().answer(cube, places / self.wanted)
-        plain = (code == -2) & (cube >= 0)
-        code[plain] = self._codes(self.cubes.corners(cube[plain])[:, 0])
-        return code, np.where(code == -2, np.nan, np.where(plain, np.inf, depth))
 
     # -- looking --
 
@@ -131,32 +112,13 @@ class Search:
         if over:
             raise _Spent
 
-    def _codes(self, index: np.ndarray) -> np.ndarray:
-        return self.known.facts.code[self.known.find(index)]
-
     # -- edges --
-
-    def _pairs(self) -> Pairs:
-        """Neighbouring known points on all edges of all cubes."""
-        edges, found = self.cubes.edges, []
-        for axis in range(self.grid.dim):
-            which = np.flatnonzero(edges.axis == axis)
-            pairs = self.known.pairs(axis, edges.start[which], edges.length[which])
-            found.append(pairs._replace(edge=which[pairs.edge]))
-        return Pairs(*(np.concatenate(each) for each in zip(*found, strict=True)))
-
-    def _mixed(self, pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
-        """Which pairs have unlike answers, and which edges have too many of them."""
-        code = self.known.facts.code
-        mixed = code[pairs.low] != code[pairs.high]
-        count = np.bincount(pairs.edge[mixed], minlength=len(self.cubes.edges.axis))
-        return mixed, count >= CHANGES
 
     def _sharpen(self) -> Any:
         """Brings unlike neighbours as close as is wanted."""
         while True:
-            pairs = self._pairs()
-            mixed, irregular = self._mixed(pairs)
+            pairs = self.pairs()
+            mixed, irregular = self.mixed(pairs)
             edges = self.cubes.edges
             mixed &= ~irregular[pairs.edge]
             if self.settings.lengthen > 1:
@@ -178,17 +140,10 @@ class Search:
             )  # fmt: skip
             yield from self._look(self.known.index[some.low] + step * self.grid.strides[axis[wide]])
 
-    def share(self, pairs: Pairs) -> np.ndarray:
-        """Where between two points a stored number crosses a threshold; see `step.crossing`."""
-        facts = self.known.facts
-        share = crossing(facts.number[pairs.low], facts.number[pairs.high], self.thresholds)
-        same = facts.mechanism[pairs.low] == facts.mechanism[pairs.high]
-        return np.where(same, share, np.nan)
-
     def _stretches(self) -> np.ndarray:
         """Middles of stretches without a change, of at least half an edge that has one."""
-        pairs, edges = self._pairs(), self.cubes.edges
-        mixed, irregular = self._mixed(pairs)
+        pairs, edges = self.pairs(), self.cubes.edges
+        mixed, irregular = self.mixed(pairs)
         changes = np.bincount(pairs.edge[mixed], minlength=len(edges.axis)) > 0
         axis, length = edges.axis[pairs.edge], edges.length[pairs.edge]
         long = ~mixed & changes[pairs.edge] & ~irregular[pairs.edge] & (2 * pairs.gap >= length)
@@ -198,49 +153,16 @@ class Search:
 
     # -- cubes --
 
-    def _per_cube(self, edges: np.ndarray) -> np.ndarray:
-        """Whether any edge of each cube is in a mask of edges."""
-        return np.asarray(edges[self.cubes.edges.of].any(axis=1))
-
-    def pure(self) -> np.ndarray:
-        """Which cubes have one answer on all their edges."""
-        pairs = self._pairs()
-        mixed = np.zeros(len(self.cubes.edges.axis), dtype=bool)
-        mixed[pairs.edge[self._mixed(pairs)[0]]] = True
-        return ~self._per_cube(mixed)
-
-    def _irregular(self) -> np.ndarray:
-        return self._per_cube(self._mixed(self._pairs())[1])
-
-    def _surfaces(self) -> Surfaces:
-        """Planes of all cubes, in brackets."""
-        pairs, edges, code = self._pairs(), self.cubes.edges, self.known.facts.code
-        some = pairs.take(self._mixed(pairs)[0])
-        share = self.share(some)
-        along = np.where(np.isfinite(share), share, 0.5) * some.gap
-        axis = edges.axis[some.edge]
-        place = self.grid.places(self.known.index[some.low]).astype(float)
-        place[np.arange(len(axis)), axis] += along
-        order = np.argsort(some.edge, kind="stable")
-        first = np.searchsorted(some.edge[order], edges.of)
-        count = np.searchsorted(some.edge[order], edges.of, side="right") - first
-        cube = np.repeat(np.arange(len(edges.of)), count.sum(axis=1))
-        each = count.ravel()
-        within = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
-        of = order[np.repeat(first.ravel(), each) + within]
-        low, high = code[some.low][of], code[some.high][of]
-        return Surfaces(cube, place[of] / self.wanted, axis[of], low, high)
-
     def _tests(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, Surfaces]:
         """Points on either side of the planes, their cubes, the answers expected there."""
-        surfaces = self._surfaces()
+        surfaces = self.surfaces()
         cube = np.repeat(surfaces.cube, 2)
         off = OFF * surfaces.normal[:, None, :] * np.array([-1.0, 1.0])[:, None]
         place = (surfaces.middle[:, None, :] + off).reshape(-1, self.grid.dim) * self.wanted
         low = self.cubes.origin[cube]
         place = np.clip(np.rint(place), low, low + self.cubes.size[cube, None]).astype(np.int64)
         code, depth = surfaces.answer(cube, place / self.wanted)
-        good = (depth >= CLEAR) & np.repeat(surfaces.rest <= UNCLEAR, 2) & ~self._irregular()[cube]
+        good = (depth >= CLEAR) & np.repeat(surfaces.rest <= UNCLEAR, 2) & ~self.irregular()[cube]
         return self.grid.flat(place[good]), cube[good], code[good], surfaces
 
     def _halves(self) -> np.ndarray:
@@ -252,14 +174,14 @@ class Search:
         wrong[surfaces.cube[surfaces.rest > UNCLEAR]] = True
         wrong |= self._surprised()
         least = self.grid.width >> min(self.settings.splits, self.grid.levels)
-        allowed = wrong & (self.cubes.size > least) & ~self._irregular()
+        allowed = wrong & (self.cubes.size > least) & ~self.irregular()
         self.left = int((wrong & ~allowed).sum())
         return allowed
 
     def _surprised(self) -> np.ndarray:
         """Which cubes of one answer on their edges hold a point of another."""
         places = self.grid.places(self.known.index)
-        pure, code = self.pure(), self._codes(self.cubes.corners()[:, 0])
+        pure, code = self.pure(), self.codes(self.cubes.corners()[:, 0])
         found = np.zeros(len(self.cubes), dtype=bool)
         for back in itertools.product((0, 1), repeat=self.grid.dim):
             cube = self.cubes.locate(places - np.array(back))
@@ -277,7 +199,7 @@ class Search:
         return True
 
     def _neighbours(self) -> np.ndarray:
-        """A point in each cube of one answer beside one with a border, once."""
+        """A point in each cell of one answer, not halved, beside a cube with a border, once."""
         pure = self.pure()
         origin, size = self.cubes.origin[~pure], self.cubes.size[~pure, None]
         found = []
@@ -288,13 +210,11 @@ class Search:
             cube = self.cubes.locate(place[inside])
             found.append(cube[(cube >= 0) & pure[cube]])
         cube = np.unique(np.concatenate(found))
-        number = self.grid.flat(self.cubes.origin[cube]) * (self.grid.levels + 1) + np.log2(
-            self.cubes.size[cube]
-        ).astype(np.int64)
+        cube = cube[self.cubes.size[cube] == self.grid.width]
+        number = self.grid.flat(self.cubes.origin[cube])
         fresh = np.array([n not in self._probed for n in number.tolist()], dtype=bool)
         self._probed.update(number.tolist())
-        cube = cube[fresh & (self.cubes.size[cube] > 1)]
-        return self.grid.flat(self._inside(cube))
+        return self.grid.flat(self._inside(cube[fresh & (self.grid.width > 1)]))
 
     def _inside(self, cube: np.ndarray) -> np.ndarray:
         """A random place inside each of some cubes, (cubes, dim)."""
