@@ -47,6 +47,15 @@ Target = Annotated[
     float | None,
     typer.Option(help="Pick solver, precision and rtol for this error (of the lip's length)."),
 ]
+Finer = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        min=1,
+        help="Locate borders after it: N halvings of the spacing.",
+        show_default="[refine] of the file",
+    ),
+]
 
 
 def sweep(
@@ -66,15 +75,7 @@ def sweep(
     block: Block = None,
     model: Model = None,
     target_error: Target = None,
-    refine: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="Locate borders after it: N halvings of the spacing.",
-            show_default="as \\[refine] of the file",
-        ),
-    ] = None,
+    refine: Finer = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from ..specs.load import load_sweep
