@@ -170,7 +170,7 @@ def _compute(
     output = folder / f"points-{points.digest()[:24]}"
     block = min(ROOM, block_size(Points(spec, grid, np.resize(index, ROOM), factor)))
     with BlockStore.open(output, points, block=block, identity=known, resume=True) as store:
-        kept = f"finished points are kept in {folder}; the same command goes on"
+        kept = f"points are kept in {folder}; go on with the same command (sweep: --resume)"
         fill(points, store, blocks, progress, lambda: f"interrupted: {kept}")
         reader = Reader(store)
         return reader.read(0, points.size, reader.names)
