@@ -13,6 +13,7 @@ from pathlib import Path
 from pydantic_core import PydanticUndefined
 
 from wiperjax.specs.axis import Axis
+from wiperjax.specs.refine import Refine
 from wiperjax.specs.scene import SceneSpec
 from wiperjax.specs.starts import Starts
 from wiperjax.specs.sweep import SweepSpec
@@ -62,10 +63,12 @@ def page() -> str:
         + " [Gradients](gradients.md) explains them.\n\n" + table(Sensitivities),
         "## [starts]\n\nA sweep only. " + words(Starts)
         + " [Maps](maps.md#more-than-one-answer) explains them.\n\n" + table(Starts),
+        "## [refine]\n\nA sweep only. " + words(Refine)
+        + " [Borders](maps.md#borders) explains it.\n\n" + table(Refine),
     ]  # fmt: skip
     assert set(SweepSpec.model_fields) | set(SceneSpec.model_fields) == {
         *TOP, "axes", "blade", "belt", "start", "run", "classes", "sensitivities",
-        "starts",
+        "starts", "refine",
     }  # fmt: skip
     return "\n".join(text.rstrip() + "\n" for text in texts)
 
@@ -112,6 +115,8 @@ def allowed(name: str, annotation: typing.Any) -> str:
     """What a value must be, in the words of its error line."""
     if typing.get_origin(annotation) is typing.Literal:
         return " or ".join(f'`"{choice}"`' for choice in typing.get_args(annotation))
+    if typing.get_origin(annotation) is dict:
+        return "a table of axis = [low, high]"
     if name not in ALLOWED:
         return "a list of names" if "list" in str(annotation) else "text"
     must = ALLOWED[name].must.removeprefix("must ").removeprefix("be ")
@@ -121,7 +126,7 @@ def allowed(name: str, annotation: typing.Any) -> str:
 
 def shown(default: typing.Any) -> str:
     """A default as it would stand in a file."""
-    if default is None or default == "":
+    if default is None or default in ("", {}):
         return "-"
     if isinstance(default, list | tuple):
         return f"`[{', '.join(map(shown, default))}]`".replace("``", "").replace("[`", "[")

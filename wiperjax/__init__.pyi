@@ -12,13 +12,14 @@ from .engine.solve import solve
 from .machine.jax_settings import configure
 from .maps.basins import basins
 from .maps.driver import sweep
+from .maps.refine.driver import refine
 from .maps.verify import verify
 from .noise.class_counts import class_table, share_error
 from .noise.run_class import assess
 from .runs.scene import run_scene
 from .runs.simulate import simulate
 from .specs.load import load_scene, load_sweep, parse_scene, parse_sweep
-from .store.whole import open_map
+from .store.whole import borders, open_map
 from .vocabulary.codes import Event, Regime, Result
 
 __version__: str
@@ -41,6 +42,7 @@ __all__ = [
     "WipingBelt",
     "assess",
     "basins",
+    "borders",
     "class_table",
     "configure",
     "load_scene",
@@ -48,6 +50,7 @@ __all__ = [
     "open_map",
     "parse_scene",
     "parse_sweep",
+    "refine",
     "run_scene",
     "share_error",
     "simulate",

@@ -12,6 +12,8 @@ import typer
 
 from wiperjax.cli.options import configure
 
+from .everything import everything
+
 app = typer.Typer(help="Measure speed and accuracy beside other methods (needs numba).")
 
 Output = Annotated[
@@ -29,6 +31,21 @@ def _begin(output: Path, cores: int | None, suffixes=(".h5", ".nc")) -> None:
     if not output.parent.is_dir():
         raise ValueError(f"{output.parent}: is not a directory")
     configure(cores, keep=False)  # compilations are measured
+
+
+def _finish(output: Path, dataset, draw, words, pictures=()) -> None:
+    """Write the picture and the text of a dataset beside it; say where they are, and `pictures`."""
+    from .reports.words import save
+
+    drawn = [*save(draw(dataset), output), *pictures]
+    text = output.with_suffix(".md")
+    text.write_text(words(dataset, output.with_suffix(".png").name))
+    print(f"dataset  {output}\npicture  {', '.join(map(str, drawn))}\ntext     {text}")
+
+
+def _say(output: Path, text: str) -> None:
+    output.write_text(text)
+    print(text)
 
 
 @app.command()
@@ -61,6 +78,25 @@ def chart(
 
 
 @app.command()
+def borders(
+    output: Output = Path("borders.h5"),
+    quick: Quick = False,
+    points: Annotated[int, typer.Option(min=16, help="Random, each simulated.")] = 2000,
+) -> None:
+    """How well borders are known for so many simulations: refined map, octree, full grid.
+
+    Writes dataset, picture (.png, .svg) and text (.md). Its maps stay in OUTPUT.maps, for a run
+    that was stopped.
+    """
+    _begin(output, None)
+    from .measurements import borders
+    from .reports import borders_page
+
+    dataset = borders.run(output, quick=quick, count=points)
+    _finish(output, dataset, borders_page.draw, borders_page.text)
+
+
+@app.command()
 def failures(
     output: Output = Path("failures.h5"),
     quick: Quick = False,
@@ -83,11 +119,8 @@ def failures(
     dataset = failures.run(quick, method, print, parts)
     dataset.to_netcdf(output, engine="h5netcdf")
     parts.clear()
-    pictures = save(failures_plot.draw(dataset), output)
-    pictures += save(failures_plot.short(dataset), output.with_stem(output.stem + "_short"))
-    text = output.with_suffix(".md")
-    text.write_text(failures_text.failures_text(dataset, output.with_suffix(".png").name))
-    print(f"dataset  {output}\npicture  {', '.join(map(str, pictures))}\ntext     {text}")
+    short = save(failures_plot.short(dataset), output.with_stem(output.stem + "_short"))
+    _finish(output, dataset, failures_plot.draw, failures_text.failures_text, short)
 
 
 @app.command()
@@ -100,15 +133,11 @@ def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     _begin(output, 1)
     from .measurements import stability_limits
     from .reports import limits_plot, limits_text
-    from .reports.words import save
 
     only = ("Tsit5", "Moreau-Jean") if quick else ("",)
     dataset = stability_limits.measure(1 if quick else None, print, only)
     dataset.to_netcdf(output, engine="h5netcdf")
-    pictures = save(limits_plot.draw(dataset), output)
-    text = output.with_suffix(".md")
-    text.write_text(limits_text.limits_text(dataset, output.with_suffix(".png").name))
-    print(f"dataset  {output}\npicture  {', '.join(map(str, pictures))}\ntext     {text}")
+    _finish(output, dataset, limits_plot.draw, limits_text.limits_text)
 
 
 @app.command()
@@ -120,13 +149,9 @@ def smoothing(output: Output = Path("smoothing.h5"), quick: Quick = False) -> No
     _begin(output, 1)
     from .measurements import smoothing
     from .reports import smoothing_page
-    from .reports.words import save
 
     dataset = smoothing.run(output, quick=quick)
-    pictures = save(smoothing_page.draw(dataset), output)
-    text = output.with_suffix(".md")
-    text.write_text(smoothing_page.text(dataset, output.with_suffix(".png").name))
-    print(f"dataset  {output}\npicture  {', '.join(map(str, pictures))}\ntext     {text}")
+    _finish(output, dataset, smoothing_page.draw, smoothing_page.text)
 
 
 @app.command()
@@ -147,9 +172,7 @@ def speed(
     from .reports import speed_text
 
     dataset = speed.run(output, quick=quick, trajectories=trajectories, repeats=repeats)
-    text = speed_text.text(dataset, output.parent)
-    output.with_suffix(".md").write_text(text)
-    print(text)
+    _say(output.with_suffix(".md"), speed_text.text(dataset, output.parent))
 
 
 @app.command()
@@ -172,8 +195,7 @@ def profile(
     from .reports import profile_text
 
     text = "\n".join(profile_text.text(profile.run(name, quick)) for name in wanted)
-    output.write_text(text)
-    print(text)
+    _say(output, text)
 
 
 @app.command()
@@ -198,9 +220,8 @@ def rule(
         rows = rule.write(dataset, target, clock)
     print(f"{'solver':<8}{'precision':<10}{'rtol':>8}{'error':>10}{'cost':>8}")
     for r in rows:
-        print(
-            f"{r['solver']:<8}{r['precision']:<10}{r['rtol']:>8.0e}{r['error']:>10.1e}{r['cost']:>8.3g}"
-        )
+        numbers = f"{r['rtol']:>8.0e}{r['error']:>10.1e}{r['cost']:>8.3g}"
+        print(f"{r['solver']:<8}{r['precision']:<10}{numbers}")
     print(f"table    {target}")
 
 
@@ -218,9 +239,7 @@ def maps(
     from .measurements import maps
     from .reports import maps_text
 
-    text = maps_text.text(maps.run(output, quick=quick, count=cells))
-    output.with_suffix(".md").write_text(text)
-    print(text)
+    _say(output.with_suffix(".md"), maps_text.text(maps.run(output, quick=quick, count=cells)))
 
 
 @app.command()
@@ -245,22 +264,8 @@ def sweep(
     from .reports import sweep_text
 
     sizes = tuple(cells or ((1000, 10_000) if quick else sweep.GRIDS))
-    text = sweep_text.text(sweep.run(output, sizes=sizes, repeats=1 if quick else repeats))
-    output.with_suffix(".md").write_text(text)
-    print(text)
+    found = sweep.run(output, sizes=sizes, repeats=1 if quick else repeats)
+    _say(output.with_suffix(".md"), sweep_text.text(found))
 
 
-@app.command(name="all")
-def everything(
-    folder: Annotated[Path, typer.Argument(help="Where the files go.")] = Path("docs/bench"),
-    quick: Quick = False,
-    again: Annotated[bool, typer.Option("--again", help="Also what is there already.")] = False,
-) -> None:
-    """Everything, one part after the other, each in a process of its own.
-
-    A part whose text is there is kept: a run that was stopped goes on where it was.
-    """
-    from .harness import everything
-
-    if status := everything.run(folder, quick, again):
-        raise typer.Exit(status)
+app.command(name="all")(everything)

@@ -52,6 +52,7 @@ class Stubs:
         self.error = None
         self.report = types.SimpleNamespace(
             cells=2,
+            points=0,
             columns=3,
             tolerance=1e-9,
             passed=True,

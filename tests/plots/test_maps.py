@@ -432,3 +432,35 @@ def test_colours_are_told_apart_by_everybody(name, sight):
     near = {pair: float(np.linalg.norm(seen[pair[0]] - seen[pair[1]])) for pair in pairs}
     closest = min(near, key=lambda pair: near[pair])
     assert near[closest] > 15, (closest, near[closest])
+
+
+def test_borders_are_drawn_as_curves_over_the_classes_of_each_slice(tmp_path):
+    """The curve of a disc that was located runs along the disc, in each plane that it crosses."""
+    from border_maps import coarse_map, engine, refined
+    from matplotlib.collections import LineCollection
+
+    def ball(x, y, z):
+        return np.where((x - 0.5) ** 2 + (y - 0.5) ** 2 + (z - 0.5) ** 2 < 0.3**2, 700.0, 300.0)
+
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(ball), axes=("attack_angle", "normal_load", "belt_speed"))
+    found = refined(path, engine(ball), levels=5, probes=0)
+    with whole.open_map(path) as ds:
+        drawn = plots.class_map(plots.with_borders(ds, found), x="attack_angle", y="belt_speed")
+        crossed = 0
+        for ax, load in zip(drawn, ds.normal_load.values, strict=True):
+            curves = [one for one in ax.collections if isinstance(one, LineCollection)]
+            radius = 0.09 - ((load - 5) / 25 - 0.5) ** 2
+            if radius <= 0:
+                assert not curves
+                continue
+            crossed += 1
+            places = np.concatenate(curves[0].get_segments())
+            x, y = (places[:, 0] + 40) / 80, (places[:, 1] - 0.1) / 0.8
+            assert len(places) > 8
+            assert np.abs(np.hypot(x - 0.5, y - 0.5) - np.sqrt(radius)).max() < 1 / (8 * 2**5)
+        assert crossed == 2
+        words = [text.get_text() for text in drawn[0].figure.legends[0].get_texts()]
+        assert "border (located)" in words
+    plots.plot_file(path, tmp_path / "map.png", picture="classes")
+    assert (tmp_path / "map.png").stat().st_size > 10_000

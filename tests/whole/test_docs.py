@@ -123,7 +123,7 @@ def those_with(language: str) -> list:
 def maps(tmp_path_factory):
     """A folder with a small map under the names that pages use."""
     folder = tmp_path_factory.mktemp("maps")
-    spec = wiperjax.specs.load.parse_sweep(
+    spec = wiperjax.parse_sweep(
         {
             "axes": {
                 "attack_angle": {"values": [-20, 5]},
@@ -164,7 +164,7 @@ def test_tables_of_sweep_files_are_understood(page):
     for block in blocks(page, "toml"):
         given = tomllib.loads(block)
         run = whole["run"] | given.get("run", {})
-        spec = wiperjax.specs.load.parse_sweep(whole | given | {"run": run})
+        spec = wiperjax.parse_sweep(whole | given | {"run": run})
         assert spec.axes_values()
 
 

@@ -18,6 +18,7 @@ from .compute import sweep, verify
 from .example import example
 from .motion import follow, ladder, simulate
 from .options import INTERRUPTED
+from .refine import refine
 from .show import LISTEN_HELP, PLOT_HELP, info, listen, plot
 
 app = typer.Typer(
@@ -27,7 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-for command in (sweep, simulate, follow):
+for command in (sweep, refine, simulate, follow):
     app.command()(command)
 app.command(help=PLOT_HELP)(plot)
 app.command(help=LISTEN_HELP)(listen)

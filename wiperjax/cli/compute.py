@@ -22,11 +22,9 @@ from .options import (
 )
 from .tables import (
     cost,
-    print_classes,
-    print_events,
+    print_map,
     print_phases,
     print_plan,
-    print_sensitivities,
 )
 
 Workers = Annotated[int | None, typer.Option(min=1, help="Cores to use.", show_default="all")]
@@ -50,6 +48,15 @@ Target = Annotated[
     float | None,
     typer.Option(help="Pick solver, precision and rtol for this error (of the lip's length)."),
 ]
+Finer = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        min=1,
+        help="Locate borders after it: N halvings of the spacing.",
+        show_default="[refine] of the file",
+    ),
+]
 
 
 def sweep(
@@ -69,6 +76,7 @@ def sweep(
     block: Block = None,
     model: Model = None,
     target_error: Target = None,
+    refine: Finer = None,
 ) -> None:
     """Compute a map: classes of noise and statistics over the axes of a sweep file."""
     from ..specs.load import load_sweep
@@ -76,13 +84,13 @@ def sweep(
     begun = time.monotonic()
     if force and resume:
         raise ValueError("--force starts anew and --resume continues: give one of them")
-    if sum(choice is not None for choice in (workers, scheduler, local_cluster)) > 1:
-        raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
+    check_who(workers, scheduler, local_cluster)
     spec = load_sweep(file, model)
     if target_error is not None:
         spec = at_error(spec, target_error, file)
     if sensitivities:
         spec = spec.with_sensitivities()
+    finer = refinement(spec, refine, file)
     name = usual_picture(spec)
     drawing = output.with_suffix(".png") if picture and name else None
     redraw = check_map_and_picture(
@@ -101,6 +109,7 @@ def sweep(
         "--local-cluster": local_cluster,
         "--model": model,
         "--target-error": target_error,
+        "--refine": refine,
     }
     command = ["wiperjax", "sweep", str(file), "-o", str(output)]
     command += ["--sensitivities"] if sensitivities else []
@@ -109,17 +118,20 @@ def sweep(
         command += [] if value is None else [option, str(value)]
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     chosen |= {"resume": resume, "force": force, "command": shlex.join(command)}
-    with _who_computes(embedded, scheduler, local_cluster) as others:
+    with who_computes(embedded, scheduler, local_cluster) as others:
         try:
             dataset = sweep_map(spec, output, **others, **chosen)
         except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
             print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
-    print_classes(dataset)
-    print_sensitivities(dataset)
-    print_events(dataset)
+    with dataset:
+        print_map(dataset)
     print(f"map      {output}: {cost(output, begun)}")
     print_phases(dataset)
+    if finer is not None:
+        from .refine import run
+
+        run(output, finer, workers, scheduler, local_cluster, command[1:])
     if drawing is not None:
         from ..plots import plot_file
 
@@ -127,8 +139,14 @@ def sweep(
         print(f"picture  {drawing}")
 
 
+def check_who(workers: int | None, scheduler: str | None, processes: int | None) -> None:
+    """Raises ValueError if more than one says who computes."""
+    if sum(choice is not None for choice in (workers, scheduler, processes)) > 1:
+        raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
+
+
 @contextlib.contextmanager
-def _who_computes(embedded: bool, scheduler: str | None, processes: int | None):
+def who_computes(embedded: bool, scheduler: str | None, processes: int | None):
     """The `workers` of `driver.sweep` while they are connected; none where it computes itself."""
     if embedded:
         yield {}
@@ -137,6 +155,19 @@ def _who_computes(embedded: bool, scheduler: str | None, processes: int | None):
 
     with connect(scheduler, processes) as workers:
         yield {"workers": workers}
+
+
+def refinement(spec: Any, levels: int | None, file: Path) -> dict[str, Any] | None:
+    """Settings of the refinement that follows a sweep, None if none does."""
+    stated = {} if spec.refine is None else spec.refine.model_dump(exclude_unset=True)
+    if levels is not None:
+        stated = {k: v for k, v in stated.items() if k != "resolution"} | {"levels": levels}
+    if not stated:
+        return None
+    from ..specs.refine import parse_refine
+
+    parse_refine(stated, spec)  # before hours are spent
+    return stated
 
 
 def usual_picture(spec: Any) -> str | None:
@@ -201,9 +232,13 @@ def verify(
     report = verify_map(file, cells, seed)
     if report.passed:
         how = "identical" if report.identical else f"equal within {report.tolerance:g}"
-        print(f"{report.cells} cells computed again, {report.columns} columns compared: {how}")
+        finer = f" and {report.points} finer points" if report.points else ""
+        print(
+            f"{report.cells} cells{finer} computed again, {report.columns} columns compared: {how}"
+        )
     else:
-        print(f"{len(report.differing)} of {report.cells} cells differ, the first: ", end="")
+        count = report.cells + report.points
+        print(f"{len(report.differing)} of {count} cells differ, the first: ", end="")
         print(*report.differing[:10], sep=", ")
     for name, difference in report.largest.items():
         print(f"  {name}: largest relative difference {difference:.3g}")

@@ -16,7 +16,14 @@ from .options import (
     check_output,
     cuts,
 )
-from .tables import print_attributes, print_class, print_classes, print_events, print_special
+from .tables import (
+    print_attributes,
+    print_borders,
+    print_class,
+    print_classes,
+    print_events,
+    print_special,
+)
 
 PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map, a run or a branch.\n\n"
@@ -190,7 +197,8 @@ def info(
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
     from ..noise.class_counts import anatomy, unsettled, untold
-    from ..store.whole import open_map, sound
+    from ..store.levels import is_refined
+    from ..store.whole import borders, open_map, sound
 
     checked = sound(file)
     with open_map(file) as dataset:
@@ -212,4 +220,6 @@ def info(
         elif "belt_kind" in dataset.attrs:
             print_class(dataset)
         print_events(dataset)
+        if file.is_file() and is_refined(file):
+            print_borders(borders(file))
         print_attributes(dataset)

@@ -22,6 +22,13 @@ def print_plan(spec: Any, cores: int) -> None:
         print(f"note: {note}", file=sys.stderr)
 
 
+def print_map(dataset: Any) -> None:
+    """Classes, derivatives and events of a map that was made just now."""
+    print_classes(dataset)
+    print_sensitivities(dataset)
+    print_events(dataset)
+
+
 def print_classes(dataset: Any) -> None:
     """Classes of a map, counted; of several starts, of each named one, and what hangs on them."""
     from ..datasets.map_starts import hangs_on_start
@@ -129,6 +136,52 @@ def print_phases(dataset: Any) -> None:
         idle = seconds.pop("idle")
         parts = ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())
         print(f"time     {parts}; cores idle for {idle:.1f} s of it")
+
+
+def print_borders(borders: Any) -> None:
+    """What a refinement found, what it took, and how far it can be believed."""
+    from ..vocabulary.codes import CROSSINGS
+
+    said = borders.attrs
+    counts = [f"{said[f'{kind}_points']} {kind}" for kind in CROSSINGS if said[f"{kind}_points"]]
+    print(
+        f"borders of {said['on']}: {borders.sizes['border']} points ({', '.join(counts) or 'none'})"
+    )
+    shares = [
+        f"{name.removeprefix('bracket_share_')} 1/{1 / share:.0f}"
+        for name, share in said.items()
+        if name.startswith("bracket_share_")
+    ]
+    print(f"bracket, as a share of the axis: {', '.join(shares)}")
+    every = said["simulations"] + said["map_cells"]
+    full = said["full_grid_cells"]
+    print(
+        f"{said['simulations']} simulations beside {said['map_cells']} of the map, for a grid of "
+        f"{full:.4g}: 1/{full / every:.3g}"
+    )
+    for name, what in (("probe", "cubes without a border"), ("border_probe", "cubes with one")):
+        count, wrong = said.get(f"{name}s", 0), said.get(f"{name}s_wrong", 0)
+        if count:
+            bound = said[f"{name}s_wrong_share_at_most"]
+            print(
+                f"probes in {what}: {wrong} of {count} unlike what was expected "
+                f"(at most {bound:.2%}, 95 % sure)"
+            )
+    if said.get("border_probes_wrong"):
+        far = said["border_probes_wrong_within_brackets"]
+        print(f"    these lie within {far:.2g} brackets of the border")
+    if said["budget_spent"]:
+        print(
+            "note: the budget ended it (--max-cells); unresolved points are wider than the bracket"
+        )
+    if said["irregular_points"]:
+        print("note: at irregular points the answer changes to and fro; nothing there is a border")
+    if said["cubes_left_wrong"]:
+        print(
+            f"note: {said['cubes_left_wrong']} cubes have borders that bend more than is resolved"
+        )
+    if said["unsettled_points"]:
+        print(f"note: {said['unsettled_points']} points are not settled in the longest window")
 
 
 def cost(output: Path, begun: float) -> str:

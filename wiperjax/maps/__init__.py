@@ -1,5 +1,6 @@
 """A map: blocks of cells computed, stored and put together.
 
 Read `driver` (a sweep from file to file), `block` (some cells computed and named), `cells` (the
-computation, all that names jax), `cluster`, `progress`, `estimate`, `verify`, `accuracy`.
+computation, all that names jax), `refine` (borders of a finished map), `cluster`, `progress`,
+`estimate`, `verify`, `accuracy`.
 """

@@ -101,7 +101,8 @@ def evaluate_block(
     Needs nothing but its arguments, so that blocks can be computed anywhere. `evaluate` may return,
     beside columns of the schema, what `naming` takes, and nothing else (ValueError). Cells whose
     frequency its samples do not tell are looked at again with `FINER` ones, `MOST_SAMPLES` at
-    most, by `evaluate(spec, cells, finer, room)`, which need return no more than samples.
+    most, by `evaluate(spec, cells, finer, room)`, which need return no more than samples. A
+    `spec.room`, if there is one, is the room of all blocks, also of those with few cells.
     """
     with during("naming"):  # all but the engine, which has a phase of its own
         return _evaluate_block(spec, index, evaluate, neighbours)
@@ -113,7 +114,8 @@ def _evaluate_block(spec, index, evaluate, neighbours):
 
     if getattr(spec, "starts", None) is None:
         columns, occupancy = look(spec, index, None)
-        found = Cells(spec, index, columns, None, len(index), occupancy)
+        room = getattr(spec, "room", len(index))
+        found = Cells(spec, index, columns, None, room, occupancy)
         return _classified(found, evaluate), occupancy
     parts = looked_at(spec, index, look, neighbours)
     columns = together(spec, [_classified(part, evaluate) for part in parts])
@@ -126,7 +128,9 @@ def _first_look(
     spec: Any, index: np.ndarray, ended: Mapping[str, Any] | None, evaluate: Evaluate
 ) -> tuple[dict[str, np.ndarray], float | None]:
     """Columns of cells with one start each, their own or where others `ended`; without classes."""
-    columns = dict(evaluate(spec, index, **({} if ended is None else {"ended": ended})))
+    room = getattr(spec, "room", len(index))
+    given = () if room == len(index) else (1, room)
+    columns = dict(evaluate(spec, index, *given, **({} if ended is None else {"ended": ended})))
     occupancy = columns.pop("occupancy", None)
     found = naming(spec, columns)
     return columns | found, None if occupancy is None else float(np.mean(occupancy))

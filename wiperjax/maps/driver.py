@@ -86,10 +86,10 @@ def sweep(
     source = Path(spec) if isinstance(spec, str | os.PathLike) else None
     spec = _sweep(spec)
     block = whole_lines(spec, block or block_size(spec, 1 if workers is None else workers.count))
-    blocks, known = _computing(spec, evaluate, workers)
+    blocks, known = computing(spec, evaluate, workers)
     known |= dict(identity or {})
     with account() as spent:
-        task = _Task(spec, blocks, int(block), known, progress, command, spent, workers)
+        task = Task(spec, blocks, int(block), known, progress, command, spent, workers)
         if output is None:
             check_memory(spec)
             return _in_memory(task)
@@ -97,7 +97,7 @@ def sweep(
             return _onto_disk(task, Path(output), resume, force, source)
 
 
-class _Task(NamedTuple):
+class Task(NamedTuple):
     """A sweep, who computes its blocks, and what is said of it."""
 
     spec: Any
@@ -111,7 +111,7 @@ class _Task(NamedTuple):
 
 
 def _onto_disk(
-    task: _Task, output: Path, resume: bool, force: bool, source: Path | None
+    task: Task, output: Path, resume: bool, force: bool, source: Path | None
 ) -> xr.Dataset:
     """`sweep` into a file, block by block."""
     spec, block, known = task.spec, task.block, task.known
@@ -136,7 +136,7 @@ def _onto_disk(
     ) as store:
         if found:
             salvage(output, found.damaged, store)
-        _fill(task, store, lambda: _how_to_resume(store, output, task.command))
+        fill(task, store, lambda: _how_to_resume(store, output, task.command))
         if output.exists() and not replace:
             raise StoreError(
                 f"{output}: was made by another program meanwhile; move it away and go on with "
@@ -160,7 +160,7 @@ def _check(resume, force, progress, block, evaluate, output) -> None:
         checks.path("output", output)
 
 
-def _computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[str, str]]:
+def computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[str, str]]:
     """What computes blocks, and what of it must not change within a map."""
     known = made_by(spec)
     if workers is not None:
@@ -172,7 +172,16 @@ def _computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[s
     return partial(_one_by_one, evaluate=evaluate), known
 
 
-def _fill(task: _Task, store: BlockStore, hint: Callable[[], str]) -> None:
+def check_made_by(path: Path, attrs: Mapping[str, Any], known: Mapping[str, str]) -> None:
+    """Raises `StoreError` unless the map at `path` was made as this process would make it."""
+    made = json.loads(attrs.get("identity", "{}"))
+    names = sorted(made.keys() | known.keys())
+    pairs = [(name, made.get(name, "none"), known.get(name, "none")) for name in names]
+    if said := [f"{name} was {was}, now {now}" for name, was, now in pairs if was != now]:
+        raise StoreError(f"{path}: was made otherwise ({'; '.join(said)}); sweep it anew")
+
+
+def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
     """Computes what a store lacks. Raises: `SweepInterrupted` on Ctrl-C, with the `hint`."""
     with Report(store.cells, title=task.spec.title, show=task.progress) as report:
         try:
@@ -200,7 +209,7 @@ def _one_by_one(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]:
         yield Block(number, columns, occupancy, time.perf_counter() - begun)
 
 
-def _compute(task: _Task, store: BlockStore, report: Report) -> None:
+def _compute(task: Task, store: BlockStore, report: Report) -> None:
     """Computes and stores every block that is not done."""
     done = store.done()
     for number in np.flatnonzero(done):
@@ -216,7 +225,7 @@ def _compute(task: _Task, store: BlockStore, report: Report) -> None:
         store.write(block.number, block.columns, block.seconds)
 
 
-def _computed(task: _Task, spans: Spans, report: Report) -> Iterator[Block]:
+def _computed(task: Task, spans: Spans, report: Report) -> Iterator[Block]:
     """Blocks, each counted by the account and by the report."""
     for block in task.blocks(task.spec, spans):
         for phase, seconds in block.phases.items():
@@ -226,7 +235,7 @@ def _computed(task: _Task, spans: Spans, report: Report) -> Iterator[Block]:
         yield block
 
 
-def _in_memory(task: _Task) -> xr.Dataset:
+def _in_memory(task: Task) -> xr.Dataset:
     begun, spec = time.perf_counter(), task.spec
     starts = range(0, spec.size, task.block)
     spans = {k: (start, min(spec.size, start + task.block)) for k, start in enumerate(starts)}

@@ -17,6 +17,7 @@ from ..vocabulary.codes import NOT_COMPUTED
 from ..vocabulary.ranges import NON_NEGATIVE, Range
 from ..vocabulary.schema import ENDED
 from .block import MOST_CELLS, Evaluate, engine, evaluate_block
+from .refine.points import sample
 from .starts import before
 
 
@@ -26,9 +27,11 @@ class VerifyReport:
 
     Attributes:
         cells: number of cells recomputed.
+        points: number of points of the levels of a refined map recomputed.
         columns: number of columns compared.
         largest: column -> largest relative difference, of the columns that are not bit-identical.
-        differing: numbers of the cells in which anything differs by more than the tolerance.
+        differing: numbers of the cells in which anything differs by more than the tolerance; of
+            finer points their number in the grid of the finest level.
         tolerance: relative difference allowed; codes and counts must be equal.
         same_versions: whether the map was made with the library versions of now.
     """
@@ -37,6 +40,7 @@ class VerifyReport:
     columns: int
     tolerance: float
     same_versions: bool
+    points: int = 0
     largest: dict[str, float] = field(default_factory=dict)
     differing: tuple[int, ...] = ()
 
@@ -66,7 +70,8 @@ def verify(
     Arguments:
 
     - `path`: the map.
-    - `cells`, `seed`: size of the sample, drawn without repetition.
+    - `cells`, `seed`: size of the sample, drawn without repetition; of a refined map as many of its
+        finer points beside.
     - `tolerance`: largest relative difference that passes.
     - `spec`: the sweep; read from the map if None.
     - `evaluate`: as in `run`.
@@ -99,29 +104,24 @@ def verify(
     with h5py.File(path, "r") as file:
         stored = {name: _values(file, name, places) for name in names}
         neighbours = _neighbours(file, spec, index) if spec.starts is not None else None
-    fresh, _ = evaluate_block(spec, index, evaluate or engine()[0], neighbours)
-    largest: dict[str, float] = {}
-    wrong = np.zeros(len(index), dtype=bool)
-    for name in fresh.keys() & stored.keys():
-        now, was = fresh[name], stored[name]
-        equal = (now == was) | ((now != now) & (was != was))
-        if equal.all():
-            continue
-        with np.errstate(all="ignore"):
-            gap = np.abs(now.astype(float) - was) / np.maximum(
-                np.abs(now.astype(float)), np.abs(was)
-            )
-        gap = np.where(equal, 0.0, np.nan_to_num(gap, nan=np.inf))
-        largest[name] = float(gap.max())
-        too_far = gap > (tolerance if now.dtype.kind == "f" else 0.0)
-        wrong |= too_far.reshape(len(index), -1).any(axis=1)
+    evaluate = evaluate or engine()[0]
+    fresh, _ = evaluate_block(spec, index, evaluate, neighbours)
+    compared = _Compared(tolerance)
+    differing = index[compared.add(fresh, stored)]
+    points = 0
+    for some, columns in sample(Path(path), spec, cells, seed):
+        points += len(some.index)
+        now, _ = evaluate_block(some, np.arange(some.size), evaluate)
+        wrong = compared.add(now, columns)
+        differing = np.concatenate([differing, some.index[wrong]])
     return VerifyReport(
         cells=len(index),
+        points=points,
         columns=len(fresh.keys() & stored.keys()),
         tolerance=tolerance,
         same_versions=same,
-        largest=dict(sorted(largest.items())),
-        differing=tuple(int(cell) for cell in index[wrong]),
+        largest=dict(sorted(compared.largest.items())),
+        differing=tuple(int(cell) for cell in differing),
     )
 
 
@@ -134,6 +134,32 @@ def _neighbours(file: h5py.File, spec: Any, index: np.ndarray) -> dict[str, dict
         found[way] = {name: _values(file, name, places)[:, start] for name in ENDED}
         found[way]["result"] = np.where(cells < 0, NOT_COMPUTED, found[way]["result"])
     return found
+
+
+class _Compared:
+    """Columns computed again beside those that are stored, and what differs most."""
+
+    def __init__(self, tolerance: float):
+        self.tolerance = tolerance
+        self.largest: dict[str, float] = {}
+
+    def add(self, fresh: dict[str, np.ndarray], stored: dict[str, np.ndarray]) -> np.ndarray:
+        """Which cells differ by more than the tolerance, of the columns that both have."""
+        wrong = np.zeros(len(next(iter(fresh.values()))), dtype=bool)
+        for name in fresh.keys() & stored.keys():
+            now, was = fresh[name], stored[name]
+            equal = (now == was) | ((now != now) & (was != was))
+            if equal.all():
+                continue
+            with np.errstate(all="ignore"):
+                gap = np.abs(now.astype(float) - was) / np.maximum(
+                    np.abs(now.astype(float)), np.abs(was)
+                )
+            gap = np.where(equal, 0.0, np.nan_to_num(gap, nan=np.inf))
+            self.largest[name] = max(self.largest.get(name, 0.0), float(gap.max()))
+            too_far = gap > (self.tolerance if now.dtype.kind == "f" else 0.0)
+            wrong |= too_far.reshape(len(wrong), -1).any(axis=1)
+        return wrong
 
 
 def _values(file: h5py.File, name: str, places: list[tuple[int, ...]]) -> np.ndarray:

@@ -11,7 +11,7 @@ from .catalogue import PICTURES as PICTURES
 from .door import of
 from .files import plot_all as plot_all
 from .files import plot_file as plot_file
-from .maps import classes, line, overview, planes
+from .maps import borders, classes, line, overview, planes
 from .runs import animation, friction, history, page, portrait, spectra
 
 _MOTION = ("time", "position", "velocity", "regime")
@@ -19,6 +19,7 @@ _FORCES = ("normal_force", "friction_force")
 _SHARES = ("label", "stick_fraction", "flight_fraction", "velocity_rms", "belt_speed_rms")
 
 # maps
+with_borders = of("map", "label")(borders.with_borders)
 class_map = of("map", "label")(classes.class_map)
 mechanism_map = of("map", "label", "mechanism")(classes.mechanism_map)
 motion = of("map", *_SHARES)(classes.motion)

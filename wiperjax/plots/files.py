@@ -12,11 +12,13 @@ from PIL import Image
 
 from ..datasets.run_dataset import is_run
 from ..machine.files import StoreError, check_output, replacing
-from ..store.whole import open_map
+from ..store.levels import is_refined
+from ..store.whole import borders, open_map
 from ..vocabulary import checks
 from ..vocabulary.schema import SCHEMA
 from .catalogue import PICTURES, Drawn, draw, find
 from .door import check_options
+from .maps.borders import with_borders
 from .runs import animation
 
 STILLS = (".png", ".pdf", ".svg")
@@ -119,7 +121,8 @@ def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset,
     cellwise = [name for name, column in SCHEMA.items() if raster or not column.along]
     with open_map(path, cellwise) as ds:
         if "label" in ds:
-            yield ds, "map"
+            refined = Path(path).is_file() and is_refined(path)
+            yield with_borders(ds, borders(path)) if refined else ds, "map"
         elif "special_kind" in ds:
             yield ds.load(), "branch"
         elif is_run(ds):

@@ -15,6 +15,7 @@ from ..vocabulary.ranges import MOST_CELLS
 from ..vocabulary.wording import digits
 from .axis import Axis
 from .errors import Fault, SpecError, show, unknown
+from .refine import Refine, check
 from .reversal import FLIP, flip_time
 from .starts import Starts, check_starts, swept_last
 from .system import System
@@ -56,6 +57,7 @@ class SweepSpec(System):
     classes: Classes = Classes()
     sensitivities: Sensitivities | None = None
     starts: Starts | None = None
+    refine: Refine | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -116,7 +118,15 @@ class SweepSpec(System):
             self._check_sensitivities(self.sensitivities)
         if self.starts is not None:
             check_starts(self)
+        if self.refine is not None:
+            self._check_refine(self.refine)
         return self
+
+    def _check_refine(self, refine: Refine) -> None:
+        try:
+            check(refine, self)
+        except Fault as fault:
+            raise Fault(f"refine.{fault.key}", fault.problem) from None
 
     def _check_strokes(self) -> None:
         """Raises Fault where the windows around V = 0 leave nothing of the strokes between."""

@@ -49,7 +49,9 @@ class Record(NamedTuple):
 def add(file: BinaryIO) -> None:
     """Puts the record behind the HDF5 file `file`, open for reading and writing."""
     with h5py.File(file, "r") as opened:
-        pieces = [Piece(name, *run) for name in map(str, opened) for run in _runs(opened[name])]
+        names: list[str] = []
+        opened.visititems(lambda name, it: names.append(name) if hasattr(it, "shape") else None)
+        pieces = [Piece(name, *run) for name in names for run in _runs(opened[name])]
     for number, piece in enumerate(pieces):
         pieces[number] = piece._replace(checksum=_checksum(_bytes(file, piece)))
     size = file.seek(0, 2)
@@ -89,6 +91,16 @@ def restore(path: str | Path) -> None:
             file.seek(gap.start)
             file.write(rest[: gap.length])
             rest = rest[gap.length :]
+
+
+def length(path: str | Path) -> int:
+    """Bytes of the HDF5 file before the record, of all of it if there is none.
+
+    Raises: as `damages`.
+    """
+    with open(path, "rb") as file:
+        record = _read(file)
+        return file.seek(0, 2) if record is None else record.size
 
 
 def chunks_of(variable: Any) -> list[Any]:

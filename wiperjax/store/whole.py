@@ -8,7 +8,9 @@ import xarray as xr
 
 from ..machine.files import StoreError, check_input, check_output, naming, write_bytes
 from ..vocabulary import checks
+from ..vocabulary.ranges import Range
 from . import checksums
+from .levels import BORDERS, at_level, is_refined
 from .manifest import parts_of
 from .partial import open_partial
 
@@ -37,7 +39,11 @@ def write_dataset(ds: xr.Dataset, path: str | Path, force: bool = False) -> None
 
 
 def open_map(
-    path: str | Path, variables: Sequence[str] | None = None, *, check: bool = False
+    path: str | Path,
+    variables: Sequence[str] | None = None,
+    *,
+    check: bool = False,
+    level: int | None = None,
 ) -> xr.Dataset:
     """Dataset of a file that wiperjax wrote, read when used; close it, or use it in a `with`
     statement. Of the folder `MAP.h5.parts` of an unfinished sweep, what is done of these
@@ -47,6 +53,8 @@ def open_map(
 
     - `check`: compare the file with its checksums first, which reads all of it. (Blocks of an
         unfinished sweep always are.)
+    - `level`: of a refined map the regular grid of this level, in memory, of these `variables`,
+        with `computed` (1 where a point was looked at).
 
     Raises: `StoreError` if there is no such file or it is no readable HDF5 file; with `check` also
         if it is damaged (the line says what) or has no checksums.
@@ -54,21 +62,47 @@ def open_map(
     checks.path("path", path)
     if variables is not None:
         checks.names("variables", variables)
+    if level is not None:
+        checks.whole("level", level, Range(0, whole=True))
     path = Path(path)
     if path.is_dir():
         return open_partial(path, variables)
-    _check_exists(path)
+    check_exists(path)
     if check and not sound(path):
         raise StoreError(
             f"{path}: has no checksums; wiperjax did not write it, another program changed it "
             "since, or its end is lost"
         )
     try:
-        return xr.open_dataset(path, engine="h5netcdf")
+        ds = xr.open_dataset(path, engine="h5netcdf")
     except Exception as error:  # of a damaged file, HDF5 and what reads it may raise anything
         raise StoreError(
             f"{path}: is not a readable map or run: {str(error).splitlines()[0]}"
         ) from error
+    if level is None:
+        return ds
+    with ds:
+        return at_level(ds, path, level, variables)
+
+
+def borders(path: str | Path) -> xr.Dataset:
+    """Points on the borders of a refined map, in memory, one along `border`: its place along each
+    axis, the axis along which it is enclosed, the bracket, the answers on both sides, the kind of
+    crossing; as attributes what the search took and what it can promise.
+
+    Raises: `StoreError` if `path` is no readable map, or is not refined.
+    """
+    checks.path("path", path)
+    check_exists(Path(path))
+    try:
+        with xr.open_dataset(path, engine="h5netcdf", group=BORDERS) as ds:
+            return ds.load()
+    except Exception as error:  # of a damaged file, HDF5 and what reads it may raise anything
+        if is_refined(path):
+            raise StoreError(f"{path}: has borders that cannot be read: {error}") from error
+        raise StoreError(
+            f"{path}: has no borders; 'wiperjax refine' locates those of a map"
+        ) from None
 
 
 def sound(path: str | Path) -> bool:
@@ -94,7 +128,7 @@ def damages(path: str | Path) -> list[checksums.Piece] | None:
     Raises: `StoreError` if it cannot be read, or its checksums are damaged.
     """
     path = Path(path)
-    _check_exists(path)
+    check_exists(path)
     try:
         with naming(path, "read"):
             return checksums.damages(path)
@@ -102,7 +136,7 @@ def damages(path: str | Path) -> list[checksums.Piece] | None:
         raise StoreError(f"{path}: is damaged: {error}; make it anew with --force") from error
 
 
-def _check_exists(path: Path) -> None:
+def check_exists(path: Path) -> None:
     """Raises `StoreError` if `path` is no regular file; where a sweep is unfinished, says so."""
     if not path.exists():
         parts = parts_of(path)

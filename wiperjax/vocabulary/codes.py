@@ -105,6 +105,15 @@ SETTLED = {"no": 0, "yes": 1, "unknown": 2}
 TOLD = {"no": 0, "yes": 1, "unknown": 2}  # whether the samples tell the frequency
 
 
+CROSSINGS = {
+    "smooth": 0,  # a stored number crosses a threshold, and the point is interpolated
+    "jump": 1,
+    "irregular": 2,  # the answer changes there and back: no border that becomes sharper
+    "unresolved": 3,  # the budget was spent before the bracket was reached
+}
+"""Kinds of points on the borders of a refined map."""
+
+
 NOT_COMPUTED = -1  # of an integer column, in a partly finished store only
 
 

@@ -6,8 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...blade.belts import SteadyBelt, operating_speed
-from ...blade.steady_slip import steady_slip
+from ...blade.belts import SteadyBelt
 from ...blade.wiper import Wiper
 from ...engine.carry.state import EventLog
 from ...engine.lanes import Outcome
@@ -16,6 +15,7 @@ from ...numerics.arrays import cellwise
 from ...vocabulary.codes import Result
 from ...vocabulary.schema import EVENT_COLUMNS, SCHEMA
 from .devices import spread
+from .linear import growth, slip_of
 
 
 def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int) -> dict[str, Any]:
@@ -30,10 +30,7 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
     if outcome.log is not None:
         columns |= _events(outcome.log, run)
     columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
-    linear = spread(lambda wiper: steady_slip(wiper, operating_speed(wiper.belt)), wiper)
-    columns["growth_rate"] = cellwise(linear.growth_rate, count)
-    columns["linear_frequency"] = cellwise(linear.frequency, count)
-    return columns
+    return columns | growth(spread(slip_of, wiper), count)
 
 
 def sampled(spec, signal, wiper: Wiper, count: int) -> dict[str, Any]:

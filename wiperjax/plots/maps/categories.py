@@ -29,6 +29,7 @@ from ..style.palette import (
     UNKNOWN,
     readable,
 )
+from .borders import PREFIX, border_legend, draw_borders
 from .planes import At, check_dim, choose_plane, cut, map_dims, stability_boundary
 
 COLOURS = MOTIONS | MECHANISMS | CLASSES
@@ -170,6 +171,7 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
         _hatch(ax, across, up, several.transpose(y, x).values, *SEVERAL)
     set_axis(ax, "x", ds[x])
     set_axis(ax, "y", ds[y])
+    draw_borders(ds, ax, x, y, variable)
     return stability_boundary(ds, ax, x, y)
 
 
@@ -220,6 +222,9 @@ def category_legend(
     if boundary:
         words = "steady slip loses stability (linear)"
         handles.append(Line2D([], [], color=BOUNDARY, linewidth=1.4, label=words))
+    on = str(cells.attrs.get(PREFIX + "on", ""))
+    if on == variable or "=" in on:
+        handles.append(border_legend())
     return handles
 
 

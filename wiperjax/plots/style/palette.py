@@ -59,6 +59,7 @@ NAMES = {
 }
 UNKNOWN = "#999999"  # what has no name, and cells without a number
 BOUNDARY = "#000000"  # line at which steady slip loses its stability
+BORDER = "#FFFFFF"  # located border between the classes of a refined map
 BELT = "#009E73"  # velocity of the glass
 EVENTS = {  # marker of an event, in the order of rows from the top
     "belt_reversal": "D",

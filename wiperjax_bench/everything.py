@@ -1,4 +1,4 @@
-"""Every part of the bench, one after the other, each in a process of its own."""
+"""`wiperjax bench all`: every measurement, one after the other."""
 
 import os
 import resource
@@ -7,13 +7,19 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Annotated
 
-PARTS = ("chart", "failures", "limits", "smoothing", "maps", "speed", "sweep", "profile")
+import typer
 
 
-def run(folder: Path, quick: bool, again: bool) -> int:
-    """Run what has no text in ``folder``, or all of it ``again``; return the status of the first
-    that fails, or 0.
+def everything(
+    folder: Annotated[Path, typer.Argument(help="Where the files go.")] = Path("docs/bench"),
+    quick: Annotated[bool, typer.Option("--quick", help="A small form of it, minutes.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Also what is there already.")] = False,
+) -> None:
+    """Everything, one part after the other, each in a process of its own.
+
+    A part whose text is there is kept: a run that was stopped goes on where it was.
     """
     folder.mkdir(parents=True, exist_ok=True)
     begun = time.perf_counter()
@@ -23,7 +29,7 @@ def run(folder: Path, quick: bool, again: bool) -> int:
     cache = tempfile.TemporaryDirectory()
     if quick:
         environment["JAX_COMPILATION_CACHE_DIR"] = cache.name
-    for name in PARTS:
+    for name in ("chart", "failures", "limits", "smoothing", "maps", "borders", "speed", "profile"):
         text = folder / f"{name}.md"
         if text.exists() and not again:
             print(f"{name}: kept {text}", flush=True)
@@ -35,7 +41,7 @@ def run(folder: Path, quick: bool, again: bool) -> int:
         print(f"--- {name}", flush=True)
         status = subprocess.run(command, check=False, env=environment).returncode
         if status:
-            return status
+            raise typer.Exit(status)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
         print(
@@ -45,4 +51,3 @@ def run(folder: Path, quick: bool, again: bool) -> int:
     cache.cleanup()
     print(f"everything in {folder}: {(time.perf_counter() - begun) / 60:.1f} minutes")
     print(f"next: wiperjax bench rule {folder / 'chart.h5'}")
-    return 0

@@ -1,0 +1,304 @@
+"""A refined map as a file: what is in it, killed and gone on with, and what is refused."""
+
+import json
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from border_maps import AXES, border_spec, coarse_map, engine, refined
+from stub_sweep import rewritten
+
+import wiperjax
+from wiperjax.cli import main
+from wiperjax.machine.files import StoreError
+from wiperjax.maps import block, driver
+from wiperjax.maps.refine.points import Points
+from wiperjax.maps.verify import verify
+from wiperjax.specs.errors import SpecError
+from wiperjax.specs.load import load_sweep
+from wiperjax.store.levels import read_levels
+from wiperjax.store.whole import borders, open_map
+from wiperjax.vocabulary import cf
+
+
+def disc(x, y):
+    return np.where((x - 0.45) ** 2 + (y - 0.5) ** 2 < 0.3**2, 700.0, 300.0)
+
+
+DISC = engine(disc)
+RUN_ALONE = ("date_created", "wall_time", "host", "command")
+
+
+def same_borders(one, other):
+    for ds in (one, other):
+        for name in RUN_ALONE:
+            ds.attrs.pop(name, None)
+    xr.testing.assert_identical(one, other)
+
+
+def test_the_root_stays_the_map_and_levels_are_grids(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    with open_map(path) as ds:
+        before = ds.load()
+    found = refined(path, DISC, levels=3)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+    with open_map(path, check=True) as ds:
+        xr.testing.assert_identical(ds.load(), before)
+    same_borders(found, borders(path))
+    for level in range(4):
+        ds = open_map(path, level=level)
+        assert ds.sizes == {"attack_angle": 8 * 2**level + 1, "belt_speed": 8 * 2**level + 1}
+        done = ds.computed.values == 1
+        assert done[:: 2**level, :: 2**level].all() and (level == 0 or not done.all())
+        x = (ds.attack_angle + 40) / 80
+        y = (ds.belt_speed - 0.1) / 0.8
+        truth = disc(*np.meshgrid(x, y, indexing="ij"))
+        np.testing.assert_array_equal(ds.dominant_frequency.values[done], truth[done])
+        assert np.isnan(ds.dominant_frequency.values[~done]).all()
+        assert (ds.label.values[~done] == -1).all()
+        np.testing.assert_array_equal(ds.attack_angle[:: 2**level], before.attack_angle)
+    assert set(open_map(path, ["label"], level=2).data_vars) == {"label", "computed"}
+    with pytest.raises(StoreError, match="has no level 4; its levels are 0 to 3"):
+        open_map(path, level=4)
+
+
+def test_the_netcdf_library_reads_groups_and_gathered_lists(tmp_path):
+    netcdf = pytest.importorskip("netCDF4")
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC, axes=tuple(AXES)[:2])
+    refined(path, DISC, levels=2)
+    ds = open_map(path, level=2)
+    with netcdf.Dataset(path) as file:
+        file.set_auto_mask(False)
+        group = file["level_2"]
+        cell = group["cell"]
+        assert cell.compress == "attack_angle_fine normal_load_fine"
+        assert cell.dimensions == ("cell",)
+        shape = tuple(group.dimensions[name].size for name in cell.compress.split())
+        assert shape == (33, 21)
+        places = np.unravel_index(cell[...], shape)
+        np.testing.assert_array_equal(ds.computed.values[places], 1)
+        np.testing.assert_array_equal(ds.label.values[places], group["label"][...])
+        assert group["attack_angle_fine"].units == "degrees"
+        assert file["borders"]["kind"].flag_meanings.startswith("smooth jump")
+    tree = xr.open_datatree(path, engine="h5netcdf")
+    assert {"level_2", "borders"} <= set(tree.children)
+    tree.close()
+
+
+def test_killed_it_goes_on_where_it_was_and_ends_the_same(tmp_path):
+    path, other = tmp_path / "map.h5", tmp_path / "other.h5"
+    coarse_map(path, DISC)
+    shutil.copy(path, other)
+    content, calls = path.read_bytes(), []
+
+    def counted(spec, index, finer=1, room=None):
+        calls.append(spec.digest())
+        return DISC(spec, index)
+
+    whole = refined(other, counted, levels=5)
+    every = list(calls)
+    assert len(every) > 5
+    for last in (0, 3, 3):
+        calls.clear()
+
+        def dying(spec, index, finer=1, room=None, last=last):
+            if len(calls) > last:
+                raise KeyboardInterrupt
+            return counted(spec, index)
+
+        with pytest.raises(KeyboardInterrupt, match="go on with the same command"):
+            refined(path, dying, levels=5)
+        assert path.read_bytes() == content  # readable at all times
+    calls.clear()
+    same_borders(refined(path, counted, levels=5), whole)
+    assert set(calls) < set(every) and len(calls) < len(every)
+    for one, two in zip(read_levels(path), read_levels(other), strict=True):
+        np.testing.assert_array_equal(one.index, two.index)
+        assert all(np.array_equal(v, two.columns[n], True) for n, v in one.columns.items())
+    assert not (tmp_path / "map.h5.refine").exists()
+    calls.clear()
+    refined(path, counted, levels=5)  # done already
+    assert not calls
+
+
+def test_finer_levels_use_the_points_that_are_there(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    refined(path, DISC, levels=3)
+    points = sum(len(level.index) for level in read_levels(path))
+    seen = []
+
+    def counted(spec, index, finer=1, room=None):
+        seen.append(len(index))
+        return DISC(spec, index)
+
+    found = refined(path, counted, levels=6)
+    assert found.attrs["simulations"] > sum(seen)
+    assert sum(len(level.index) for level in read_levels(path)) == points + sum(seen)
+    with pytest.raises(StoreError, match="is refined to level 6"):
+        refined(path, DISC, levels=2)
+
+
+def test_points_are_those_of_a_sweep_that_has_them(tmp_path):
+    """The same blocks: a point of the finest level is, bit for bit, a cell of a finer sweep."""
+    path = tmp_path / "map.h5"
+    spec = coarse_map(path, DISC)
+    refined(path, DISC, levels=2)
+    fine = border_spec()
+    axes = {n: a.model_copy(update={"num": 4 * (a.count - 1) + 1}) for n, a in fine.axes.items()}
+    fine = fine.model_copy(update={"axes": axes})
+    level = next(one for one in read_levels(path) if one.number == 2)
+    columns, _ = block.evaluate_block(fine, level.index, DISC)
+    for name, values in level.columns.items():
+        np.testing.assert_array_equal(values, columns[name])
+    assert spec.digest() != fine.digest()
+
+
+def test_other_columns_than_names_survive_a_damaged_level(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    refined(path, DISC, levels=3)
+    with h5py.File(path, "r") as file:
+        place = file["level_3/velocity_rms"].id.get_offset()
+        if place is None:
+            found = []
+            file["level_3/velocity_rms"].id.chunk_iter(found.append)
+            place = found[0].byte_offset
+    content = bytearray(path.read_bytes())
+    content[place] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match="is damaged: level_3/velocity_rms"):
+        open_map(path, check=True)
+
+
+def test_verify_computes_points_of_the_levels_again(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    refined(path, DISC, levels=3)
+    report = verify(path, cells=40, evaluate=DISC)
+    assert report.passed and report.points == 40
+    with rewritten(path) as file:
+        file["level_3/velocity_rms"][...] *= 1 + 1e-6
+    report = verify(path, cells=40, evaluate=DISC)
+    assert not report.passed and report.largest["velocity_rms"] == pytest.approx(1e-6, rel=1e-3)
+
+
+BAD = {
+    "refine.levels: must be a whole number in": {"levels": 0},
+    "refine.levels: must be given, or resolution": {},
+    "refine.on: 'lable' is not in this kind of map; did you mean label": {
+        "levels": 2,
+        "on": "lable",
+    },
+    "refine.on: must be velocity_rms=NUMBER": {"levels": 2, "on": "velocity_rms"},
+    "refine.on: must be a variable of names, or NAME=NUMBER": {"levels": 2, "on": "label=3"},
+    "refine.box.belt_sped: unknown key; did you mean 'belt_speed'": {
+        "levels": 2,
+        "box": {"belt_sped": (0, 1)},
+    },
+    r"refine.box.attack_angle: must be \[low, high\] inside \[-40, 40\]": {
+        "levels": 2,
+        "box": {"attack_angle": (-50, 5)},
+    },
+    "refine.resolution: must need at most 20 halvings": {"resolution": 1e-12},
+    "refine.levels must leave axes.attack_angle at most 1000000 values": {"levels": 20},
+    "refine.levls: unknown key; did you mean 'levels'": {"levls": 2},
+    "refine.max_cells: must be a whole number": {"levels": 2, "max_cells": 0},
+}
+
+
+@pytest.mark.parametrize("line", BAD)
+def test_what_cannot_be_meant_is_one_clear_line(tmp_path, line):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    with pytest.raises(SpecError, match=line) as error:
+        refined(path, DISC, **BAD[line])
+    assert "\n" not in str(error.value)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+
+
+def test_a_resolution_finer_than_floating_point_is_refused(tmp_path):
+    axes = {"belt_speed": {"start": 0.3, "stop": 0.3 + 4e-15, "num": 3}}
+    spec = wiperjax.parse_sweep({"axes": axes, "run": {"transient": 0, "window": 0.1}})
+
+    def flat(spec, index, finer=1, room=None):
+        columns = DISC(border_spec(), index)
+        return columns | {"dominant_frequency": np.where(index > 0, 700.0, 300.0)}
+
+    driver.sweep(spec, tmp_path / "map.h5", evaluate=flat, progress=False).close()
+    with pytest.raises(SpecError, match="that floating point tells apart, but was 12"):
+        refined(tmp_path / "map.h5", flat, levels=12)
+
+
+def test_maps_that_cannot_be_refined(tmp_path, monkeypatch):
+    path = tmp_path / "map.h5"
+    with pytest.raises(StoreError, match="does not exist"):
+        refined(path, DISC, levels=2)
+    coarse_map(path, DISC)
+    with pytest.raises(StoreError, match="has no borders; 'wiperjax refine' locates"):
+        borders(path)
+    with pytest.raises(StoreError, match="has no level 1; it is not refined"):
+        open_map(path, level=1)
+    made = block.made_by(border_spec())
+    monkeypatch.setattr(driver, "made_by", lambda spec: made | {"jax": "0.1"})
+    with pytest.raises(StoreError, match=r"was made otherwise \(jax was .*, now 0.1\)"):
+        refined(path, DISC, levels=2)
+
+
+def test_a_sweep_file_says_how_and_its_map_is_the_same(tmp_path, capsys):
+    text = """
+[axes]
+attack_angle = { start = -40, stop = 40, num = 9 }
+belt_speed = { start = 0.1, stop = 0.9, num = 9 }
+[run]
+transient = 0.2
+window = 0.2
+"""
+    plain, with_table = tmp_path / "plain.toml", tmp_path / "refine.toml"
+    plain.write_text(text)
+    with_table.write_text(text + "[refine]\nlevels = 4\nbox.attack_angle = [-10, 20]\n")
+    spec = load_sweep(with_table)
+    assert spec.digest() == load_sweep(plain).digest()
+    assert spec.refine is not None and spec.refine.box == {"attack_angle": (-10, 20)}
+    with_table.write_text(text + "[refine]\nlevels = 4\nbox.attack_angle = [-50, 20]\n")
+    with pytest.raises(SpecError, match="refine.box.attack_angle: must be .low, high. inside"):
+        load_sweep(with_table)
+    assert main(["refine", str(tmp_path / "map.h5"), "--levels", "2"]) == 1
+    assert "No such file" in capsys.readouterr().err
+    coarse_map(tmp_path / "map.h5", DISC)
+    assert main(["refine", str(tmp_path / "map.h5"), "--levels", "2", "--box", "speed"]) == 1
+    assert "--box must be AXIS=LOW:HIGH" in capsys.readouterr().err
+    assert main(["refine", str(tmp_path / "map.h5")]) == 1
+    assert "--levels or --resolution must say how fine" in capsys.readouterr().err
+
+
+def test_info_says_what_was_found(tmp_path, capsys):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    found = refined(path, DISC, levels=5)
+    assert main(["info", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert f"borders of label: {found.sizes['border']} points" in said
+    assert "attack_angle 1/256" in said and "probes in cubes without a border: 0 of" in said
+    assert f"{found.attrs['simulations']} simulations beside 81 of the map" in said
+
+
+def test_points_can_be_sent_to_workers():
+    import pickle
+
+    from wiperjax.maps.refine.grid import Grid
+
+    spec = border_spec()
+    grid = Grid(spec.axes, 3)
+    points = Points(spec, grid, np.arange(5), 4)
+    sent = pickle.loads(pickle.dumps(points))
+    assert sent.digest() == points.digest() and sent.run.window == 4 * spec.run.window
+    np.testing.assert_array_equal(
+        sent.cells(np.arange(5))["belt_speed"], points.cells(np.arange(5))["belt_speed"]
+    )
+    assert json.loads(points.canonical())["factor"] == 4
+    assert cf.flags({"a": 1})["flag_meanings"] == "a"

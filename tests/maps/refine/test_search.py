@@ -1,0 +1,200 @@
+"""What a refinement finds where the truth is a formula: borders, islands, and what has none."""
+
+import shutil
+
+import numpy as np
+import pytest
+from border_maps import AXES, coarse_map, engine, refined
+
+from wiperjax.maps.refine.replay import places_of, replay
+from wiperjax.vocabulary.codes import CROSSINGS, LABELS
+
+
+def to_unit(ds, names=("attack_angle", "belt_speed")):
+    return [
+        (ds[name].values - AXES[name]["start"]) / (AXES[name]["stop"] - AXES[name]["start"])
+        for name in names
+    ]
+
+
+def random_points(count, names=("attack_angle", "belt_speed")):
+    """Random values of axes, and the same from 0 to 1."""
+    units = np.random.default_rng(1).random((len(names), count))
+    span = {n: (AXES[n]["start"], AXES[n]["stop"]) for n in names}
+    values = {
+        n: low + u * (high - low) for u, (n, (low, high)) in zip(units, span.items(), strict=True)
+    }
+    return values, units
+
+
+def disc(x, y):
+    return np.where((x - 0.45) ** 2 + (y - 0.5) ** 2 < 0.3**2, 700.0, 300.0)
+
+
+def wave(x, y):
+    return 400 * np.exp(y + 0.3 * x**2 - 0.5)  # crosses 500 Hz smoothly
+
+
+def test_a_jump_is_enclosed_on_both_sides_and_the_answer_between_points_is_right(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(disc))
+    found = refined(path, engine(disc), levels=5)
+    x, y = to_unit(found)
+    assert found.sizes["border"] >= 30 and set(found.kind.values) == {CROSSINGS["jump"]}
+    bracket = 1 / (8 * 2**5)
+    assert np.abs(np.hypot(x - 0.45, y - 0.5) - 0.3).max() < bracket
+    sides = np.stack([found.side_low, found.side_high])
+    assert (
+        set(sides.ravel()) == {LABELS["squeal"], LABELS["other"]} and (sides[0] != sides[1]).all()
+    )
+    along = np.where(found.axis == 0, found.attack_angle, found.belt_speed)
+    assert ((found.bracket_low <= along) & (along <= found.bracket_high)).all()
+    assert found.attrs["simulations"] + 81 < found.attrs["full_grid_cells"] / 40
+    search, _ = replay(path)
+    values, units = random_points(4000)
+    code, depth = search.answer(places_of(search.grid, values))
+    wrong = code != np.where(disc(*units) > 500, LABELS["squeal"], LABELS["other"])
+    assert wrong.mean() < 0.005 and (depth[wrong] < 2).all() and np.isinf(depth).any()
+
+
+def test_a_smooth_crossing_takes_few_looks_and_is_interpolated(tmp_path):
+    smooth, jump = tmp_path / "smooth.h5", tmp_path / "jump.h5"
+    steps = engine(lambda x, y: np.where(wave(x, y) > 500, 700.0, 300.0))
+    coarse_map(smooth, engine(wave))
+    coarse_map(jump, steps)
+    found = refined(smooth, engine(wave), levels=8, probes=0)
+    other = refined(jump, steps, levels=8, probes=0)
+    assert set(found.kind.values) == {CROSSINGS["smooth"]}
+    assert np.abs(np.log(wave(*to_unit(found)) / 500)).max() < 1e-6  # a bracket is 5e-4
+    assert found.attrs["simulations"] < 0.7 * other.attrs["simulations"]
+
+
+def test_a_number_that_jumps_across_its_threshold_is_a_jump(tmp_path):
+    lines = engine(lambda x, y: np.where(y + 0.2 * x < 0.53, 480.0 + 10 * y, 530.0 + 10 * y))
+    coarse_map(tmp_path / "map.h5", lines)
+    found = refined(tmp_path / "map.h5", lines, levels=6)
+    x, y = to_unit(found)
+    assert set(found.kind.values) == {CROSSINGS["jump"]}
+    assert np.abs(y + 0.2 * x - 0.53).max() < 1.2 / (8 * 2**6)
+
+
+def test_a_threshold_of_any_stored_number_and_another_name_are_borders_too(tmp_path):
+    both = engine(lambda x, y: (wave(x, y), np.where(x > 0.3, 0.5, 0.0)))
+    coarse_map(tmp_path / "map.h5", both)
+    found = refined(tmp_path / "map.h5", both, levels=4, on="dominant_frequency=430")
+    assert np.abs(np.log(wave(*to_unit(found)) / 430)).max() < 1 / (8 * 2**4)
+    found = refined(tmp_path / "map.h5", both, levels=4, on="mechanism")
+    assert np.abs(to_unit(found)[0] - 0.3).max() < 1 / (8 * 2**4)
+    assert found.attrs["on"] == "mechanism" and (found.axis == 0).all()
+
+
+def test_three_axes_three_classes(tmp_path):
+    def ball(x, y, z):
+        inside = (x - 0.5) ** 2 + (y - 0.4) ** 2 + (z - 0.5) ** 2 < 0.35**2
+        return np.where(inside, np.where(z > 0.55, 2000.0, 700.0), 300.0), np.where(inside, 0.4, 0)
+
+    path, three = tmp_path / "map.h5", engine(ball)
+    coarse_map(path, three, axes=tuple(AXES))
+    found = refined(path, three, levels=4, on="band", probes=800)
+    x, y, z = to_unit(found, tuple(AXES))
+    off = np.abs(np.sqrt((x - 0.5) ** 2 + (y - 0.4) ** 2 + (z - 0.5) ** 2) - 0.35)
+    brackets = 1 / (np.array([8, 5, 8])[found.axis] * 2**4)
+    assert (np.minimum(off, np.abs(z - 0.55)) < brackets).all()
+    search, _ = replay(path)
+    values, units = random_points(4000, tuple(AXES))
+    code, _ = search.answer(places_of(search.grid, values))
+    pitch = ball(*units)[0]
+    truth = np.select([pitch == 300, pitch == 700], [2, 3], 4)  # low, squeal, high
+    assert (code == truth).mean() > 0.97
+    share = found.attrs["border_probes_wrong_share_at_most"]
+    assert found.attrs["border_probes_wrong"] / found.attrs["border_probes"] < share < 0.15
+
+
+def island(radius):
+    def pitch(x, y):
+        return np.where((x - 0.44) ** 2 + (y - 0.56) ** 2 < radius**2, 700.0, 300.0)
+
+    return engine(pitch)
+
+
+def test_an_island_smaller_than_a_cell_is_found_by_probes(tmp_path):
+    coarse_map(tmp_path / "map.h5", island(0.05))  # cells are 0.125 wide, and none is in it
+    missed = refined(tmp_path / "map.h5", island(0.05), levels=5, probes=0)
+    assert missed.sizes["border"] == 0
+    found = refined(tmp_path / "map.h5", island(0.05), levels=5, probes=1500, splits=3)
+    x, y = to_unit(found)
+    assert found.attrs["probes_wrong"] > 0 and found.sizes["border"] >= 4
+    assert np.abs(np.hypot(x - 0.44, y - 0.56) - 0.05).max() < 1.5 / (8 * 2**5)
+
+
+def test_an_island_that_no_probe_meets_is_within_the_miss_rate_stated(tmp_path):
+    radius = 0.01
+    coarse_map(tmp_path / "map.h5", island(radius))
+    found = refined(tmp_path / "map.h5", island(radius), levels=5, probes=100)
+    assert found.attrs["probes_wrong"] == 0 and found.sizes["border"] == 0
+    bound = found.attrs["probes_wrong_share_at_most"]
+    count = found.attrs["probes"]
+    assert bound == pytest.approx(1 - 0.05 ** (1 / count))  # Clopper and Pearson, of none wrong
+    assert np.pi * radius**2 < bound < 0.05
+
+
+def test_a_border_that_never_sharpens_is_called_irregular_and_ends(tmp_path):
+    def noisy(x, y):
+        noise = np.sin(1e4 * x + 3e4 * y) * np.cos(2.3e4 * x - 1e4 * y) > 0
+        return np.where(x < 0.4, 300.0, np.where(noise, 700.0, 300.0))
+
+    coarse_map(tmp_path / "map.h5", engine(noisy))
+    found = refined(tmp_path / "map.h5", engine(noisy), levels=8, probes=0)
+    irregular = found.kind == CROSSINGS["irregular"]
+    x, _ = to_unit(found)
+    assert irregular.mean() > 0.5 and (x[irregular] > 0.37).all()
+    assert found.attrs["irregular_points"] == irregular.sum()
+    assert found.attrs["simulations"] < 5000  # of 263 169 points
+
+
+def test_a_budget_ends_it_and_says_so(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(disc))
+    found = refined(path, engine(disc), levels=6, max_cells=100)
+    assert found.attrs["simulations"] == 100 and found.attrs["budget_spent"] == 1
+    assert found.attrs["unresolved_points"] == (found.kind == CROSSINGS["unresolved"]).sum() > 0
+    wide = found.bracket_high - found.bracket_low
+    steps = np.where(found.axis == 0, wide / 80, wide / 0.8) * 8 * 2**6
+    np.testing.assert_array_equal(found.kind == CROSSINGS["unresolved"], steps > 1.5)
+
+
+def test_a_resolution_is_held_along_every_axis(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(disc), axes=("attack_angle", "normal_load"))
+    found = refined(path, engine(disc), resolution=0.004)
+    wide = np.where(found.axis == 0, 80, 25) * 0.004
+    assert (found.bracket_high - found.bracket_low <= wide * (1 + 1e-9)).all()
+    assert found.attrs["levels"] == 6  # 5 steps of the load must become 250 at least
+
+
+def test_only_the_box_is_looked_at(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(disc))
+    found = refined(path, engine(disc), levels=4, box={"attack_angle": (-30, -5)})
+    assert found.sizes["border"] > 5
+    assert ((found.attack_angle >= -30) & (found.attack_angle <= 0)).all()
+
+
+def test_answers_that_are_not_settled_are_asked_with_a_longer_window(tmp_path):
+    """A border that depends on the window: the short one sees it elsewhere, and knows it."""
+
+    def settled(window, x, y):
+        return (np.abs(y - 0.5) > 0.2) | (window > 0.5)
+
+    def evaluate(spec, index, finer=1, room=None):
+        at = 0.6 if spec.run.window < 0.5 else 0.5
+        pitch = lambda x, y: np.where(y > at, 700.0, 300.0)
+        return engine(pitch, settled)(spec, index)
+
+    coarse_map(tmp_path / "map.h5", evaluate)
+    shutil.copy(tmp_path / "map.h5", tmp_path / "short.h5")
+    found = refined(tmp_path / "map.h5", evaluate, levels=5)
+    assert np.abs(to_unit(found)[1] - 0.5).max() < 1 / (8 * 2**5)
+    assert found.attrs["lengthened_points"] > 0 and found.attrs["unsettled_points"] == 0
+    short = refined(tmp_path / "short.h5", evaluate, levels=5, lengthen=1)
+    assert np.abs(to_unit(short)[1] - 0.6).max() < 1 / (8 * 2**5)

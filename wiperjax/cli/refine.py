@@ -1,0 +1,117 @@
+"""The command that locates the borders of a map."""
+
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .compute import Processes, Scheduler, Workers, check_who, who_computes
+from .options import INTERRUPTED, check_input, configure
+from .tables import cost, print_borders
+
+Levels = Annotated[
+    int | None,
+    typer.Option(min=1, help="How often the spacing of the map is halved.", show_default="auto"),
+]
+
+
+def refine(
+    file: Annotated[Path, typer.Argument(metavar="MAP.h5", help="A finished map.")],
+    levels: Levels = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Bracket of border points, as a share of each axis."),
+    ] = None,
+    on: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="label, mechanism, band, or NAME=NUMBER for a threshold.",
+            show_default="label",
+        ),
+    ] = None,
+    box: Annotated[
+        list[str] | None,
+        typer.Option(metavar="AXIS=LOW:HIGH", help="Only there (degrees); one for each axis."),
+    ] = None,
+    max_cells: Annotated[
+        int | None, typer.Option(min=1, help="End after so many simulations.", show_default="1e6")
+    ] = None,
+    probes: Annotated[
+        int | None, typer.Option(min=0, help="Random points that check it.", show_default="500")
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    local_cluster: Processes = None,
+) -> None:
+    """Locate the borders between the classes of a map, and store them in it.
+
+    One that was stopped goes on where it was: give the same command again.
+    """
+    check_input(file)
+    given: dict[str, Any] = {
+        "levels": levels, "resolution": resolution, "on": on, "box": boxes(box),
+        "max_cells": max_cells, "probes": probes,
+    }  # fmt: skip
+    settings = {name: value for name, value in given.items() if value is not None}
+    if levels is None and resolution is None:
+        settings = _stated(file) | settings
+    check_who(workers, scheduler, local_cluster)
+    run(file, settings, workers, scheduler, local_cluster, sys.argv[1:])
+
+
+def run(
+    file: Path,
+    settings: dict[str, Any],
+    workers: int | None,
+    scheduler: str | None,
+    local_cluster: int | None,
+    words: list[str],
+) -> None:
+    """Refines a map and says what was found; `words` of the command, for the file."""
+    begun = time.monotonic()
+    embedded = scheduler is None and local_cluster is None
+    if embedded:
+        configure(workers)
+    from ..maps.refine.driver import refine as refine_map
+
+    command = shlex.join(["wiperjax", *words])
+    with who_computes(embedded, scheduler, local_cluster) as others:
+        try:
+            found = refine_map(file, command=command, **others, **settings)
+        except KeyboardInterrupt as stopped:
+            print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
+    print_borders(found)
+    print(f"borders  {file}: {cost(file, begun)}")
+
+
+def _stated(file: Path) -> dict[str, Any]:
+    """What the sweep file of a map says in [refine], if it says how fine."""
+    import json
+
+    from ..store.whole import open_map
+
+    with open_map(file) as ds:
+        document = json.loads(ds.attrs.get("specification", "{}"))
+    if "refine" not in document:
+        raise ValueError("--levels or --resolution must say how fine; the map's file does not")
+    return dict(document["refine"])
+
+
+def boxes(texts: list[str] | None) -> dict[str, tuple[float, float]] | None:
+    """`AXIS=LOW:HIGH` options as a mapping. Raises ValueError for any other form."""
+    found = {}
+    for text in texts or ():
+        name, _, ends = text.partition("=")
+        low, _, high = ends.partition(":")
+        try:
+            found[name.strip()] = (float(low), float(high))
+        except ValueError:
+            raise ValueError(
+                f"--box must be AXIS=LOW:HIGH, such as attack_angle=-5:5, was {text}"
+            ) from None
+    return found or None

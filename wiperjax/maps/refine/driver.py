@@ -1,0 +1,178 @@
+"""Driver of a refinement: a finished map in, the same map with its borders out.
+
+    `Search` asks for points -> blocks of them, stored one by one beside the map -> `Search` is told
+    -> ... -> the map with groups takes the place of the one without
+
+The stores of finished requests lie in `MAP.h5.refine`, named by what was asked. A search that is
+killed asks the same again, and finds them.
+"""
+
+import json
+from collections.abc import Mapping
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from ...machine import provenance
+from ...machine.files import StoreError, naming
+from ...machine.lock import acquire, release
+from ...machine.phases import Account
+from ...specs.load import parse_sweep
+from ...specs.refine import Refine, parse_refine
+from ...store.blocks import BlockStore
+from ...store.folder import LOCK, clear
+from ...store.levels import is_refined, write_levels
+from ...store.partial import Reader
+from ...store.whole import borders, open_map
+from ...vocabulary import checks
+from ...vocabulary.wording import not_there
+from ..block import Evaluate, block_size
+from ..driver import Task, check_made_by, computing, fill
+from .bank import Bank
+from .criterion import Criterion
+from .grid import Grid
+from .known import Facts
+from .linear import linear_blocks
+from .points import ROOM, Points
+from .search import Request, Search
+from .tables import border_dataset
+
+if TYPE_CHECKING:
+    from ..cluster import Workers
+
+
+def refine(
+    path: str | Path,
+    *,
+    evaluate: Evaluate | None = None,
+    workers: "Workers | None" = None,
+    identity: Mapping[str, str] | None = None,
+    progress: bool = True,
+    command: str | None = None,
+    **settings: Any,
+) -> xr.Dataset:
+    """Locates the borders of a finished map, and stores them in it. One that was stopped goes on
+    where it was; one that is done is read.
+
+    Arguments:
+
+    - `path`: the map.
+    - `settings`: keys of the table `[refine]` of a sweep file, such as `levels=3`,
+        `resolution=0.001`, `on="mechanism"`, `box={"attack_angle": (-5, 5)}`, `max_cells=10_000`.
+    - `evaluate`, `workers`, `identity`, `progress`, `command`: as in `sweep`.
+
+    Returns: what `borders` reads.
+
+    Raises: `SpecError` for settings that cannot be meant, `StoreError` for a map that cannot be
+    read, is damaged, or was made by other versions; `SweepInterrupted` on Ctrl-C.
+    """
+    checks.path("path", path)
+    checks.flag("progress", progress)
+    path = Path(path)
+    spec, ds = _opened(path)
+    with ds:
+        found = parse_refine(settings, spec)
+        stated = json.dumps(found.model_dump(mode="json"), sort_keys=True)
+        if is_refined(path) and borders(path).attrs.get("refine_settings") == stated:
+            return borders(path)
+        blocks, known = computing(spec, evaluate, workers)
+        known |= dict(identity or {})
+        check_made_by(path, ds.attrs, known)
+        grid = Grid(spec.axes, found.depth({n: a.count for n, a in spec.axes.items()}))
+        criterion = Criterion(found, spec.classes)
+        facts = _of_map(path, ds, criterion)
+    if criterion.linear:
+        blocks = linear_blocks
+    search = Search(grid, found, criterion.thresholds, facts)
+    kept = Bank.of_file(path, grid)
+    bank = Bank() if criterion.linear else kept
+    with _folder(path) as folder:
+        compute = partial(_compute, folder, spec, grid, blocks, known, progress)
+        _run(search, criterion, bank, found, compute)
+        made = {"identity": json.dumps(known, sort_keys=True)} | provenance.record(command, 0.0)
+        made["refine_settings"] = stated
+        found_borders = border_dataset(search.outcome(), grid, criterion, found, made)
+        write_levels(path, kept.levels(grid), found_borders)
+    return borders(path)
+
+
+def _opened(path: Path) -> tuple[Any, xr.Dataset]:
+    """Sweep and dataset of a finished, undamaged map."""
+    if path.is_dir():
+        raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
+    ds = open_map(path, check=True)
+    try:
+        if "specification" not in ds.attrs or "label" not in ds:
+            raise StoreError(f"{path}: is not a map (it holds no specification)")
+        spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
+        if spec.digest() != ds.attrs["specification_digest"]:
+            raise StoreError(
+                f"{path}: was not made from this specification by this version of wiperjax"
+            )
+        return spec, ds
+    except BaseException:
+        ds.close()
+        raise
+
+
+def _of_map(path: Path, ds: xr.Dataset, criterion: Criterion) -> Facts:
+    """Facts of the cells of the map."""
+    if missing := [name for name in criterion.needs if name not in ds]:
+        raise StoreError(f"{path}: {not_there(missing[0], 'map', map(str, ds.data_vars))}")
+    return criterion.facts({name: ds[name].values.ravel() for name in criterion.needs})
+
+
+@contextmanager
+def _folder(path: Path):
+    """The folder of a refinement, locked; it is removed if all goes well."""
+    folder = Path(f"{path}.refine")
+    with naming(folder):
+        folder.mkdir(exist_ok=True)
+    lock = acquire(folder / LOCK)
+    try:
+        yield folder
+        with naming(folder, "removed"):
+            for parts in folder.glob("points-*.parts"):
+                clear(parts)
+                (parts / LOCK).unlink(missing_ok=True)
+                parts.rmdir()
+            (folder / LOCK).unlink()
+            folder.rmdir()
+    finally:
+        release(lock)
+
+
+def _run(search: Search, criterion: Criterion, bank: Bank, refine: Refine, compute: Any) -> None:
+    """Answers the requests of a search, from the bank as far as it goes."""
+    asked, told = search.requests(), None
+    while True:
+        try:
+            request: Request = asked.send(told)
+        except StopIteration:
+            return
+        there = bank.find(request.index) >= 0
+        lacking = request.index if request.longer else request.index[~there]
+        if len(lacking):
+            factor = refine.lengthen if request.longer else 1
+            bank.put(lacking, compute(lacking, factor), factor)
+        told = criterion.facts(bank.take(bank.find(request.index)))
+
+
+def _compute(
+    folder: Path, spec: Any, grid: Grid, blocks: Any, known: Mapping[str, str], progress: bool,
+    index: np.ndarray, factor: int,
+) -> dict[str, np.ndarray]:  # fmt: skip
+    """Columns of points, from their store or into it."""
+    points = Points(spec, grid, index, factor)
+    output = folder / f"points-{points.digest()[:24]}"
+    block = min(ROOM, block_size(Points(spec, grid, np.resize(index, ROOM), factor)))
+    with BlockStore.open(output, points, block=block, identity=known, resume=True) as store:
+        kept = f"points are kept in {folder}; go on with the same command (sweep: --resume)"
+        task = Task(points, blocks, block, dict(known), progress, None, Account(), None)
+        fill(task, store, lambda: f"interrupted: {kept}")
+        reader = Reader(store)
+        return reader.read(0, points.size, reader.names)

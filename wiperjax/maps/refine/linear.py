@@ -1,0 +1,19 @@
+"""Points whose answer is that of steady slip alone: its stability, for no simulation."""
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..block import Block
+
+
+def linear_blocks(spec: Any, spans: Any) -> Iterator[Block]:
+    """As the blocks of `driver.computing`, with the columns of `criterion.LINEAR` alone."""
+    from ..cells.linear import linear  # jax, where something is computed
+
+    for number, (start, stop) in spans.items():
+        begun = time.perf_counter()
+        columns = linear(spec, np.arange(start, stop))
+        yield Block(number, columns, None, time.perf_counter() - begun)

@@ -1,0 +1,55 @@
+"""A refined map asked: the search done again with the answers in the file, for no simulation."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...machine.files import StoreError
+from ...specs.load import parse_sweep
+from ...specs.refine import Refine
+from ...store.whole import borders, open_map
+from .bank import Bank
+from .criterion import Criterion
+from .grid import Grid
+from .search import Search
+
+
+def replay(path: str | Path) -> tuple[Search, Criterion]:
+    """The finished search of a refined map.
+
+    Raises: `StoreError` if `path` is no such map, or its borders are of what has no simulations.
+    """
+    settings = Refine.model_validate_json(borders(path).attrs["refine_settings"])
+    with open_map(path) as ds:
+        spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
+        criterion = Criterion(settings, spec.classes)
+        if criterion.linear:
+            raise StoreError(f"{path}: has borders of {settings.on}, of which no point is stored")
+        facts = criterion.facts({name: ds[name].values.ravel() for name in criterion.needs})
+    grid = Grid(spec.axes, settings.depth({n: a.count for n, a in spec.axes.items()}))
+    bank, search = Bank.of_file(path, grid), Search(grid, settings, criterion.thresholds, facts)
+    asked, told = search.requests(), None
+    while True:
+        try:
+            request = asked.send(told)
+        except StopIteration:
+            return search, criterion
+        place = bank.find(request.index)
+        if (place < 0).any():  # the budget ended it here
+            asked.close()
+            return search, criterion
+        told = criterion.facts(bank.take(place))
+
+
+def places_of(grid: Grid, values: Mapping[str, Any]) -> np.ndarray:
+    """Places (points, dim) in steps of a grid of values of its axes, edge units."""
+    found = []
+    for name in grid.names:
+        along, rank = grid.along[name], np.arange(grid.shape[grid.names.index(name)], dtype=float)
+        if along[0] > along[-1]:
+            along, rank = along[::-1], rank[::-1]
+        found.append(np.interp(np.asarray(values[name], dtype=float), along, rank))
+    return np.stack(found, axis=-1)

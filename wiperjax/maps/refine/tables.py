@@ -1,0 +1,61 @@
+"""What a refinement found as the dataset of borders that is stored in the map."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ...specs.refine import Refine
+from ...vocabulary.cf import flags
+from ...vocabulary.codes import CROSSINGS
+from ...vocabulary.parameters import PARAMETERS
+from .criterion import Criterion
+from .grid import Grid
+from .outcome import Outcome
+
+
+def border_dataset(
+    found: Outcome, grid: Grid, criterion: Criterion, settings: Refine, made: Mapping[str, Any]
+) -> xr.Dataset:
+    """Points on borders, one along `border`; angles in degrees, as in the map."""
+    count = len(found.axis)
+    variables: dict[str, Any] = {}
+    for name, values in grid.along.items():
+        entry, where = PARAMETERS[name], np.full(count, values[0])
+        if name in grid.names:
+            where = _values(values, found.place[:, grid.names.index(name)])
+        attrs = {"units": entry.edge_unit, "long_name": f"{entry.long_name} of the border"}
+        variables[name] = ("border", where, attrs)
+    ends = {"bracket_low": found.low, "bracket_high": found.high}
+    for name, steps in ends.items():
+        value = np.zeros(count)
+        for axis, along in enumerate(grid.names):
+            which = found.axis == axis
+            value[which] = _values(grid.along[along], steps[which])
+        words = "end of the bracket along `axis`, in its units"
+        variables[name] = ("border", value, {"long_name": words, "units": "1"})
+    codes = (
+        ("axis", found.axis, {name: k for k, name in enumerate(grid.names)}, "axis of the bracket"),
+        ("side_low", found.code_low, criterion.names, f"{settings.on} at bracket_low"),
+        ("side_high", found.code_high, criterion.names, f"{settings.on} at bracket_high"),
+        ("kind", found.kind, CROSSINGS, "kind of crossing"),
+    )
+    for name, values, names, words in codes:
+        attrs = {"long_name": words} | flags(names)
+        variables[name] = ("border", values.astype(np.int8), attrs)
+    words = {"long_name": "level of the cube that the point lies on an edge of", "units": "1"}
+    variables["level"] = ("border", found.level, words)
+    reached = {
+        f"bracket_share_{name}": float(wanted / (size - 1))
+        for name, size, wanted in zip(
+            grid.names, grid.shape, settings.bracket(grid.shape), strict=True
+        )
+    }
+    attrs = {"on": settings.on, "levels": grid.levels} | reached | found.report | dict(made)
+    return xr.Dataset(variables, attrs=attrs)
+
+
+def _values(values: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Values of an axis at places between its steps."""
+    return np.interp(place, np.arange(len(values)), values)

@@ -1,0 +1,145 @@
+"""Borders of a refined map as curves over a plane of it.
+
+Points on the edges of a cell are joined across it: two of one pair of answers by a straight piece,
+what is left, where three answers meet, at the middle. Cells that were halved are drawn by their
+parts.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+
+from ...vocabulary.codes import CROSSINGS
+from ..style.axes import is_geometric, shown
+from ..style.palette import BORDER, BOUNDARY
+
+PREFIX = "border_"
+NEAR = 1e-5  # cells: points so close to a plane or an edge lie on it
+Points = tuple[np.ndarray, np.ndarray]  # places (points, 2) in cells, and pairs of codes as one
+
+
+def with_borders(ds: xr.Dataset, borders: xr.Dataset) -> xr.Dataset:
+    """A map with its borders (`wiperjax.borders`), which its pictures then show as curves."""
+    named = borders.rename({name: PREFIX + str(name) for name in borders.data_vars})
+    return ds.assign(named.data_vars).assign_attrs(
+        {PREFIX + name: borders.attrs[name] for name in ("on", "levels")}
+    )
+
+
+def draw_borders(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str) -> bool:
+    """Draws the borders of `variable` in a plane of a map; returns whether there are any."""
+    on = str(ds.attrs.get(PREFIX + "on", ""))
+    if PREFIX + "axis" not in ds or ("=" not in on and on != variable):
+        return False
+    place, pair, rough = _in_plane(ds, x, y)
+    if not len(place):
+        return False
+    last = np.array([ds.sizes[x], ds.sizes[y]]) - 2
+    pieces = [
+        piece for cell in _cells((place[~rough], pair[~rough]), last) for piece in _joined(*cell)
+    ]
+    lines = [_values(ds, x, y, np.array(piece)) for piece in pieces]
+    for colour, width in ((BOUNDARY, 2.0), (BORDER, 1.0)):  # seen on dark and on bright cells
+        curves = LineCollection(lines, colors=colour, linewidths=width, capstyle="round")
+        ax.add_collection(curves, autolim=False)
+    dots = _values(ds, x, y, place[rough])
+    ax.plot(dots[:, 0], dots[:, 1], ".", color=BORDER, markersize=1.5)
+    return True
+
+
+def border_legend() -> Line2D:
+    """The entry of the curves in a legend."""
+    outline = withStroke(linewidth=2.0, foreground=BOUNDARY)
+    words = "border (located)"
+    return Line2D([], [], color=BORDER, linewidth=1.0, path_effects=[outline], label=words)
+
+
+def _in_plane(ds: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of the plane: places (points, 2) in cells, pairs of codes, and which have no curve."""
+    names = str(ds[PREFIX + "axis"].attrs["flag_meanings"]).split()
+    axis = ds[PREFIX + "axis"].values
+    inside = np.isin(axis, [names.index(name) for name in (x, y) if name in names])
+    for name in ds.coords:
+        if str(name) not in (x, y) and PREFIX + str(name) in ds and not ds[name].ndim:
+            value = float(ds[name])
+            inside &= np.abs(ds[f"{PREFIX}{name}"].values - value) <= 1e-9 * max(1, abs(value))
+    place = np.stack([_rank(ds, name, ds[PREFIX + name].values) for name in (x, y)], axis=-1)
+    codes = np.sort([ds[PREFIX + side].values for side in ("side_low", "side_high")], axis=0)
+    kind = ds[PREFIX + "kind"].values
+    rough = np.isin(kind, [CROSSINGS["irregular"], CROSSINGS["unresolved"]])
+    pair = codes[0].astype(int) * 256 + codes[1]
+    return place[inside], pair[inside], rough[inside]
+
+
+def _scaled(values: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Values as numbers of which an axis is an even, or listed, sequence."""
+    return np.log(values) if is_geometric(axis) else np.asarray(values, dtype=float)
+
+
+def _rank(ds: xr.Dataset, name: str, values: np.ndarray) -> np.ndarray:
+    """Values of an axis in cells from its first one."""
+    axis = ds[name].values
+    along = _scaled(axis, axis)
+    order = np.argsort(along)
+    rank = np.arange(len(along), dtype=float)
+    return np.interp(_scaled(values, axis), along[order], rank[order])
+
+
+def _values(ds: xr.Dataset, x: str, y: str, place: np.ndarray) -> np.ndarray:
+    """What pictures show at places in cells, (points, 2)."""
+    found = []
+    for name, rank in zip((x, y), np.moveaxis(place.reshape(-1, 2), 1, 0), strict=True):
+        axis = shown(ds[name])[0]
+        values = np.interp(rank, np.arange(len(axis)), _scaled(axis, axis))
+        found.append(np.exp(values) if is_geometric(axis) else values)
+    return np.stack(found, axis=-1)
+
+
+def _cells(points: Points, last: np.ndarray) -> Iterator[Points]:
+    """Points on the edges of each cell, or of the parts of one with points inside; `last` cell."""
+    place, _ = points
+    corners = np.unique(np.concatenate([np.floor(place - NEAR), np.floor(place + NEAR)]), axis=0)
+    corners = corners[((corners >= 0) & (corners <= last)).all(axis=1)]
+    column = np.argsort(place[:, 0])
+    sorted_ = place[column, 0]
+    for corner in corners:
+        low, high = np.searchsorted(sorted_, (corner[0] - NEAR, corner[0] + 1 + NEAR))
+        some = column[low:high]
+        yield from _parts((place[some], points[1][some]), corner, 1.0)
+
+
+def _parts(points: Points, corner: np.ndarray, size: float) -> Iterator[Points]:
+    place = (points[0] - corner) / size
+    near = NEAR / size
+    within = ((place >= -near) & (place <= 1 + near)).all(axis=1)
+    place, pair = place[within], points[1][within]
+    inside = ((place > near) & (place < 1 - near)).all(axis=1)
+    if inside.any() and size > 2.0**-12:
+        for i in (0, 1):
+            for j in (0, 1):
+                half = np.array([i, j])
+                here = (points[0][within], pair)
+                yield from _parts(here, corner + half * size / 2, size / 2)
+    elif len(place) > 1:
+        yield points[0][within], pair
+
+
+def _joined(place: np.ndarray, pair: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Straight pieces between the points on the edges of one cell."""
+    rest = []
+    for one in np.unique(pair):
+        own = place[pair == one]
+        while len(own) > 1:  # the closest first
+            off = np.linalg.norm(own[1:] - own[0], axis=1)
+            other = 1 + int(np.argmin(off))
+            yield own[0], own[other]
+            own = np.delete(own, [0, other], axis=0)
+        rest += list(own)
+    if len(rest) > 1:
+        middle = np.mean(rest, axis=0)
+        yield from ((point, middle) for point in rest)

@@ -1,0 +1,148 @@
+"""The table `[refine]`: where the borders of a map are to be located, and how well."""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, ValidationError, model_validator
+
+from ..vocabulary.schema import SCHEMA
+from ..vocabulary.wording import not_there
+from .errors import Fault, SpecError, sentence, show, unknown
+from .tables import Pair, Table
+
+MOST_LEVELS = 20
+
+
+def _box(value: Any) -> Any:
+    """A table of axes; the pairs themselves are checked by their type."""
+    if not isinstance(value, Mapping):
+        raise Fault("", f"must be a table of axis = [low, high], was {show(value)}")
+    return dict(value)
+
+
+class Refine(Table):
+    """How the borders between the answers of a map are located.
+
+    Attributes:
+        on: what the borders are between: a variable of names (label, mechanism, band), or
+            NAME=NUMBER for a threshold of any stored number, such as velocity_rms=0.1.
+        levels: how often the spacing of the map is halved; left out: as `resolution` needs.
+        resolution: bracket of a border point, as a share of each axis; left out: one step of the
+            finest level.
+        box: axis -> [low, high] (edge units) to look in; left out: the whole map.
+        max_cells: simulations after which it ends, whatever is left.
+        probes: random points in cubes without a border, and as many in those with one.
+        lengthen: times as long a window where the answer is not settled; 1: never.
+        splits: how often a cube is halved whose border is not what its edges tell.
+        seed: of the random points.
+    """
+
+    on: str = "label"
+    levels: int | None = None
+    resolution: float | None = None
+    box: Annotated[dict[str, Pair], BeforeValidator(_box)] = {}
+    max_cells: int = 1_000_000
+    probes: int = 500
+    lengthen: int = 4
+    splits: int = 2
+    seed: int = 0
+
+    @model_validator(mode="after")
+    def _says_how_fine(self) -> "Refine":
+        if self.levels is None and self.resolution is None:
+            raise Fault("levels", "must be given, or resolution; both are missing")
+        self.criterion()
+        return self
+
+    def criterion(self) -> tuple[str, float | None]:
+        """Variable, and its threshold if it has one. Raises: Fault for one that cannot be."""
+        name, equals, text = (part.strip() for part in self.on.partition("="))
+        known = [n for n, column in SCHEMA.items() if not column.along]
+        if name not in known:
+            raise Fault("on", not_there(name, "kind of map", known))
+        if not equals:
+            if SCHEMA[name].flags is None:
+                raise Fault("on", f"must be {name}=NUMBER, for {name} is a number; was {self.on}")
+            return name, None
+        try:
+            threshold = float(text)
+        except ValueError:
+            threshold = math.nan
+        if SCHEMA[name].flags is not None or not math.isfinite(threshold):
+            must = "must be a variable of names, or NAME=NUMBER of one of numbers"
+            raise Fault("on", f"{must}; was {show(self.on)}")
+        return name, threshold
+
+    def check_box(self, axes: Mapping[str, np.ndarray]) -> None:
+        """Raises Fault for a box of other axes, or outside them; `axes` in edge units."""
+        for name, (low, high) in self.box.items():
+            if name not in axes:
+                raise Fault(f"box.{name}", unknown(name, list(axes)))
+            least, most = axes[name].min(), axes[name].max()
+            if not least <= low < high <= most:
+                must = f"must be [low, high] inside [{least:g}, {most:g}], low < high"
+                raise Fault(f"box.{name}", f"{must}; was [{low:g}, {high:g}]")
+
+    def depth(self, counts: Mapping[str, int]) -> int:
+        """Levels for axes of so many values each. Raises: Fault if they are too many."""
+        if self.levels is not None:
+            return self.levels
+        assert self.resolution is not None
+        steps = min((n - 1 for n in counts.values() if n > 1), default=1)
+        needed = max(0, math.ceil(math.log2(1 / (self.resolution * steps)) - 1e-9))
+        if needed > MOST_LEVELS:
+            must = f"must need at most {MOST_LEVELS} halvings of the map's spacing"
+            raise Fault("resolution", f"{must}; {self.resolution:g} needs {needed}")
+        return needed
+
+    def bracket(self, shape: np.ndarray) -> np.ndarray:
+        """Steps of the finest grid that are a bracket along each axis; `shape` of that grid."""
+        if self.resolution is None:
+            return np.ones(len(shape), dtype=np.int64)
+        return np.maximum(1, np.floor(self.resolution * (shape - 1) + 1e-9)).astype(np.int64)
+
+    def cells_of(
+        self, along: Mapping[str, np.ndarray], names: tuple[str, ...], width: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """First cell of the box along each axis and the one after the last; `along` the values of
+        the finest grid, `width` of its steps in a cell.
+        """
+        low, high = [], []
+        for name in names:
+            values = along[name][::width]
+            ends = sorted(self.box.get(name, (values.min(), values.max())))
+            if values[0] > values[-1]:
+                values, ends = -values, [-ends[1], -ends[0]]
+            first = int(np.searchsorted(values, ends[0], side="right")) - 1
+            last = int(np.searchsorted(values, ends[1], side="left"))
+            low.append(min(max(first, 0), len(values) - 2))
+            high.append(min(max(last, low[-1] + 1), len(values) - 1))
+        return np.array(low), np.array(high)
+
+
+def parse_refine(given: Mapping[str, Any], spec: Any) -> Refine:
+    """What is `given`, shaped like the table, for a map of the sweep `spec`.
+
+    Raises: SpecError, one line that names the key.
+    """
+    try:
+        found = Refine.model_validate(dict(given))
+        check(found, spec)
+    except ValidationError as error:
+        raise SpecError(f"refine.{sentence(Refine, error)}") from None
+    except Fault as fault:
+        raise SpecError(f"refine.{fault}") from None
+    return found
+
+
+def check(refine: Refine, spec: Any) -> None:
+    """Raises Fault where a table does not suit the sweep that it is for."""
+    if spec.starts is not None:
+        raise Fault("on", "must be left out with [starts]: borders are those of one start")
+    axes = spec.axes_values()
+    if all(len(values) == 1 for values in axes.values()):
+        raise Fault("levels", "must be left out: no axis of the map has two values")
+    refine.check_box(axes)
+    refine.depth({name: len(values) for name, values in axes.items()})
