@@ -49,6 +49,7 @@ class Result(IntEnum):
     PAINLEVE_INDETERMINATE = 6
     NO_CONSISTENT_REGIME = 7
     INCONSISTENT_START = 8
+    TOO_FEW_DIGITS = 9
 
 
 RUNNING = -1  # inside the loop only; never reported
@@ -71,6 +72,8 @@ ADVICE = {
     "please report the parameters",
     Result.INCONSISTENT_START: "the initial state is impossible (tip inside the glass, or at rest "
     "where no contact force can hold it): choose another one",
+    Result.TOO_FEW_DIGITS: "the motion cannot be told in single precision (steps shrink to "
+    "nothing): take precision float64",
 }
 
 
