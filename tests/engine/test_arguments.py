@@ -157,8 +157,24 @@ CASES = {
         {"path": "no.h5"},
         {"path": NO_PATH, "variables": ["label", 3, [3]]},
     ),
+    "borders": (wiperjax.borders, {"path": "no.h5"}, {"path": NO_PATH}),
+    "refine": (
+        wiperjax.refine,
+        {"path": "no.h5", "levels": 1},
+        {"path": NO_PATH, "progress": NO_FLAG},
+    ),
+    "with_borders": (
+        plots.with_borders,
+        {"ds": xr.Dataset({"label": ("attack_angle", [0, 1])}), "borders": xr.Dataset()},
+        {"ds": [3, None, Odd()], "borders": [3, None, Odd(), xr.Dataset()]},
+    ),
     "load_sweep": (wiperjax.load_sweep, {"path": "no.toml"}, {"path": NO_PATH}),
     "load_scene": (wiperjax.load_scene, {"path": "no.toml"}, {"path": NO_PATH}),
+    "steady_slip": (
+        wiperjax.steady_slip,
+        {"wiper": BLADE},
+        {"wiper": ["w", 3, None, Odd()], "belt_speed": NO_NUMBER[:-1]},
+    ),
     "run_scene": (wiperjax.run_scene, {"spec": "no.toml"}, {"spec": [3, None, [], Odd(), BLADE]}),
     "class_table": (
         wiperjax.class_table,
@@ -434,7 +450,7 @@ def test_every_public_name_is_tested_here():
         if not name.startswith("_") and inspect.isfunction(getattr(wiperjax, name))
     }
     files = {"parse_scene", "parse_sweep"}  # of a file's words `specs` has its own tests
-    assert functions <= CASES.keys() | files | {"steady_slip"}
+    assert functions <= CASES.keys() | files
     doors = {name for name in dir(remedy) if inspect.isfunction(getattr(remedy, name))}
     assert doors <= CASES.keys()
 
@@ -442,7 +458,9 @@ def test_every_public_name_is_tested_here():
 PICTURES = {
     name: draw
     for name, draw in vars(plots).items()
-    if callable(draw) and not name.startswith("_") and name not in ("of", "plot_file", "plot_all")
+    if callable(draw)
+    and not name.startswith("_")
+    and name not in ("of", "plot_file", "plot_all", "with_borders")
 }
 
 

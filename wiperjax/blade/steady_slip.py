@@ -17,7 +17,9 @@ import optimistix as optx
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces, slip_sign
 from ..contact.space import contact
 from ..numerics.types import Scalar
+from ..vocabulary import checks
 from ..vocabulary.codes import Regime
+from ..vocabulary.ranges import FINITE
 from .belts import SteadyBelt
 from .wiper import Wiper
 
@@ -56,7 +58,12 @@ def steady_slip(wiper: Wiper, belt_speed=None) -> SteadySlip:
     any shape (default: that of the wiper's belt at t = 0). Shapes are broadcast together.
 
     **Returns** a `SteadySlip` of that shape. A belt at rest has no steady slip.
+
+    Raises ValueError for anything else.
     """
+    checks.instance("wiper", wiper, Wiper, "a Wiper")
+    if belt_speed is not None:
+        checks.numbers("belt_speed", belt_speed, FINITE)
     return jax.tree.map(lambda x: x[..., 0], _over_map(wiper, belt_speed, 1))
 
 

@@ -13,6 +13,7 @@ from stub_sweep import rewritten
 import wiperjax
 from wiperjax.cli import main
 from wiperjax.machine.files import StoreError
+from wiperjax.machine.provenance import RUN_ATTRIBUTES
 from wiperjax.maps import block, driver
 from wiperjax.maps.refine.points import Points
 from wiperjax.maps.verify import verify
@@ -28,12 +29,11 @@ def disc(x, y):
 
 
 DISC = engine(disc)
-RUN_ALONE = ("date_created", "wall_time", "host", "command")
 
 
 def same_borders(one, other):
     for ds in (one, other):
-        for name in RUN_ALONE:
+        for name in RUN_ATTRIBUTES:
             ds.attrs.pop(name, None)
     xr.testing.assert_identical(one, other)
 
