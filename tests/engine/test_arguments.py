@@ -166,7 +166,7 @@ CASES = {
     "with_borders": (
         plots.with_borders,
         {"ds": xr.Dataset({"label": ("attack_angle", [0, 1])}), "borders": xr.Dataset()},
-        {"ds": [3, None, Odd()], "borders": [3, None, Odd(), xr.Dataset()]},
+        {"ds": [3, None, Odd()], "borders": [3, Odd(), xr.Dataset()]},
     ),
     "load_sweep": (wiperjax.load_sweep, {"path": "no.toml"}, {"path": NO_PATH}),
     "load_scene": (wiperjax.load_scene, {"path": "no.toml"}, {"path": NO_PATH}),
