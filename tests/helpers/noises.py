@@ -22,7 +22,7 @@ class Cases:
         self.belt, self.run, self.classes = like.belt, like.run, like.classes
         self.blade = like.blade
         self.rtol, self.samples, self.sensitivities = like.rtol, like.samples, None
-        self.start, self.model, self.names = like.start, like.model, list(cases)
+        self.start, self.starts, self.model, self.names = like.start, None, like.model, list(cases)
         self.parameter_names, self.cases = like.parameter_names, list(cases.values())
 
     def cells(self, index):
