@@ -253,3 +253,13 @@ def test_simulations_beside_the_boundary_all_over_the_map():
     assert np.median(np.abs(ratio - 1)) < 1e-4
     np.testing.assert_allclose(ratio, 1, rtol=3e-3)  # measured: 1e-3
     np.testing.assert_allclose(np.angle(wave), 0, atol=3e-3)  # after whole periods
+
+
+def test_a_cell_does_not_depend_on_how_many_there_are():
+    """Bit for bit: a block of a map may be of any size."""
+    angles = np.radians(np.linspace(-40, 40, 140))
+    many = steady_slip(wiperjax.Wiper(attack_angle=angles), 0.3)
+    for count in (1, 45, 100):
+        few = steady_slip(wiperjax.Wiper(attack_angle=angles[:count]), 0.3)
+        for one, other in zip(few, many, strict=True):
+            np.testing.assert_array_equal(one, other[:count])

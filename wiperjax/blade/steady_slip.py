@@ -26,7 +26,9 @@ from .wiper import Wiper
 GRID = 513  # angles on which roots are bracketed: two that lie within 0.35 degrees are not seen
 MOST_BRANCHES = 5  # three occur (one on each shoulder, a saddle on the neck)
 _LANES = 64  # cells at a time, with all their angles: they fit in a cache
-_FEWEST, _STEP = 64, 2048  # cells are filled up to so many: few compilations
+# Cells are filled up to so many: few compilations. Two turns of the loop at least: of one XLA makes
+# no loop, and rounds otherwise, so that a cell's last digit would tell the size of its block.
+_FEWEST, _STEP = 2 * _LANES, 2048
 _FINDER = optx.Bisection(rtol=1e-15, atol=1e-15, flip=False)
 
 
