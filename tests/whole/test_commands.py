@@ -28,6 +28,8 @@ INSTEAD = {  # part of a command -> what stands for it; None: the command is lef
     "--local-cluster": None,  # test_cluster: processes
     "bench chart": None,  # test_bench
     "bench all": None,  # test_bench: each part of it, in small
+    "bench sweep": None,  # tests/bench/test_sweep.py: a million cells
+    "bench borders": None,  # tests/bench/test_borders.py
     "MAP.h5.parts": None,  # test_storage: an unfinished sweep
     "FILE.toml": "sweeps/quick.toml",
     "map.toml": "sweeps/quick.toml",
