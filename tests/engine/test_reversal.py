@@ -72,3 +72,11 @@ def test_the_largest_force_is_that_of_the_window_also_where_strokes_press_harder
     assert force[~near].max() > 1.02 * force[near].max()  # else the test says nothing
     found = float(run.statistics.force_max_reversal)
     assert force[near].max() <= found < force[near].max() * (1 + 3e-4)  # it is at the window's edge
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_what_lies_within_the_window_is_not_of_the_strokes_by_rounding(both, which):
+    """A share of 1e-20 would name a mechanism: flight at the turn is none of the strokes."""
+    r = both[which]
+    for time in (r.stick_time_stroke, r.flight_time_stroke):
+        assert float(time) == 0 or float(time) > 1e-9

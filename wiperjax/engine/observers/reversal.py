@@ -63,7 +63,10 @@ class ReversalTotals(AbstractObserver):
         after = [(low, larger(low, high)) for low, high in after]
         near = [(low, high) for low, high, _ in windows]
         one = (jnp.ones_like(step),)
-        stroke = counted(s.length.astype(dtype) - within(one, near))
+        stroke = s.length.astype(dtype) - within(one, near)
+        # rounding of a step within the window is no stroke: a share > 0 names a mechanism
+        rounding = 16 * jnp.finfo(dtype).eps * s.length.astype(dtype)
+        stroke = counted(jnp.where(stroke > rounding, stroke, 0.0))
         peak = counted(self._peak(load, near))
 
         return ReversalRecord(
