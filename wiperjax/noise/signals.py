@@ -151,8 +151,8 @@ def stroke_weight(since: np.ndarray, window: float) -> np.ndarray:
 
 def weighted_rms(values: np.ndarray, inner: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Root of the weighted mean square along the last axis, the variance `inner` of each sample
-    included; NaN where all weights are 0. (Variances from mean squares at instants may be negative,
-    see `interval_means`: of a tip that only rides along, their sum too, which then is no vibration.)
+    included; NaN where all weights are 0. (Variances from mean squares at instants may be
+    negative, see `interval_means`; of a tip that only rides along so is their sum.)
     """
     total = weight.sum(axis=-1)
     square = np.maximum((weight * (values**2 + inner)).sum(axis=-1), 0.0)
