@@ -1,5 +1,6 @@
 """Shared by all tests: 64-bit numbers, which importing wiperjax switches on before any array."""
 
+import gc
 import os
 import tempfile
 from pathlib import Path
@@ -15,6 +16,7 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
 import wiperjax  # noqa: E402
 
 wiperjax.configure(1)  # as the command line does: one core for each of the processes
+gc.set_threshold(200_000, 50, 100)  # else a tenth of tracing is looking for garbage
 
 # The longest files first: begun last, one would keep one process busy and leave the other idle.
 LONGEST = (

@@ -21,6 +21,15 @@ COMPILER = {
     "xla_cpu_disable_tiled_emitter": "true",
 }
 
+# Passes of its loops that seek fixed trip counts and what does not change from turn to turn. The
+# engine's loop has no fixed count, and LLVM finds the rest in the one function that a loop becomes:
+# to seek it is a tenth of compiling, for not a bit and not a microsecond of the program.
+SKIPPED = (
+    "simplify-while-loops",
+    "while-loop-invariant-code-motion",
+    "while-loop-trip-count-annotator",
+)
+
 MOST_CORES = 1024  # a device each: more is a slip
 
 _configured: int | None = None  # cores that this process was told to use
@@ -36,9 +45,10 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
 
     ``cores``: devices to use, one a core (default: the cores this process may run on). One device
     a core with a one-thread pool each, because the default pool burns two cores for the speed of
-    one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; and a
-    whole loop in one compiled function (`COMPILER`). ``keep``: what is compiled is kept for later
-    processes (`compiled.keep_programs`).
+    one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; a whole
+    loop in one compiled function (`COMPILER`), compiled without what it gains nothing by
+    (`SKIPPED`). ``keep``: what is compiled is kept for later processes
+    (`compiled.keep_programs`).
     Settings already made by the user win. Has no effect once JAX has started a device. Raises
     ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
     """
@@ -53,6 +63,7 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
         "--xla_force_host_platform_device_count": str(count),
         "--xla_cpu_prefer_vector_width": "512",
         "--xla_backend_extra_options": ",".join(f"{k}={v}" for k, v in COMPILER.items()),
+        "--xla_disable_hlo_passes": ",".join(SKIPPED),
     }
     flags = os.environ.get("XLA_FLAGS", "")
     for name, value in wanted.items():
