@@ -13,10 +13,15 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     _compiled = tempfile.TemporaryDirectory(prefix="wiperjax-tests-", ignore_cleanup_errors=True)
     os.environ["JAX_COMPILATION_CACHE_DIR"] = _compiled.name
 
+import hypothesis  # noqa: E402
+
 import wiperjax  # noqa: E402
 
 wiperjax.configure(1)  # as the command line does: one core for each of the processes
 gc.set_threshold(200_000, 50, 100)  # else a tenth of tracing is looking for garbage
+
+# `pytest --hypothesis-profile many tests/whole/test_properties.py`: for a night
+hypothesis.settings.register_profile("many", max_examples=1000)
 
 # The longest files first: begun last, one would keep one process busy and leave the other idle.
 LONGEST = (

@@ -1,0 +1,161 @@
+"""What holds of every blade, drawn at large: laws of mechanics that no method may break.
+
+One compiled program serves all examples: blade, belt, start, duration and tolerance are its
+arguments. A few examples by default; `pytest --hypothesis-profile many` draws a thousand.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+import wiperjax
+from wiperjax import Result, SteadyBelt, Wiper
+
+MANY = settings.default.max_examples >= 1000  # the profile of conftest.py
+few = settings(
+    max_examples=settings.default.max_examples if MANY else 12,
+    derandomize=not MANY,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
+
+pytestmark = pytest.mark.slow
+DURATION = 0.01
+FINE = 1e-10
+
+
+def between(low, high):
+    return st.floats(low, high, allow_nan=False)
+
+
+BLADES = st.fixed_dictionaries(
+    dict(
+        tip_mass=between(0.005, 0.1),
+        lip_length=between(4e-3, 8e-3),
+        support_stiffness=between(500.0, 20000.0),
+        support_damping=between(0.0, 5.0),
+        neck_stiffness=between(1e-3, 0.05),
+        attack_angle=between(-0.7, 0.7),
+        normal_load=between(5.0, 30.0),
+        restitution=between(0.0, 0.8),
+        mu_static=between(0.4, 1.4),
+        mu_minimum=between(0.1, 0.4),
+        speed=between(0.05, 1.0),
+        drop=between(0.0, 1e-4),  # m, that the tip is let go above the glass
+    )
+)
+
+
+@eqx.filter_jit
+def _move(blade, position, velocity, duration, rtol):
+    blade = dict(blade)
+    wiper = Wiper(belt=SteadyBelt(blade.pop("speed")), **blade)
+    return wiperjax.solve(
+        wiper, duration, initial_state=(position, velocity), rtol=rtol, max_events=1024
+    )
+
+
+def move(blade, *, start=None, duration=DURATION, rtol=FINE):
+    """The motion of a blade let go at rest above the glass, or from ``start``."""
+    numbers = {name: jnp.asarray(float(value)) for name, value in blade.items()}
+    drop = numbers.pop("drop")
+    place = (numbers["lip_length"] * jnp.sin(numbers["attack_angle"]), drop)
+    position, velocity = start or (place, (0.0, 0.0))
+    arrays = (tuple(jnp.asarray(float(x)) for x in part) for part in (position, velocity))
+    found = _move(numbers, *arrays, jnp.asarray(float(duration)), jnp.asarray(float(rtol)))
+    assume(Result(int(found.result)) == Result.FINISHED)
+    return found
+
+
+def state(found):
+    return np.array([*found.final_position, *found.final_velocity], float)
+
+
+def size(blade):
+    """Sizes of (x, y, x', y'), by which differences are judged."""
+    natural = np.sqrt(blade["normal_load"] * blade["lip_length"] / blade["tip_mass"])
+    return np.repeat([blade["lip_length"], max(blade["speed"], natural)], 2)
+
+
+def tame(blade, found):
+    """Whether the motion tells a perturbed blade from this one by little: it is not irregular, and
+    no event hangs on the last digit."""
+    close = move({**blade, "normal_load": blade["normal_load"] * (1 + 1e-9)})
+    apart = np.abs(state(close) - state(found)) / size(blade)
+    return apart.max() < 1e-7 and int(close.events.count) == int(found.events.count)
+
+
+@few
+@given(BLADES)
+def test_a_glass_at_rest_only_takes_energy(blade):
+    blade["speed"] = 0.0
+    wiper = Wiper(**{k: v for k, v in blade.items() if k not in ("speed", "drop")})
+    place = blade["lip_length"] * np.sin(blade["attack_angle"])
+    energies = [float(wiper.energy((place, blade["drop"]), (0.0, 0.0)))]
+    for part in (0.25, 0.5, 1.0):
+        found = move(blade, duration=part * DURATION)
+        energies.append(float(wiper.energy(found.final_position, found.final_velocity)))
+    unit = blade["normal_load"] * blade["lip_length"]
+    assert np.all(np.diff(energies) <= 1e-8 * unit)
+
+
+@few
+@given(BLADES)
+def test_the_mirror_image_moves_as_the_mirror_image(blade):
+    found = move(blade)
+    mirrored = move({**blade, "attack_angle": -blade["attack_angle"], "speed": -blade["speed"]})
+    assert np.allclose(state(mirrored), state(found) * [-1, 1, -1, 1], rtol=0, atol=1e-12)
+    assert int(mirrored.events.count) == int(found.events.count)
+
+
+@few
+@given(BLADES, st.integers(-3, 3), st.integers(-3, 3), st.integers(-3, 3))
+def test_units_are_of_no_account(blade, mass, length, time):
+    """Another kilogram, metre and second: powers of two, which round nothing themselves."""
+    found = move(blade)
+    m, l, t = 2.0**mass, 2.0**length, 2.0**time
+    units = dict(
+        tip_mass=m,
+        lip_length=l,
+        support_stiffness=m / t**2,
+        support_damping=m / t,
+        neck_stiffness=m * l**2 / t**2,
+        normal_load=m * l / t**2,
+        speed=l / t,
+        drop=l,
+    )
+    assume(tame(blade, found))
+    scaled = {k: v * units.get(k, 1.0) for k, v in blade.items()}
+    # what the others have by default has units, too
+    defaults = Wiper()
+    for name, unit in dict(
+        shoulder_stiffness=m * l**2 / t**2, stribeck_speed=l / t, viscous_slope=t / l
+    ).items():
+        scaled[name] = float(getattr(defaults, name)) * unit
+        blade[name] = float(getattr(defaults, name))
+    found, other = move(blade), move(scaled, duration=DURATION * t)
+    factor = np.array([l, l, l / t, l / t])
+    assert np.allclose(state(other) / factor / size(blade), state(found) / size(blade), atol=1e-6)
+
+
+@few
+@given(BLADES, between(0.1, 0.9))
+def test_a_motion_in_two_parts_is_the_motion(blade, part):
+    found = move(blade)
+    assume(tame(blade, found))
+    first = move(blade, duration=part * DURATION)
+    second = move(blade, start=(first.final_position, first.final_velocity), duration=(1 - part) * DURATION)
+    assert np.allclose(state(second) / size(blade), state(found) / size(blade), rtol=0, atol=1e-6)
+
+
+@few
+@given(BLADES)
+def test_a_tolerance_a_hundred_times_finer_says_the_same(blade):
+    found = move(blade, rtol=1e-8)
+    assume(tame(blade, move(blade)))
+    finer = move(blade)
+    assert int(found.events.count) == int(finer.events.count)
+    assert np.allclose(state(found) / size(blade), state(finer) / size(blade), rtol=0, atol=1e-5)
