@@ -147,7 +147,9 @@ def test_a_motion_in_two_parts_is_the_motion(blade, part):
     found = move(blade)
     assume(tame(blade, found))
     first = move(blade, duration=part * DURATION)
-    second = move(blade, start=(first.final_position, first.final_velocity), duration=(1 - part) * DURATION)
+    second = move(
+        blade, start=(first.final_position, first.final_velocity), duration=(1 - part) * DURATION
+    )
     assert np.allclose(state(second) / size(blade), state(found) / size(blade), rtol=0, atol=1e-6)
 
 
