@@ -40,8 +40,8 @@ At the second, derivatives that are called fine are right to 1e-3 (docs/gradient
 SOLVER = {"float64": "dopri8", "float32": "tsit5"}
 """Runge-Kutta method unless the file has one, by the precision of the state.
 
-Of order 8 it is cheaper and more accurate (docs/maps.md); in single precision it loses what it gains
-to rounding: four times the steps at 1e-5 (docs/bench/speed.md)."""
+The method of order 8 is cheaper and more accurate (docs/maps.md). In single precision rounding
+takes what it gains, and more: four times the steps at 1e-5 (docs/bench/speed.md)."""
 
 
 SAMPLES_A_PERIOD = 5
