@@ -43,6 +43,10 @@ SOLVER = {"float64": "dopri8", "float32": "tsit5"}
 The method of order 8 is cheaper and more accurate (docs/maps.md). In single precision rounding
 takes what it gains, and more: four times the steps at 1e-5 (docs/bench/speed.md)."""
 
+SLOPE_SOLVER = "tsit5"
+"""The same with sensitivities: at `SLOPE_RTOL` longer steps of Dopri8 leave twice the error that
+the tests of derivatives allow."""
+
 
 SAMPLES_A_PERIOD = 5
 """Samples of a period of the highest squeal, unless the file says how many there are."""
@@ -164,7 +168,8 @@ class SweepSpec(System):
     @property
     def settings(self) -> SweepRun:
         """The table `run` as it is computed: with a tolerance, a solver and a number of samples."""
-        solver = self.run.solver or SOLVER[self.run.precision]
+        usual = SOLVER[self.run.precision] if self.sensitivities is None else SLOPE_SOLVER
+        solver = self.run.solver or usual
         found = {"rtol": self.rtol, "solver": solver, "samples": self.samples}
         return self.run.model_copy(update=found)
 

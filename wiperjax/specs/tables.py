@@ -123,7 +123,8 @@ class SweepRun(Table):
         rtol: relative tolerance of the integrator; left out: 1e-6, with sensitivities 1e-9.
         atol: absolute tolerances; left out: the solver chooses them by the blade's size and speed.
         precision: of the state.
-        solver: Runge-Kutta method; left out: "dopri8", in single precision "tsit5".
+        solver: Runge-Kutta method; left out: "dopri8", in single precision or with
+            sensitivities "tsit5".
         max_steps: step budget of one cell; a cell that spends it gets that result code.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
         samples: of the settled window, at a first look; left out: as many as the highest squeal
