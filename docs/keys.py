@@ -113,6 +113,8 @@ def table(model: type[Table], keys: tuple[str, ...] = (), meant: dict[str, str] 
 
 def allowed(name: str, annotation: typing.Any) -> str:
     """What a value must be, in the words of its error line."""
+    if type(None) in (choices := typing.get_args(annotation)):  # may be left out
+        return allowed(name, choices[0])
     if typing.get_origin(annotation) is typing.Literal:
         return " or ".join(f'`"{choice}"`' for choice in typing.get_args(annotation))
     if typing.get_origin(annotation) is dict:

@@ -74,7 +74,7 @@ def test_attributes_say_how_it_was_made():
     assert (
         ds.attrs["tip_mass"] == 2.4e-3
         and ds.attrs["run_rtol"] == 1e-6
-        and ds.attrs["run_solver"] == "tsit5"
+        and ds.attrs["run_solver"] == "dopri8"
     )
     np.testing.assert_array_equal(ds.attrs["class_squeal_band"], [500.0, 1000.0])
     assert (

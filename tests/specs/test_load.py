@@ -116,9 +116,23 @@ def test_every_reference_value_lies_in_its_own_range():
             assert entry.problem(entry.to_edge(entry.reference)) is None, entry.name
 
 
+def test_solver_that_is_left_out_goes_by_the_precision_and_is_part_of_the_digest():
+    run = ONE_AXIS.splitlines().index("[run]")
+
+    def with_(*lines):
+        text = ONE_AXIS.splitlines()
+        return sweep("\n".join([*text[: run + 1], *lines, *text[run + 1 :]]))
+
+    single = 'precision = "float32"'
+    assert with_(single).settings.solver == "tsit5"
+    assert with_(single).digest() == with_(single, 'solver = "tsit5"').digest()
+    assert with_().digest() == with_('solver = "dopri8"').digest()
+    assert with_().digest() != with_('solver = "tsit5"').digest()
+
+
 def test_defaults_of_run_start_and_classes():
     spec = sweep(ONE_AXIS)
-    assert (spec.rtol, spec.run.precision, spec.run.solver) == (1e-6, "float64", "tsit5")
+    assert (spec.rtol, spec.run.precision, spec.settings.solver) == (1e-6, "float64", "dopri8")
     assert (spec.run.max_steps, spec.run.zeno_time, spec.run.samples) == (200_000, 1e-8, None)
     assert spec.run.atol is None and spec.run.event_log is None
     assert spec.start.kind == "default"

@@ -37,6 +37,16 @@ RTOL, SLOPE_RTOL = 1e-6, 1e-9
 
 At the second, derivatives that are called fine are right to 1e-3 (docs/gradients.md)."""
 
+SOLVER = {"float64": "dopri8", "float32": "tsit5"}
+"""Runge-Kutta method unless the file has one, by the precision of the state.
+
+The method of order 8 is cheaper and more accurate (docs/maps.md). In single precision rounding
+takes what it gains, and more: four times the steps at 1e-5 (docs/bench/speed.md)."""
+
+SLOPE_SOLVER = "tsit5"
+"""The same with sensitivities: at `SLOPE_RTOL` longer steps of Dopri8 leave twice the error that
+the tests of derivatives allow."""
+
 
 SAMPLES_A_PERIOD = 5
 """Samples of a period of the highest squeal, unless the file says how many there are."""
@@ -156,6 +166,14 @@ class SweepSpec(System):
         return RTOL if self.sensitivities is None else SLOPE_RTOL
 
     @property
+    def settings(self) -> SweepRun:
+        """The table `run` as it is computed: with a tolerance, a solver and a number of samples."""
+        usual = SOLVER[self.run.precision] if self.sensitivities is None else SLOPE_SOLVER
+        solver = self.run.solver or usual
+        found = {"rtol": self.rtol, "solver": solver, "samples": self.samples}
+        return self.run.model_copy(update=found)
+
+    @property
     def samples(self) -> int:
         """Samples of the settled window: those of the file, or `SAMPLES_A_PERIOD` of the highest
         squeal, rounded up to a whole number of `FEWEST_SAMPLES`.
@@ -240,7 +258,7 @@ class SweepSpec(System):
             "belt": self.belt.kind,
             "model": self.model,
             "start": self.start.model_dump(mode="json"),
-            "run": self.run.model_dump(mode="json") | {"rtol": self.rtol, "samples": self.samples},
+            "run": self.settings.model_dump(mode="json"),
             "classes": self.classes.model_dump(mode="json"),
         }
         if self.blade.friction != "stribeck":

@@ -123,7 +123,8 @@ class SweepRun(Table):
         rtol: relative tolerance of the integrator; left out: 1e-6, with sensitivities 1e-9.
         atol: absolute tolerances; left out: the solver chooses them by the blade's size and speed.
         precision: of the state.
-        solver: Runge-Kutta method.
+        solver: Runge-Kutta method; left out: "dopri8", in single precision or with
+            sensitivities "tsit5".
         max_steps: step budget of one cell; a cell that spends it gets that result code.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
         samples: of the settled window, at a first look; left out: as many as the highest squeal
@@ -138,7 +139,7 @@ class SweepRun(Table):
     rtol: float | None = None
     atol: float | None = None
     precision: Literal["float64", "float32"] = "float64"
-    solver: SolverName = "tsit5"
+    solver: SolverName | None = None
     max_steps: int = 200_000
     zeno_time: float = 1e-8
     samples: int | None = None
@@ -186,6 +187,7 @@ class SceneRun(Table):
         duration: time [s] that is computed.
         sample_interval: time [s] between samples; left out: 1/2000 of the duration.
         rtol: relative tolerance of the integrator.
+        solver: Runge-Kutta method.
         max_steps: step budget; left out: no end but that of the run.
     """
 

@@ -38,8 +38,11 @@ COMPARED = ("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms"
 REFERENCE = ("engine", {"solver": "dopri8", "rtol": 1e-9})
 SECOND = ("scalar", {"rtol": 1e-10})
 SETTINGS = [
-    *(("engine", {"rtol": r}) for r in (1e-3, 1e-4, 1e-5, 1e-6, 1e-8)),
-    *(("engine", {"rtol": r, "precision": "float32"}) for r in (1e-4, 1e-5, 1e-6)),
+    *(("engine", {"rtol": r, "solver": "tsit5"}) for r in (1e-3, 1e-4, 1e-5, 1e-6, 1e-8)),
+    *(
+        ("engine", {"rtol": r, "solver": "tsit5", "precision": "float32"})
+        for r in (1e-4, 1e-5, 1e-6)
+    ),
     ("engine", {"rtol": 1e-4, "solver": "bosh3"}),
     ("engine", {"rtol": 1e-6, "solver": "dopri8"}),
     *(("scalar", {"rtol": r}) for r in (1e-4, 1e-6, 1e-8)),

@@ -121,7 +121,7 @@ class _Settings(NamedTuple):
 
 
 def _settings(spec) -> _Settings:
-    run = spec.run.model_copy(update={"rtol": spec.rtol, "samples": spec.samples})
+    run = spec.settings
     given = {name: getattr(run, name) for name in _Settings._fields[:-1]}
     return _Settings(**given, reversal_window=spec.classes.reversal_window)
 

@@ -27,6 +27,7 @@ class Points:
     def __init__(self, spec: Any, grid: Grid, index: np.ndarray, factor: int = 1):
         """`factor`: times as long a transient and window as in the map's sweep `spec`."""
         run = {"raster": None, "event_log": None, "rtol": spec.rtol}
+        run["solver"] = spec.settings.solver
         run |= {"transient": factor * spec.run.transient, "window": factor * spec.run.window}
         if spec.run.samples is not None:
             run["samples"] = factor * spec.run.samples
