@@ -188,7 +188,7 @@ def sweep_spec(angles=(-30, 30), speed=0.3, **run):
 
 
 def test_flows_and_a_jump_are_one_compiled_function_each(pool):
-    """By `launch.COMPILER`, whose options a new XLA may rename; and barriers keep it small."""
+    """By `jax_settings.COMPILER`, whose options a new XLA may rename; and barriers keep it small."""
     wiper, position, _ = pool
     text = compiled.lower(wiper, position, jnp.int32(CASES), room=0).compile().compiled.as_text()
     assert text.count('xla_cpu_small_call="true"') == 2
