@@ -21,7 +21,7 @@ class Cases:
         """`cases`: name -> parameters in SI units; run, classes and start are those of `like`."""
         self.belt, self.run, self.classes = like.belt, like.run, like.classes
         self.blade = like.blade
-        self.rtol, self.samples, self.sensitivities = like.rtol, like.samples, None
+        self.settings, self.samples, self.sensitivities = like.settings, like.samples, None
         self.start, self.starts, self.model, self.names = like.start, None, like.model, list(cases)
         self.parameter_names, self.cases = like.parameter_names, list(cases.values())
 
