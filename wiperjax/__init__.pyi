@@ -1,10 +1,11 @@
 # What the package shows to who uses it: `wiperjax.NAME` loads the module that it comes from
 # (`__init__.py` reads this file), and what that one needs.
 
-from .blade.belts import AbstractBelt, SteadyBelt, TrapezoidBelt, WipingBelt
 from .blade.steady_slip import steady_slip
 from .blade.wiper import Wiper
+from .contact.belts import AbstractBelt, SteadyBelt, TrapezoidBelt, WipingBelt
 from .contact.friction import AbstractFriction, Coulomb, Stribeck
+from .contact.on_belt import AbstractBeltSystem
 from .contact.system import AbstractSystem
 from .engine.observers.base import AbstractObserver
 from .engine.observers.totals import RegimeTotals
@@ -21,12 +22,14 @@ from .runs.simulate import simulate
 from .specs.load import load_scene, load_sweep, parse_scene, parse_sweep
 from .store.whole import borders, open_map
 from .vocabulary.codes import Event, Regime, Result
+from .vocabulary.declared import parameter, parameters_of
 
 __version__: str
 
 __all__ = [
     "__version__",
     "AbstractBelt",
+    "AbstractBeltSystem",
     "AbstractFriction",
     "AbstractObserver",
     "AbstractSystem",
@@ -48,6 +51,8 @@ __all__ = [
     "load_scene",
     "load_sweep",
     "open_map",
+    "parameter",
+    "parameters_of",
     "parse_scene",
     "parse_sweep",
     "refine",

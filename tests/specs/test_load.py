@@ -306,8 +306,8 @@ FAULTS = {
         "axes.mu_static.nun: unknown key; did you mean 'num'?"
     ),
     "[classes]\nzzz = 1\n" + ONE_AXIS: (
-        "classes.zzz: unknown key; must be one of quiet_velocity_ratio, squeal_band, "
-        "chatter_band, reversal_window, reversal_ratio, "
+        "classes.zzz: unknown key; must be one of quiet_velocity_ratio, quiet_velocity, "
+        "squeal_band, chatter_band, reversal_window, reversal_ratio, "
         "vibration_ratio, tone_time, stick_share, settled_change"
     ),
     # ranges
@@ -507,7 +507,7 @@ def test_faults_of_scenes():
     with pytest.raises(SpecError, match=r"^s: run: is missing; the table must be there$"):
         parse_scene({}, "s")
     with pytest.raises(
-        SpecError, match=r"^s: axes: unknown key; must be one of title, model, blade"
+        SpecError, match=r"^s: axes: unknown key; must be one of title, system, model, blade"
     ):
         parse_scene({"axes": {}, "run": {"duration": 1}}, "s")
     with pytest.raises(SpecError, match=r"^s: belt.frequency: is missing"):

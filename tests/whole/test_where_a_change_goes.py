@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax.blade import belts, numbers, rungs
-from wiperjax.contact import friction
+from wiperjax.blade import numbers, rungs
+from wiperjax.contact import belts, friction
 from wiperjax.engine.observers.totals import Totals
 from wiperjax.maps.block import evaluate_block
 from wiperjax.noise import run_class

@@ -4,9 +4,9 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
 from ..contact.system import AbstractSystem
-from .belts import AbstractBelt
 from .block import LEAST_LOAD
 from .wiper import Wiper
 

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import root_scalar
 
+from ..contact.belts import AbstractBelt, operating_speed
 from ..contact.friction import AbstractFriction, Stribeck
 from ..contact.system import AbstractSystem
 from ..numerics.types import Scalar
-from .belts import AbstractBelt, operating_speed
 from .steady_slip import steady_slip
 from .wiper import Wiper
 

@@ -6,19 +6,22 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from ..contact.belts import CLASSES as BELT_CLASSES
 from ..contact.friction import CLASSES as LAW_CLASSES
+from ..specs.laws import Law, law_of
 from ..specs.tables import Start
 from ..vocabulary.codes import Regime, Result
 from ..vocabulary.kinds import BELTS, FRICTIONS, LAW_PARAMETERS, known
-from ..vocabulary.parameters import PARAMETERS, REFERENCE
-from .belts import CLASSES as BELT_CLASSES
+from ..vocabulary.parameters import PARAMETERS
 from .steady_slip import map_shape, steady_slip
 from .wiper import Wiper
 
 
-def build_wiper(parameters: Mapping[str, Any], belt_kind: str, friction: str = "stribeck") -> Wiper:
+def build_wiper(
+    parameters: Mapping[str, Any], belt_kind: str, friction: str | Law = "stribeck"
+) -> Wiper:
     """Return the wiper of ``parameters`` (SI units, radians) on a belt of ``belt_kind``, with the
-    law ``friction``.
+    law ``friction``: a kind, or one that a file names.
 
     **Arguments:** ``parameters``, name -> value as `SweepSpec.cells` and `SceneSpec.parameters`
     give them: floats, or arrays with one entry a cell; left out: the reference value. They are
@@ -27,19 +30,22 @@ def build_wiper(parameters: Mapping[str, Any], belt_kind: str, friction: str = "
     Raises ValueError for an unknown kind or name, and for impossible values.
     """
     keys = known("belt_kind", belt_kind, BELTS)
-    law = known("friction", friction, FRICTIONS)
+    if isinstance(friction, str):
+        known("friction", friction, FRICTIONS)
+        friction = law_of("friction", friction)
+    law = friction.keys
     own = {name for name, entry in PARAMETERS.items() if entry.table == "blade"} - LAW_PARAMETERS
     if strange := sorted(set(parameters) - own - {*keys.values(), *law.values()}):
         raise ValueError(
-            f"parameters must suit belt_kind {belt_kind!r} and friction {friction!r}, "
+            f"parameters must suit belt_kind {belt_kind!r} and friction {friction.name!r}, "
             f"but had {strange[0]!r}"
         )
-    if friction == "stribeck":  # the law that a wiper has by itself
+    if friction.name == "stribeck":  # the law that a wiper has by itself
         own, given = own | set(law.values()), None
     else:
-        given = LAW_CLASSES[friction](
-            **{key: parameters.get(name, REFERENCE[name]) for key, name in law.items()}
-        )
+        usual = {name: entry.reference for name, entry in friction.parameters.items()}
+        numbers = {key: parameters.get(name, usual[name]) for key, name in law.items()}
+        given = (friction.found or LAW_CLASSES[friction.name])(**numbers)
     belt = {key: parameters[name] for key, name in keys.items() if name in parameters}
     return Wiper(
         belt=BELT_CLASSES[belt_kind](**belt),

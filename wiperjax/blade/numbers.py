@@ -1,10 +1,10 @@
 """Numbers of a system by name: read one, replace one, or a direction to differentiate along.
 
 A name is the path of a field, ``belt.speed`` or ``attack_angle``; for a `Wiper` the names of sweep
-files (``belt_speed``) hold as well.
+files (``belt_speed``) hold as well, as do those of belt and law of another system.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from typing import Any
 
@@ -14,8 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..contact.system import AbstractSystem
+from ..vocabulary.declared import marked
 from ..vocabulary.kinds import BELTS, FRICTIONS
-from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.parameters import PARAMETERS, Parameter
 from ..vocabulary.wording import shown
 from .wiper import ENGINE_FIELDS, Wiper
 
@@ -28,7 +29,7 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
     names = _names(system)
     if isinstance(system, Wiper):
         names = {name: to for name, to in names.items() if name not in system.idle}
-        names |= routes(system)
+    names |= routes(system)
     if not isinstance(name, str) or name not in names:
         raise ValueError(
             f"parameter must be a number of {type(system).__name__} ({', '.join(sorted(names))}), "
@@ -37,14 +38,26 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
     return names[name]
 
 
-def routes(wiper: Wiper) -> dict[str, tuple[str, ...]]:
-    """Parameter of files -> the fields that lead to it: of the wiper, its belt or its law."""
-    blade = (name for name, entry in PARAMETERS.items() if entry.table == "blade")
-    found = {name: (name,) for name in blade if name not in wiper.idle and hasattr(wiper, name)}
-    law = {} if wiper.friction is None else FRICTIONS.get(wiper.friction.kind, {})
-    for field, keys in (("belt", BELTS.get(wiper.belt.kind, {})), ("friction", law)):
-        found |= {name: (field, key) for key, name in keys.items()}
+def routes(system: AbstractSystem) -> dict[str, tuple[str, ...]]:
+    """Parameter of files -> the fields that lead to it: of the system, its belt or its law."""
+    own: Iterable[str] = marked(system)
+    if isinstance(system, Wiper):
+        blade = (name for name, entry in PARAMETERS.items() if entry.table == "blade")
+        own = (name for name in blade if name not in system.idle)
+    found = {name: (name,) for name in own if np.ndim(getattr(system, name)) == 0}
+    for field, kinds in (("belt", BELTS), ("friction", FRICTIONS)):
+        part = getattr(system, field, None)
+        if isinstance(part, eqx.Module):
+            keys = kinds.get(getattr(part, "kind", "")) or {key: key for key in marked(part)}
+            found |= {name: (field, key) for key, name in keys.items()}
     return found
+
+
+def known(system: AbstractSystem, name: str) -> Parameter | None:
+    """Return what is known of the parameter of files ``name`` of ``system``, if anything is."""
+    law = getattr(system, "friction", None)
+    own = {**(marked(law) if law is not None else {}), **marked(system)}
+    return own.get(name) or PARAMETERS.get(name)
 
 
 def value(system: AbstractSystem, name: str) -> float:
@@ -98,11 +111,11 @@ def _is_none(x) -> bool:
 def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Callable]:
     """Return how the number ``name`` is called in files, its attributes, and SI -> unit of files.
 
-    The parameters of a `Wiper` have the names and units of sweep files (angles in degrees).
+    Parameters of files have their names and units there (angles in degrees).
     """
     route = path(system, name)
-    if isinstance(system, Wiper):
-        for entry in (PARAMETERS[each] for each, to in routes(system).items() if to == route):
+    for each, to in routes(system).items():
+        if to == route and (entry := known(system, each)) is not None:
             attrs = {"long_name": entry.long_name, "units": entry.edge_unit}
             return entry.name, attrs, entry.to_edge
     return "_".join(route), {"long_name": ".".join(route)}, lambda x: x

@@ -14,13 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
+from ..contact.belts import SteadyBelt
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces, slip_sign
 from ..contact.space import contact
 from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.codes import Regime
 from ..vocabulary.ranges import FINITE
-from .belts import SteadyBelt
 from .wiper import Wiper
 
 GRID = 513  # angles on which roots are bracketed: two that lie within 0.35 degrees are not seen

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from ..contact.belts import AbstractBelt, SteadyBelt
 from ..contact.friction import AbstractFriction, Stribeck
 from ..contact.system import AbstractSystem
 from ..numerics.elementary import angle, larger, smaller, within
@@ -15,7 +16,6 @@ from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS, REFERENCE, described
-from .belts import AbstractBelt, SteadyBelt
 
 ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
 _BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")

@@ -12,10 +12,10 @@ def print_plan(spec: Any, cores: int) -> None:
     will take, and notes.
     """
     from ..maps.estimate import words
-    from ..vocabulary.parameters import PARAMETERS
 
+    known = spec.parameter_table
     for name, values in spec.axes_values().items():
-        unit = PARAMETERS[name].edge_unit
+        unit = known[name].edge_unit
         print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit} ({values.size} values)")
     print(f"{'cells':<17} {words(spec, cores)}")
     for note in spec.notes():

@@ -22,11 +22,12 @@ class AbstractSystem(eqx.Module):
     """n coordinates q with velocities v, one contact, SI units throughout.
 
     Required: `free_acceleration`, `directions`, and `gap` (unilateral) or `normal_force`
-    (bilateral). Frictional systems also have `slip_speed` and a `friction` law. Set
+    (bilateral). Frictional systems also have `slip_speed` and a field ``friction``. Set
     ``unilateral = False`` for a contact that always touches under a prescribed normal force.
     """
 
     unilateral: ClassVar[bool] = True  # False: always touching, under a prescribed normal force
+    coordinates: ClassVar[tuple[str, ...]] = ()  # their names in maps and runs; else q0, q1, ..
 
     @property
     def coupled(self) -> bool:
@@ -35,8 +36,9 @@ class AbstractSystem(eqx.Module):
 
     @property
     def law(self) -> AbstractFriction | None:
-        """Friction law, or None for a frictionless contact (its slip is reported as SLIP_POS)."""
-        return None
+        """Friction law, or None for a frictionless contact (its slip is reported as SLIP_POS);
+        that of the field ``friction``, unless overridden."""
+        return getattr(self, "friction", None)
 
     @property
     def bounce(self) -> Scalar:

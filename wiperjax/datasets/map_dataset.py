@@ -13,9 +13,10 @@ import xarray as xr
 from ..machine.provenance import version
 from ..vocabulary.cf import CONVENTIONS, plain_attributes
 from ..vocabulary.codes import LABELS
-from ..vocabulary.kinds import MODELS
+from ..vocabulary.kinds import MODELS, WIPER
 from ..vocabulary.parameters import PARAMETERS
-from ..vocabulary.schema import SCHEMA
+from ..vocabulary.schema import SCHEMA, SYSTEM
+from ..vocabulary.schema import attributes as attributes_of
 
 
 def raster_index(samples: int, instants: int) -> list[int]:
@@ -59,8 +60,9 @@ def select(columns: Mapping[str, Any], length: int, starts: int = 0) -> dict[str
 def describe(spec: Any) -> dict[str, Any]:
     """All of a map but its numbers (shape, coordinates, attributes), as plain types for JSON."""
     coords = {}
+    known = _parameters(spec)
     for name, values in spec.axes_values().items():
-        entry = PARAMETERS.get(name)
+        entry = known.get(name)
         coords[name] = {
             "values": np.asarray(values, dtype=np.float64).tolist(),
             "attrs": {
@@ -69,6 +71,12 @@ def describe(spec: Any) -> dict[str, Any]:
             },
         }
     further = {}
+    if getattr(spec, "system", WIPER) != WIPER:
+        further["coordinate"] = {
+            "values": list(spec.family.coordinates),
+            "dtype": "str",
+            "attrs": {"long_name": "coordinate of the system"},
+        }
     if (instants := getattr(spec.run, "raster", None)) is not None:
         step = spec.run.window / spec.samples
         further["raster_time"] = {
@@ -87,6 +95,11 @@ def describe(spec: Any) -> dict[str, Any]:
         "further_coords": further | _starts(getattr(spec, "starts", None)),
         "attrs": _attributes(spec),
     }
+
+
+def _parameters(spec: Any) -> Mapping[str, Any]:
+    """What is known of the parameters of a specification; of a stand-in for one, the wiper's."""
+    return getattr(spec, "parameter_table", PARAMETERS)
 
 
 def _starts(starts: Any) -> dict[str, Any]:
@@ -124,22 +137,26 @@ def _attributes(spec: Any) -> dict[str, Any]:
     meaning = json.loads(spec.canonical())
     attrs: dict[str, Any] = {
         "Conventions": CONVENTIONS,
-        "title": spec.title or "stick, slip and flight of a wiper lip",
+        "title": spec.title or _title(meaning),
         "source": f"wiperjax {version('wiperjax')}",
         "seed": "none: a sweep draws no random numbers",
     }
-    units = []
+    units, known = [], _parameters(spec)
     for name, value in sorted(meaning.get("fixed", {}).items()):
-        entry = PARAMETERS.get(name)
+        entry = known.get(name)
         attrs[name] = float(entry.to_edge(value)) if entry else value
         units.append(f"{name}: {entry.edge_unit if entry else '1'}")
     attrs["parameter_units"] = "; ".join(units)
-    attrs["belt_kind"] = str(meaning.get("belt", ""))
+    attrs["belt_kind"] = str(meaning.get("belt") or "")
     if "friction" in meaning:
         attrs["friction"] = str(meaning["friction"])
-    attrs["model"] = str(meaning.get("model", "lip"))
+    if SYSTEM in meaning:
+        attrs[SYSTEM] = str(meaning[SYSTEM])
+    else:
+        attrs["model"] = str(meaning.get("model", "lip"))
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
-    attrs["start"] = json.dumps(start, sort_keys=True) if start else MODELS[attrs["model"]]
+    usual = MODELS.get(attrs.get("model", ""), "that of the system")
+    attrs["start"] = json.dumps(start, sort_keys=True) if start else usual
     if (starts := getattr(spec, "starts", None)) is not None:
         attrs["start"] = "several, the dimension start"
         if starts.random is not None:
@@ -159,6 +176,12 @@ def _attributes(spec: Any) -> dict[str, Any]:
     attrs["specification_canonical"] = spec.canonical()
     attrs["specification_digest"] = spec.digest()
     return attrs
+
+
+def _title(meaning: Mapping[str, Any]) -> str:
+    if SYSTEM not in meaning:
+        return "stick, slip and flight of a wiper lip"
+    return f"map of {str(meaning[SYSTEM]).rpartition(':')[2]}"
 
 
 def assemble(
@@ -193,7 +216,7 @@ def build(
         name: (
             dimensions(name, description),
             values.reshape(*shape, *values.shape[1:]),
-            SCHEMA[name].attributes(),
+            attributes_of(name, description["attrs"]),
         )
         for name, values in chosen.items()
     }

@@ -10,6 +10,7 @@ import xarray as xr
 from ..noise.classes import stored
 from ..noise.spectrum import interval_means, strongest_lines
 from ..vocabulary.cf import flag_names
+from ..vocabulary.thresholds import silence
 from ..vocabulary.wording import not_there
 
 FEWEST_PERIODS = 2  # in the settled half: less is no period
@@ -140,7 +141,7 @@ def pitch(ds: xr.Dataset) -> float:
     speed = np.asarray(signal(part), dtype=float)
     if "belt_velocity" in part:
         scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
-        if np.std(speed) <= stored(ds.attrs).quiet_velocity_ratio * scale:
+        if np.std(speed) <= silence(stored(ds.attrs), scale):
             return float("nan")
     step = sample_interval(part)
     place = np.asarray(signal(part, "position"), dtype=float)

@@ -22,6 +22,7 @@ from ..noise.signals import signal_columns, untold
 from ..vocabulary import codes, schema
 from ..vocabulary.codes import RESULTS
 from ..vocabulary.ranges import MOST_SAMPLES
+from ..vocabulary.thresholds import silence
 from .starts import Cells, block_cells, line_cells, looked_at, together
 
 MOST_CELLS = 2**15  # in a block: enough to keep every lane of many cores busy
@@ -146,7 +147,8 @@ def _classified(cells: Cells, evaluate: Evaluate) -> dict[str, np.ndarray]:
         most = max(1, room // finer)  # the room of a block holds so many
         for part in (again[k : k + most] for k in range(0, again.size, most)):
             on = {} if ended is None else {"ended": {key: x[part] for key, x in ended.items()}}
-            shared = {name: np.asarray(columns[name])[part] for name in OF_THE_MOTION}
+            known = [name for name in OF_THE_MOTION if name in columns]
+            shared = {name: np.asarray(columns[name])[part] for name in known}
             closer = evaluate(spec, index[part], finer, room, **on)
             for name, values in naming(spec, shared | dict(closer)).items():
                 columns[name][part] = values
@@ -178,7 +180,7 @@ def naming(spec: Any, columns: dict[str, Any]) -> dict[str, np.ndarray]:
     given = {
         "signal": signal,
         "finished": np.asarray(columns["result"]) == RESULTS["finished"],
-        "quiet": spec.classes.quiet_velocity_ratio * np.asarray(columns["belt_speed_rms"]),
+        "quiet": np.broadcast_to(silence(spec.classes, columns.get("belt_speed_rms")), cells),
         "rms": np.asarray(columns["velocity_rms"]),
         "inner": inner,
     }

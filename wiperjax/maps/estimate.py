@@ -16,6 +16,7 @@ import numpy as np
 
 from ..machine.files import StoreError
 from ..vocabulary.codes import LABELS
+from ..vocabulary.kinds import WIPER
 from ..vocabulary.schema import (
     DIFFERENTIABLE,
     SCHEMA,
@@ -27,18 +28,26 @@ from ..vocabulary.schema import (
 RATE = 150.0  # s of motion a second and core: the reference map at rtol 1e-6 (AMD EPYC, avx512)
 COMPILATION = 15.0  # s
 REVERSING = ("reversal", "stroke", "tone_")  # in the names of what only a belt that reverses has
+OF_A_SYSTEM = ("final_position", "final_velocity")  # of one's own
+OF_A_WIPER = ("final_x", "final_y", "final_vx", "final_vy", "growth_rate", "linear_frequency")
 DERIVATIVES = ("sensitivity_code", "grazing_margin", "sensitivity_agreement")
 
 
 def columns(spec: Any) -> Iterator[Column]:
     """Columns of the schema that the cells of a sweep have."""
     wanted: set[str] = set()
+    absent: set[str] = set(OF_A_SYSTEM if spec.system == WIPER else OF_A_WIPER)
+    if spec.belt_kind is None:
+        absent.add("belt_speed_rms")
+    turns = spec.belt_kind not in (None, "steady")
     if spec.sensitivities is not None:
         parameters = spec.sensitivities.parameters
         wanted = {sensitivity_name(o, p) for o in DIFFERENTIABLE for p in parameters}
         wanted.update(DERIVATIVES)
     for name, column in SCHEMA.items():
-        if column.along == "raster_time":
+        if name in absent:
+            has = False
+        elif column.along == "raster_time":
             has = spec.run.raster is not None
         elif name in SEVERAL_STARTS:
             has = spec.starts is not None and (spec.starts.random or not column.along)
@@ -47,7 +56,7 @@ def columns(spec: Any) -> Iterator[Column]:
         elif name in DERIVATIVES or name.startswith("d_"):
             has = name in wanted
         else:
-            has = spec.belt.kind != "steady" or not any(word in name for word in REVERSING)
+            has = turns or not any(word in name for word in REVERSING)
         if has:
             yield column
 
@@ -57,7 +66,7 @@ def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
     log, which are packed.
     """
     lengths = {"": 1, "raster_time": spec.run.raster or 0, "event": spec.run.event_log or 0}
-    lengths["class"] = len(LABELS)
+    lengths |= {"class": len(LABELS), "coordinate": len(spec.family.coordinates)}
     starts = spec.starts.count if spec.starts else 1
     plain = packed = 0
     for column in columns(spec):
@@ -84,6 +93,8 @@ def words(spec: Any, cores: int) -> str:
         size += f" to {_bytes(spec.size * (plain + packed))}"
     starts = f" from {spec.starts.count} starts" if spec.starts else ""
     where = f"{cores} core{'s' if cores > 1 else ''}"
+    if spec.system != WIPER:
+        return f"{spec.size} of {time:g} s{starts}, {size}, on {where}"
     guess = f"about {_duration(seconds(spec, cores))} on {where}"
     return (
         f"{spec.size} of {time:g} s{starts}, {size}, {guess} "

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
-from ..vocabulary.thresholds import Thresholds
+from ..vocabulary.thresholds import Thresholds, silence
 
 
 def stored(attrs: Mapping[str, Any]) -> Thresholds:
@@ -41,13 +41,13 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
     Arguments:
 
     - `columns`: name -> array, or a dataset: `result`, `velocity_rms` (m/s), `belt_speed_rms`
-        (m/s), `dominant_frequency` (Hz, NaN where the velocity is constant), `stick_fraction`,
-        `flight_fraction`; and, for belts that reverse, NaN elsewhere, `normal_force_max_reversal`
-        and `normal_force_mean_stroke` (N/m), `vibration_reversal`, `vibration_stroke` and
-        `velocity_rms_stroke` (m/s), `stick_fraction_stroke`, `flight_fraction_stroke`,
-        `impact_impulse_reversal` and `impact_impulse_max` (N s/m), `tone_time_before` and
-        `tone_time_after` (s), `stick_count` and `reversal_count`; `frequency_told` (`schema.TOLD`)
-        where the frequency is NaN for want of samples.
+        (m/s; not needed with `quiet_velocity`), `dominant_frequency` (Hz, NaN where the velocity is
+        constant), `stick_fraction`, `flight_fraction`; and, for belts that reverse, NaN elsewhere,
+        `normal_force_max_reversal` and `normal_force_mean_stroke` (N/m), `vibration_reversal`,
+        `vibration_stroke` and `velocity_rms_stroke` (m/s), `stick_fraction_stroke`,
+        `flight_fraction_stroke`, `impact_impulse_reversal` and `impact_impulse_max` (N s/m),
+        `tone_time_before` and `tone_time_after` (s), `stick_count` and `reversal_count`;
+        `frequency_told` (`schema.TOLD`) where the frequency is NaN for want of samples.
     - `thresholds`: `Thresholds`, or anything with its attributes; the defaults if None.
 
     A finished cell with NaN among the columns its class rests on is `failed`, never silently
@@ -91,6 +91,7 @@ class _Heard(NamedTuple):
     quiet: np.ndarray
     at_turn: np.ndarray  # silent strokes with a tone at the turn: `frequency` is that of the tone
     unseen: np.ndarray  # a sound whose frequency the samples do not tell
+    below: Any  # m/s, the rms velocity of what is quiet
 
 
 def _heard(columns: Mapping[str, Any], limits: Any) -> _Heard:
@@ -111,24 +112,25 @@ def _heard(columns: Mapping[str, Any], limits: Any) -> _Heard:
     speed = stroke("velocity_rms", "velocity_rms_stroke")
     stick = stroke("stick_fraction", "stick_fraction_stroke")
     flight = stroke("flight_fraction", "flight_fraction_stroke")
-    belt = of("belt_speed_rms", required=True)
+    belt = of("belt_speed_rms")
+    below = silence(limits, belt if "belt_speed_rms" in columns else None)
     frequency = of("dominant_frequency", required=True)
 
     carried = (stick >= 1.0) & (belt > 0.0)
-    silent = (speed <= limits.quiet_velocity_ratio * belt) & ~carried
+    silent = (speed <= below) & ~carried
     tone = np.fmax(of("tone_time_before"), of("tone_time_after"))
     at_turn = silent & reverses & (tone >= limits.tone_time)
     quiet = silent & ~at_turn
     unseen = ~quiet & ~carried & np.isnan(frequency) & (of("frequency_told") == TOLD["no"])
 
-    known = np.isfinite(speed) & np.isfinite(belt) & np.isfinite(stick) & np.isfinite(flight)
+    known = np.isfinite(speed) & np.isfinite(below) & np.isfinite(stick) & np.isfinite(flight)
     # a constant velocity has no line
     known &= np.isfinite(frequency) | quiet | carried | unseen
     at_reversal = np.isfinite(of("vibration_reversal")) & np.isfinite(of("vibration_stroke"))
     known &= ~reverses | (np.isfinite(mean) & at_reversal)
     return _Heard(
         *(of, result, reverses, stick, flight, frequency, tone),
-        *(known, carried, quiet, at_turn, unseen),
+        *(known, carried, quiet, at_turn, unseen, below),
     )
 
 
@@ -142,7 +144,7 @@ def _label(seen: _Heard, limits: Any) -> np.ndarray:
     chattering &= (seen.stick > 0) | (seen.flight > 0)
     peak, mean = seen.of("normal_force_max_reversal"), seen.of("normal_force_mean_stroke")
     vibration = seen.of("vibration_reversal")
-    started = vibration > limits.quiet_velocity_ratio * seen.of("belt_speed_rms")
+    started = vibration > seen.below
     started &= vibration >= limits.vibration_ratio * seen.of("vibration_stroke")
     classes = {
         "collapsed": seen.result == RESULTS["collapsed"],

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.interpolate import CubicSpline
 
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
 from ..vocabulary.kinds import BELT_KINDS, known, since_reversal
 from ..vocabulary.ranges import Range
-from ..vocabulary.thresholds import Thresholds
+from ..vocabulary.thresholds import Thresholds, silence
 from .classes import classify, stored
 from .signals import signal_columns
 from .spectrum import interval_means
@@ -49,26 +50,28 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         )
     limits = thresholds if thresholds is not None else stored(run.attrs)
     kind, end = str(run.attrs["belt_kind"]), float(run["final_time"])
-    belt = known("belt_kind", kind, BELT_KINDS)
+    belt = known("belt_kind", kind, BELT_KINDS) if kind else None
     if transient is not None:
         transient = checks.number("transient", transient, Range(0, end, high_open=True, unit="s"))
     else:
-        transient = float(run.attrs["duration"]) / (2 if kind == "steady" else 8)
+        transient = float(run.attrs["duration"]) / (2 if kind in ("", "steady") else 8)
     kept = run.sel(time=slice(transient, None))
     time = np.asarray(kept["time"], dtype=float)
     finished = int(run["result"]) == RESULTS["finished"]
     if finished and time.size < 64:
         raise ValueError(f"run must have 64 samples after the transient, but had {time.size}")
-    columns: dict[str, Any] = {"result": int(run["result"]), "belt_speed_rms": belt.of(run.attrs)}
+    columns: dict[str, Any] = {"result": int(run["result"])}
+    if belt is not None:
+        columns["belt_speed_rms"] = belt.of(run.attrs)
     if not finished or time.size < 64:
         absent = ("velocity_rms", "dominant_frequency", "stick_fraction", "flight_fraction")
         columns |= dict.fromkeys(absent, np.nan)
         return _named(columns | classify(columns, limits))
 
-    velocity = np.asarray(kept["velocity"].sel(axis="x"), dtype=float)
+    place, velocity = _judged(kept)
     force = np.asarray(kept["normal_force"], dtype=float)
     interval = float(run.attrs["sample_interval"])
-    since = None if kind == "steady" else _since_reversal(run, time)
+    since = None if kind in ("", "steady") else _since_reversal(run, time)
     wiping = run.attrs.get("belt_frequency")
     columns |= {
         "velocity_mean": velocity.mean(),
@@ -82,8 +85,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         columns["normal_force_max_reversal"] = force[near].max() if near.any() else np.nan
         columns["normal_force_mean_stroke"] = force[~near].mean() if (~near).any() else np.nan
         columns |= _events(run, transient, end, limits.reversal_window)
-    quiet = limits.quiet_velocity_ratio * columns["belt_speed_rms"]
-    place = np.asarray(kept["position"].sel(axis="x"), dtype=float)
+    quiet = silence(limits, columns.get("belt_speed_rms"))
     mean, inner = interval_means(place, velocity, interval)
     if since is None:
         inner = inner.mean(keepdims=True)
@@ -94,6 +96,18 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     if columns["frequency_told"] == TOLD["no"]:
         columns["dominant_frequency"] = np.nan
     return _named(columns | classify(columns, limits))
+
+
+def _judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Place and velocity over time that tell the noise: of the tip along the glass, or the output
+    of another system with its integral.
+    """
+    if "output" not in run:
+        tip = run.sel(axis="x")
+        return np.asarray(tip["position"], float), np.asarray(tip["velocity"], float)
+    velocity = np.asarray(run["output"], dtype=float)
+    spline = CubicSpline(np.asarray(run["time"], dtype=float), velocity)
+    return spline.antiderivative()(run["time"]), velocity
 
 
 def words(columns: Any) -> dict[str, str]:

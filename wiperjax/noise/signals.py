@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..vocabulary.codes import SETTLED, TOLD
+from ..vocabulary.thresholds import silence
 from .spectrum import dominant_frequency, strongest_lines
 from .tones import SIDES, tones
 
@@ -97,7 +98,7 @@ def untold(columns: dict[str, np.ndarray], limits: Any) -> np.ndarray:
     if "frequency_told" not in columns:
         return np.zeros(0, bool)
     loud = columns["velocity_rms_stroke" if "velocity_rms_stroke" in columns else "velocity_rms"]
-    sounds = loud > limits.quiet_velocity_ratio * columns["belt_speed_rms"]
+    sounds = loud > silence(limits, columns.get("belt_speed_rms"))
     wanted = sounds & (columns["frequency_told"] == TOLD["no"])
     for side in SIDES if "tone_time_before" in columns else ():
         lasts = columns[f"tone_time_{side}"] >= limits.tone_time

@@ -11,9 +11,9 @@ import numpy as np
 import xarray as xr
 
 from ..blade import numbers
-from ..blade.belts import SteadyBelt, operating_speed
 from ..blade.steady_slip import equilibria
 from ..blade.wiper import Wiper
+from ..contact.belts import SteadyBelt, operating_speed
 from ..vocabulary import checks
 from ..vocabulary.ranges import FINITE
 from .box import Box, check_search, search

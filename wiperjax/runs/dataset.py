@@ -10,10 +10,11 @@ import numpy as np
 import xarray as xr
 
 from ..blade.bar import Bar
-from ..blade.belts import AbstractBelt
 from ..blade.block import Block
 from ..blade.wiper import ENGINE_FIELDS, Wiper
+from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
+from ..contact.system import AbstractSystem
 from ..engine.carry.problem import Problem
 from ..engine.carry.state import EventLog, State, final_velocity
 from ..vocabulary import cf
@@ -34,7 +35,8 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     reached = int(state.sample_index)
     samples = jax.tree.map(lambda x: np.asarray(x)[:reached], state.samples)
     times = np.asarray(problem.sample_times)[:reached]
-    belt = _belt_velocity(given.belt, times) if blade else None
+    own = getattr(given, "belt", None)
+    belt = _belt_velocity(own, times) if isinstance(own, AbstractBelt) else None
 
     def about(long_name, units=None, flags=None):
         attrs: dict[str, Any] = {"long_name": long_name}
@@ -63,9 +65,10 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         "friction_force": ("time", samples.friction_force, about("friction force", "N/m")),
         **(
             {"belt_velocity": ("time", belt, about("velocity of the glass", "m/s"))}
-            if blade
+            if belt is not None
             else {}
         ),
+        **({} if blade else _output(given, samples, times)),
         **{
             EVENT_COLUMNS[field]: ("event", getattr(log, field), meaning)
             for field, meaning in events.items()
@@ -77,7 +80,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         "result": ((), code(state.result), about("how the trajectory ended", flags=RESULTS)),
     }
     n = len(state.position)
-    names = ["x", "y"][:n] if blade else [f"q{i}" for i in range(n)]
+    names = ["x", "y"][:n] if blade else list(given.coordinates) or [f"q{i}" for i in range(n)]
     coords = {
         "time": ("time", times, about("time", "s")),
         "axis": ("axis", names, about("coordinate")),
@@ -98,6 +101,18 @@ def _belt_velocity(belt: AbstractBelt, times: np.ndarray) -> np.ndarray:
     """Return V [m/s] at each of ``times``; it is continuous, so a corner may count to any piece."""
     velocity = belt.velocity(jnp.asarray(times), belt.first_piece(jnp.asarray(times)))
     return np.broadcast_to(np.asarray(velocity, float), times.shape).copy()
+
+
+def _output(system: AbstractSystem, samples: Any, times: np.ndarray) -> dict[str, Any]:
+    """Return the variable of what the motion of a system of one's own is judged by."""
+    t = jnp.asarray(times)
+    system = system.on_piece(system.first_piece(t))
+    q, rates = (
+        tuple(jnp.asarray(x) for x in part) for part in (samples.position, samples.velocity)
+    )
+    values = system.output(t, q, system.from_rates(t, q, rates))
+    attrs = {"long_name": "velocity that the motion is judged by", "units": "m/s"}
+    return {"output": ("time", np.broadcast_to(np.asarray(values, float), times.shape), attrs)}
 
 
 def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:

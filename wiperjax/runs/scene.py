@@ -10,16 +10,15 @@ from typing import Any
 import jax.numpy as jnp
 import xarray as xr
 
-from ..blade.build import build_wiper, start_state
-from ..blade.rungs import on_rung, start_on_rung
 from ..machine import provenance
 from ..numerics.runge_kutta import SOLVERS
 from ..specs.load import load_scene, parse_scene
 from ..specs.scene import SceneSpec
+from ..systems.build import build, start
 from ..vocabulary import cf, checks
 from ..vocabulary.cf import units_text
-from ..vocabulary.kinds import MODELS
-from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.kinds import MODELS, WIPER
+from ..vocabulary.schema import SYSTEM
 from .dataset import as_lip
 from .simulate import simulate
 
@@ -34,18 +33,18 @@ def run_scene(spec: SceneSpec | Mapping[str, Any] | str | os.PathLike) -> xr.Dat
     Raises ValueError for anything else, and for a start that is impossible for these parameters.
     """
     begun, spec = time.perf_counter(), _scene(spec)
-    wiper = build_wiper(spec.parameters(), spec.belt.kind, spec.blade.friction)
-    start = start_state(wiper, spec.start)
-    if spec.start.kind == "equilibrium" and not bool(jnp.isfinite(start[0][0])):
+    parameters, table = spec.parameters(), spec.parameter_table
+    built = build(spec, parameters)
+    state = start(spec, built)
+    if spec.start.kind == "equilibrium" and not bool(jnp.isfinite(state[0][0])):
         raise ValueError(
             "start.equilibrium must be left out: with these parameters no steady slip exists"
         )
     asked = spec.run
-    system = on_rung(wiper, spec.model)
     ds = simulate(
-        system,
+        built.system,
         asked.duration,
-        initial_state=start_on_rung(system, start, spec.start.kind),
+        initial_state=state,
         solver=SOLVERS[asked.solver](),
         rtol=asked.rtol,
         atol=asked.atol,
@@ -53,25 +52,34 @@ def run_scene(spec: SceneSpec | Mapping[str, Any] | str | os.PathLike) -> xr.Dat
         max_steps=asked.max_steps,
         zeno_time=asked.zeno_time,
     )
-    ds = as_lip(ds)
-    stated = {
-        name: float(PARAMETERS[name].to_edge(value)) for name, value in spec.parameters().items()
-    }
+    if built.wiper is not None:
+        ds = as_lip(ds)
+    stated = {name: float(table[name].to_edge(value)) for name, value in parameters.items()}
     attrs = {
-        "title": spec.title or "trajectory of a wiper lip",
-        "model": spec.model,
-        "belt_kind": spec.belt.kind,
-        "friction": spec.blade.friction,
-        "start": json.dumps(spec.start.model_dump(mode="json", exclude_none=True), sort_keys=True)
-        if spec.start.kind != "default"
-        else MODELS[spec.model],
-        "parameter_units": units_text({name: PARAMETERS[name].edge_unit for name in stated}),
-        **{f"class_{key}": value for key, value in spec.thresholds()},
+        **_system(spec),
+        "belt_kind": spec.belt_kind or "",
+        "parameter_units": units_text({name: table[name].edge_unit for name in stated}),
+        **{f"class_{key}": value for key, value in spec.thresholds() if value is not None},
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
         **provenance.record(None, time.perf_counter() - begun),
     }
     return ds.assign_attrs(stated | cf.plain_attributes(attrs))
+
+
+def _system(spec: SceneSpec) -> dict[str, str]:
+    """Attributes that tell the system, its law, its start and, unless stated, the title."""
+    law, start = spec.family.law(spec), spec.start
+    found = {"friction": law.name} if law is not None else {}
+    begins = json.dumps(start.model_dump(mode="json", exclude_none=True), sort_keys=True)
+    if spec.system != WIPER:
+        name = spec.system.rpartition(":")[2]
+        found |= {SYSTEM: spec.system, "title": spec.title or f"trajectory of {name}"}
+        usual = "that of the system"
+    else:
+        found |= {"model": spec.model, "title": spec.title or "trajectory of a wiper lip"}
+        usual = MODELS[spec.model]
+    return found | {"start": usual if start.kind == "default" else begins}
 
 
 def _scene(spec: Any) -> SceneSpec:

@@ -58,6 +58,11 @@ def show(value: Any) -> str:
     return shown(value)
 
 
+def listed(numbers: Sequence[float]) -> str:
+    """Numbers as a list in a file."""
+    return f"[{', '.join(f'{x:g}' for x in numbers)}]"
+
+
 def show_key(key: Any) -> str:
     """A key as it stands in a file, shortened to 40 printable characters."""
     key = str(key)

@@ -16,6 +16,7 @@ from ..machine.paths import oddity
 from ..vocabulary import checks
 from ..vocabulary.wording import shorten
 from .errors import SpecError, sentence, show
+from .imported import findable
 from .scene import SceneSpec
 from .sweep import MOST_BYTES, SweepSpec
 
@@ -66,6 +67,7 @@ def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
         raise SpecError(f"{path}: has [axes], so it is a sweep; what is needed here is a scene")
     if model is not None:
         data["model"] = model
+    findable(Path(path).parent)
     spec = _parse(kind, data, str(path))
     spec._text = text
     return spec
@@ -92,6 +94,7 @@ def _read(path: Path) -> str:
 def _parse(model: type[_Spec], data: Mapping[str, Any], source: str) -> _Spec:
     if not isinstance(data, Mapping):
         raise SpecError(f"{source}: must be a mapping shaped like a file, was {show(data)}")
+    findable(Path())
     try:
         return model.model_validate(dict(data))
     except ValidationError as error:

@@ -8,7 +8,7 @@ from .tables import Classes, SceneRun
 
 
 class SceneSpec(System):
-    """One trajectory of one blade. Made by `load_scene` or `parse_scene`."""
+    """One trajectory of one system. Made by `load_scene` or `parse_scene`."""
 
     run: SceneRun
     classes: Classes = Classes()
@@ -19,7 +19,7 @@ class SceneSpec(System):
         return self
 
     def parameters(self) -> dict[str, float]:
-        """Every blade and belt parameter in SI units and radians."""
+        """Every parameter of the system, its law and its belt, in SI units and radians."""
         return self._fixed_si({})
 
     def thresholds(self) -> Classes:
@@ -27,9 +27,11 @@ class SceneSpec(System):
         the time in which the glass carries the lip over (`flip_time`), if that is longer than the
         default.
         """
-        if self.belt.kind == "steady" or "reversal_window" in self.classes.model_fields_set:
+        if self.belt_kind in (None, "steady") or "reversal_window" in self.classes.model_fields_set:
             return self.classes
         known = self.parameters()
+        if "lip_length" not in known:
+            return self.classes
         frequency = known["belt_frequency"]
         time = flip_time(
             self.belt.kind,

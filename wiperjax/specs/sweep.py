@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import model_validator
 
 from ..vocabulary.kinds import BELTS
-from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.ranges import MOST_CELLS
 from ..vocabulary.wording import digits
 from .axis import Axis
@@ -111,13 +110,14 @@ class SweepSpec(System):
     def _is_consistent(self) -> "SweepSpec":
         if not self.axes:
             raise Fault("axes", "must name at least one blade or belt parameter, was empty")
+        sweepable = self.family.sweepable(self)
         for name in self.axes:
-            if name not in PARAMETERS:
-                raise Fault(f"axes.{name}", unknown(name, list(PARAMETERS)))
+            if name not in sweepable:
+                raise Fault(f"axes.{name}", unknown(name, list(sweepable)))
         if self.size > MOST_CELLS:
             raise Fault("axes", f"must make at most {MOST_CELLS} cells, made {digits(self.size)}")
         for name, axis in self.axes.items():
-            if problem := PARAMETERS[name].problem(axis.values()):
+            if problem := sweepable[name].problem(axis.values()):
                 raise Fault(f"axes.{name}", problem)
         if (instants := self.run.raster) is not None and instants > self.samples:
             must = f"must be at most the number of samples ({self.samples})"
@@ -140,7 +140,7 @@ class SweepSpec(System):
 
     def _check_strokes(self) -> None:
         """Raises Fault where the windows around V = 0 leave nothing of the strokes between."""
-        if "belt_frequency" not in BELTS[self.belt.kind].values():
+        if "belt_frequency" not in self.parameter_names:
             return
         axis, window = self.axes.get("belt_frequency"), self.classes.reversal_window
         highest = axis.values().max() if axis else self.fixed()["belt_frequency"]
@@ -207,18 +207,19 @@ class SweepSpec(System):
             raise IndexError(f"cell numbers must lie in [0, {self.size})")
         along = np.unravel_index(flat_index, self.shape)
         known: dict[str, Any] = self.fixed()
+        table = self.parameter_table
         for (name, axis), index in zip(self.axes.items(), along, strict=True):
-            known[name] = np.asarray(PARAMETERS[name].to_si(axis.values()))[index]
-        return {name: known[name] for name in self.parameter_names}
+            known[name] = np.asarray(table[name].to_si(axis.values()))[index]
+        return {name: known[name] for name in table}
 
     def notes(self) -> list[str]:
         """Lines on what is allowed but rarely meant, for the command line to show."""
         lines = []
         for name, axis in self.axes.items():
             reach = np.abs(axis.values()).max()
-            if PARAMETERS[name].unit == "rad" and 0 < reach <= math.pi / 2:
+            if self.parameter_table[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
-        if self.belt.kind != "steady":
+        if self.belt_kind != "steady" and "lip_length" in self.parameter_names:
             lines += self._window_notes()
         return lines
 
@@ -255,14 +256,12 @@ class SweepSpec(System):
             "format": FORMAT,
             "axes": [[name, values.tolist()] for name, values in self.axes_values().items()],
             "fixed": self.fixed(),
-            "belt": self.belt.kind,
-            "model": self.model,
+            "belt": self.belt_kind,
+            **self.family.meaning(self),
             "start": self.start.model_dump(mode="json"),
             "run": self.settings.model_dump(mode="json"),
-            "classes": self.classes.model_dump(mode="json"),
+            "classes": self.classes.model_dump(mode="json", exclude=_unless_given(self.classes)),
         }
-        if self.blade.friction != "stribeck":
-            meaning["friction"] = self.blade.friction
         for name in ("sensitivities", "starts"):
             if (table := getattr(self, name)) is not None:
                 meaning[name] = table.model_dump(mode="json")
@@ -271,3 +270,8 @@ class SweepSpec(System):
     def digest(self) -> str:
         """SHA-256 of `canonical()`, 64 hexadecimal digits."""
         return hashlib.sha256(self.canonical().encode()).hexdigest()
+
+
+def _unless_given(classes: Classes) -> set[str]:
+    """Thresholds that count only where they are given."""
+    return {"quiet_velocity"} if classes.quiet_velocity is None else set()

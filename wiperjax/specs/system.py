@@ -1,26 +1,31 @@
-"""What sweep and scene files have in common: the blade, its belt, the model."""
+"""What sweep and scene files have in common: the system, its belt, its start."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import PrivateAttr
+from pydantic import BeforeValidator, Field, PrivateAttr
 
-from ..vocabulary.kinds import BELTS, FRICTIONS, LAW_PARAMETERS
-from ..vocabulary.parameters import PARAMETERS, longest_ramp
+from ..vocabulary.kinds import BELTS, WIPER
+from ..vocabulary.parameters import Parameter, longest_ramp
+from . import declared, wiper
 from .axis import Axis
-from .errors import Fault
+from .errors import Fault, unknown
+from .family import Family
+from .imported import is_path, path_of
 from .tables import Belt, Blade, ModelName, Start, Table, Title
 
-_BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
+_WIPER = wiper.Wiper()
 
 
 class System(Table):
-    """What sweeps and scenes share: the blade, the belt, the start."""
+    """What sweeps and scenes share: the system with its parameters, the belt, the start."""
 
     title: Title = ""
+    system: Annotated[str, BeforeValidator(path_of)] = WIPER  # or `module:Class`
     model: ModelName = "lip"  # which rung of `blade.rungs` stands for the blade
     blade: Blade = Blade()
+    given: dict[str, float | str] = Field(default={}, alias="parameters")
     belt: Belt = Belt()
     start: Start = Start()
 
@@ -32,34 +37,41 @@ class System(Table):
         return self._text
 
     @property
+    def family(self) -> Family:
+        """What is known of the kind of system. Raises: Fault for a name of none."""
+        if self.system == WIPER:
+            return _WIPER
+        if not is_path(self.system):
+            must = f"{unknown(self.system, [WIPER])}, or an import path 'module:Class'"
+            raise Fault("system", must)
+        return declared.declared(self.system)
+
+    @property
+    def belt_kind(self) -> str | None:
+        """Kind of the belt; None where the system has none."""
+        return self.family.belt_kind(self)
+
+    @property
+    def parameter_table(self) -> Mapping[str, Parameter]:
+        """Name -> all that is known of it, of each parameter of the system, its law and its belt;
+        in the order of maps."""
+        return self.family.parameters(self)
+
+    @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of all parameters of the blade and of this kind of belt."""
-        law = set(FRICTIONS[self.blade.friction].values())
-        blade = tuple(name for name in _BLADE if name in law or name not in LAW_PARAMETERS)
-        return blade + tuple(BELTS[self.belt.kind].values())
+        """Names of all parameters of the system, of its law and of this kind of belt."""
+        return tuple(self.parameter_table)
 
     def document(self) -> dict[str, Any]:
         """Plain dict that `parse_sweep` or `parse_scene` turns into an equal specification."""
         return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
 
-    def _stated(self) -> dict[str, tuple[str, float]]:
-        """Parameter -> (key in the file, value in edge units), of those the file fixes."""
-        keys = BELTS[self.belt.kind]
-        tables = [("blade", name, name) for name in _BLADE]
-        tables += [("belt", key, name) for key, name in keys.items()]
-        stated = {
-            name: (f"{table}.{key}", getattr(getattr(self, table), key))
-            for table, key, name in tables
-        }
-        return {name: entry for name, entry in stated.items() if entry[1] is not None}
-
     def _fixed_si(self, axes: Mapping[str, Axis]) -> dict[str, float]:
         """Parameter -> SI value, stated or reference, of every parameter that is no axis."""
-        stated = self._stated()
+        stated = self.family.stated(self)
         fixed = {}
-        for name in self.parameter_names:
+        for name, entry in self.parameter_table.items():
             if name not in axes:
-                entry = PARAMETERS[name]
                 value = entry.to_si(stated[name][1]) if name in stated else entry.reference
                 if value is not None:  # else it is asked for in _check_system
                     fixed[name] = float(value)
@@ -67,25 +79,26 @@ class System(Table):
 
     def _check_system(self, axes: Mapping[str, Axis]) -> None:
         """Raises Fault for keys that are fine alone but not together."""
-        kind, stated = self.belt.kind, self._stated()
-        for key in sorted(self.belt.model_fields_set - {"kind"} - set(BELTS[kind])):
-            owners = " and ".join(repr(other) for other, keys in BELTS.items() if key in keys)
+        family, kind = self.family, self.belt_kind
+        family.check(self, axes)
+        stated, known = family.stated(self), self.parameter_table
+        keys = BELTS.get(kind or "", {})
+        for key in sorted(self.belt.model_fields_set - {"kind"} - set(keys)):
+            owners = " and ".join(repr(other) for other, its in BELTS.items() if key in its)
             raise Fault(f"belt.{key}", f"must be left out with kind = {kind!r}; it is for {owners}")
-        law = self.blade.friction
-        for name in LAW_PARAMETERS - set(self.parameter_names):
-            if name in axes or name in stated:
-                key = f"axes.{name}" if name in axes else f"blade.{name}"
-                raise Fault(key, f"must be left out with blade.friction = {law!r}")
         for name in axes:
-            if name not in self.parameter_names:
+            if name not in known:
                 raise Fault(f"axes.{name}", f"must be left out with belt.kind = {kind!r}")
             if name in stated:
                 key, value = stated[name]
                 raise Fault(key, f"must be left out, for axes.{name} sets it; was {value:g}")
-        for key, name in BELTS[kind].items():
-            if name not in axes and name not in stated and PARAMETERS[name].reference is None:
-                must = PARAMETERS[name].must
+        for key, name in keys.items():
+            if name not in axes and name not in stated and known[name].reference is None:
+                must = known[name].must
                 raise Fault(f"belt.{key}", f"is missing; with kind = {kind!r} it {must}")
+        for name, entry in known.items():
+            if entry.reference is None and name not in stated and name not in axes:
+                raise Fault(f"{entry.table}.{name}", f"is missing; it {entry.must}")
 
         fixed = self._fixed_si(axes)
 
@@ -93,42 +106,16 @@ class System(Table):
             """All values of parameter `name` in this file, edge units."""
             if name in axes:
                 return axes[name].values()
-            return np.atleast_1d(PARAMETERS[name].to_edge(fixed[name]))
+            return np.atleast_1d(known[name].to_edge(fixed[name]))
 
         def key_of(name: str) -> str:
-            return f"axes.{name}" if name in axes else stated.get(name, (f"blade.{name}",))[0]
+            if name in axes:
+                return f"axes.{name}"
+            return stated.get(name, (f"{known[name].table}.{name}",))[0]
 
-        collapse = values("collapse_angle").min()
-        attack = values("attack_angle")
-        attack = attack[np.argmax(np.abs(attack))]
-        inside = f"must lie inside the collapse angle, (-{collapse:g}, {collapse:g}) degrees"
-        if abs(attack) >= collapse:
-            raise Fault(key_of("attack_angle"), f"{inside}, was {attack:g}")
-        if self.start.angle is not None and abs(self.start.angle) >= collapse:
-            raise Fault("start.angle", f"{inside}, was {self.start.angle:g}")
-        if self.start.position is not None:
-            x, reach = self.start.position[0], values("lip_length").min()
-            if abs(x) >= reach:
-                must = f"x must be shorter than the lip ({reach:g} m)"
-                raise Fault("start.position", f"{must}, was {x:g}")
-        if law == "coulomb" and (most := values("mu_minimum").max()) > values("mu_static").min():
-            must = f"must be at most mu_static ({values('mu_static').min():g}) with this friction"
-            raise Fault(key_of("mu_minimum"), f"{must}, was {most:g}")
-        if self.model != "lip":
-            self._check_rung(values, key_of)
-        if "belt_ramp" in BELTS[kind].values():
+        family.check_values(self, values, key_of)
+        if "belt_ramp" in keys.values():
             ramp, longest = values("belt_ramp").max(), longest_ramp(values("belt_frequency").max())
             if ramp > longest:
                 must = f"must be at most half a period ({longest:g} s)"
                 raise Fault(key_of("belt_ramp"), f"{must}, was {ramp:g}")
-
-    def _check_rung(self, values, key_of) -> None:
-        """Raises Fault for what a model of one coordinate (`blade.rungs`) cannot have."""
-        must = f"must be left out or 0 with model = {self.model!r}, which has no hinge mass"
-        if (largest := values("hinge_mass").max()) > 0:
-            raise Fault(key_of("hinge_mass"), f"{must}, was {largest:g}")
-        for key, unit in (("position", "m"), ("velocity", "m/s")):
-            pair = getattr(self.start, key)
-            if pair is not None and pair[1] != 0:
-                must = f"must be on the glass (y = 0) with model = {self.model!r}"
-                raise Fault(f"start.{key}", f"{must}, was {pair[1]:g} {unit}")

@@ -28,8 +28,10 @@ from ..vocabulary.ranges import SETTINGS
 from ..vocabulary.thresholds import LIMITS, Thresholds
 from ..vocabulary.wording import digits
 from .errors import Fault, show
+from .imported import path_of
 
 LONGEST_TITLE = 500
+MOST_COORDINATES = 64  # small systems are what the engine is for
 ALLOWED = {**SETTINGS, **LIMITS}  # range of each number by its key
 
 
@@ -47,6 +49,13 @@ def _pair(value: Any) -> tuple[Any, Any]:
     return value[0], value[1]
 
 
+def _numbers(value: Any) -> tuple[Any, ...]:
+    """Entries of a list as a tuple; pydantic then checks that they are numbers."""
+    if not isinstance(value, list | tuple) or not 1 <= len(value) <= MOST_COORDINATES:
+        raise Fault("", f"must be a list of numbers, one a coordinate, was {show(value)}")
+    return tuple(value)
+
+
 def _one_line(value: str) -> str:
     """`value`; raises Fault unless it is a short line of text: files and pictures bear it."""
     if len(value) > LONGEST_TITLE or not value.isprintable():
@@ -57,13 +66,13 @@ def _one_line(value: str) -> str:
 
 Title = Annotated[str, AfterValidator(_one_line)]
 Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
 if TYPE_CHECKING:
-    ModelName = SolverName = BeltName = FrictionName = str
+    ModelName = SolverName = BeltName = str
 else:
     ModelName = Literal[tuple(kinds.MODELS)]
     SolverName = Literal[kinds.SOLVERS]
     BeltName = Literal[tuple(kinds.BELTS)]
-    FrictionName = Literal[tuple(kinds.FRICTIONS)]
 
 
 class Table(BaseModel):
@@ -102,10 +111,12 @@ class Blade(limited("_BladeKeys", _BLADE_KEYS)):
     """Parameters of the blade that are not axes (edge units); None: the reference value.
 
     Attributes:
-        friction: its law, with the parameters of `kinds.FRICTIONS`; checked in `system.py`.
+        friction: its law, one of `kinds.FRICTIONS` with the parameters given there, or the import
+            path `module:Class` of one of one's own, with those that it declares; checked in
+            `laws.py`.
     """
 
-    friction: FrictionName = "stribeck"
+    friction: Annotated[str, BeforeValidator(path_of)] = "stribeck"
 
 
 class Belt(limited("_BeltKeys", _BELT_KEYS)):
@@ -206,14 +217,15 @@ class Start(Table):
     Attributes:
         angle: lip angle phi [degrees] at which the touching tip starts at rest.
         equilibrium: offset from the steady-slip equilibrium of largest phi, as a fraction of L.
-        position: of the tip, (x, y) [m]: along the glass and above it.
-        velocity: of the tip there, (x', y') [m/s]; left out: at rest.
+        position: of the tip, (x, y) [m]: along the glass and above it; of another system, each of
+            its coordinates.
+        velocity: of the tip there, (x', y') [m/s], or their rates; left out: at rest.
     """
 
     angle: float | None = None
     equilibrium: float | None = None
-    position: Pair | None = None
-    velocity: Pair | None = None
+    position: Numbers | None = None
+    velocity: Numbers | None = None
 
     @property
     def kind(self) -> Literal["default", "angle", "equilibrium", "state"]:
@@ -232,19 +244,14 @@ class Start(Table):
             raise Fault("", f"must have one of {', '.join(ways)}; had {' and '.join(given)}")
         if self.velocity is not None and self.position is None:
             raise Fault("velocity", "must have position beside it")
-        if self.position is not None and self.position[1] < 0:
-            raise Fault(
-                "position",
-                f"y must not be negative (the glass is y = 0), was {self.position[1]:g}",
-            )
         return self
 
 
 def _table_of(record: type) -> Any:
     """Table with the keys and defaults of a dataclass."""
+    kinds = {tuple: Pair, float: float, type(None): float | None}
     keys: dict[str, Any] = {
-        field.name: (Pair if isinstance(field.default, tuple) else float, field.default)
-        for field in fields(record)
+        field.name: (kinds[type(field.default)], field.default) for field in fields(record)
     }
     return create_model("_Keys", __base__=Table, __module__=__name__, **keys)
 

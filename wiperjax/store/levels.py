@@ -19,7 +19,7 @@ import xarray as xr
 
 from ..machine.files import StoreError, replacing, temporary_beside
 from ..vocabulary import cf
-from ..vocabulary.schema import SCHEMA
+from ..vocabulary.schema import SCHEMA, attributes
 from . import checksums
 from .spill import SpillFile
 
@@ -81,7 +81,7 @@ def _write_level(file: Any, level: Level) -> None:
     _variable(group, LIST, level.index, attrs | {"units": "1"})
     _variable(group, FACTOR, level.factor, FACTOR_ATTRS)
     for name, values in level.columns.items():
-        _variable(group, name, values, SCHEMA[name].attributes())
+        _variable(group, name, values, attributes(name, file.attrs))
     group.attrs["level"] = level.number
 
 
@@ -187,7 +187,7 @@ def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | 
         counts = tuple(len(values) for values in one.axes.values())
         put(list(np.unravel_index(one.index, counts)), one.number, one.columns)
     dims = tuple(axes)
-    variables_ = {n: (dims, v.reshape(shape), SCHEMA[n].attributes()) for n, v in found.items()}
+    variables_ = {n: (dims, v.reshape(shape), attributes(n, ds.attrs)) for n, v in found.items()}
     words = {"long_name": "whether the point was looked at", "units": "1"}
     variables_["computed"] = (dims, computed.reshape(shape), words)
     coords = {name: ((name,), values, ds[name].attrs) for name, values in axes.items()}

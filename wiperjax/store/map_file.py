@@ -156,7 +156,7 @@ def _write(
                     compression_opts=4,
                     shuffle=True,
                 )
-                variable.attrs.update(column.attributes())
+                variable.attrs.update(schema.attributes(name, described["attrs"]))
                 if beside and "start" in dims:
                     variable.attrs["coordinates"] = " ".join(sorted(beside))
             each = math.prod(shape) // store.cells  # numbers of a cell; a slab has whole cells

@@ -1,9 +1,9 @@
 """Kinds of what a file names: belts, friction laws, models, solvers; and what is known of each
 without computing a motion.
 
-The classes are `blade.belts`, `contact.friction`, `blade.rungs` and `numerics.runge_kutta`: each is
-found by the name that stands here. Imports no jax; a formula that compiled code shares is given the
-library it computes with.
+The classes are `contact.belts`, `contact.friction`, `blade.rungs` and `numerics.runge_kutta`: each
+is found by the name that stands here. Imports no jax; a formula that compiled code shares is given
+the library it computes with.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,6 +12,9 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+
+WIPER = "wiper"
+"""Name of the system that a file means by itself."""
 
 MODELS: Mapping[str, str] = MappingProxyType(
     {

@@ -131,6 +131,12 @@ _TABLE = (
     Column("final_y", "float64", "m", "gap at the end"),
     Column("final_vx", "float64", "m/s", "tip velocity along the glass at the end"),
     Column("final_vy", "float64", "m/s", "tip velocity normal to the glass at the end"),
+    Column("final_position", "float64", "1", "coordinates at the end",
+        comment="of a system of one's own, each in its own unit", along="coordinate",
+    ),
+    Column("final_velocity", "float64", "1", "velocities at the end",
+        comment="rates of the coordinates", along="coordinate",
+    ),
     Column("final_regime", "uint8", "", "regime at the end", REGIMES),
     Column(
         "class_set", "int16", "", "noise classes that the starts of the cell end in",
@@ -178,6 +184,23 @@ EVENT_COLUMNS = {
 
 ENDED = ("result", "final_x", "final_y", "final_vx", "final_vy", "final_regime")
 """Columns of a motion from which another can go on."""
+
+ENDED_ELSEWHERE = ("result", "final_position", "final_velocity", "final_regime")
+"""The same of a system of one's own."""
+
+
+def attributes(name: str, of: Mapping[str, Any]) -> dict[str, Any]:
+    """CF attributes of a column in a map with the attributes `of`: forces are per metre of blade,
+    those of a system of one's own are not.
+    """
+    found = SCHEMA[name].attributes()
+    if SYSTEM in of and "units" in found:
+        found["units"] = found["units"].replace("N/m", "N").replace("N s/m", "N s")
+    return found
+
+
+SYSTEM = "system"
+"""Attribute of a map of a system of one's own: its import path."""
 
 SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error")
 """Columns that only a map of several starts has; shares, only of random ones."""

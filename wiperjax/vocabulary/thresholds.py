@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 from .ranges import Range
 
@@ -14,6 +15,8 @@ class Thresholds:
     Attributes:
         quiet_velocity_ratio: rms of the tip velocity about its mean, over the belt speed, below
             which a cell is quiet.
+        quiet_velocity: the same rms [m/s], in place of the ratio, where it is given; a system
+            without a belt has no other.
         squeal_band: dominant frequency of squeal [Hz], both ends included.
         chatter_band: dominant frequency of chattering [Hz], upper end excluded.
         reversal_window: time [s] on either side of V = 0 that counts as the reversal.
@@ -30,6 +33,7 @@ class Thresholds:
     """
 
     quiet_velocity_ratio: float = 0.01
+    quiet_velocity: float | None = None
     squeal_band: tuple[float, float] = (500.0, 1000.0)
     chatter_band: tuple[float, float] = (0.0, 100.0)
     reversal_window: float = 0.025
@@ -43,6 +47,7 @@ class Thresholds:
 LIMITS: Mapping[str, Range] = MappingProxyType(
     {
         "quiet_velocity_ratio": Range(1e-12, 10),
+        "quiet_velocity": Range(1e-30, 1e6, unit="m/s"),
         "squeal_band": Range(0, 1e6, unit="Hz"),
         "chatter_band": Range(0, 1e6, unit="Hz"),
         "reversal_window": Range(1e-9, 1e3, unit="s"),
@@ -54,3 +59,16 @@ LIMITS: Mapping[str, Range] = MappingProxyType(
     }
 )
 """Allowed range of each of them."""
+
+
+def silence(limits: Any, belt_speed_rms: Any = None) -> Any:
+    """Rms velocity [m/s] below which a motion is quiet, on belts of some rms speed [m/s] (None: of
+    a system without). `limits`: anything with the attributes of `Thresholds`.
+
+    Raises: ValueError without a belt where `quiet_velocity` is not given.
+    """
+    if limits.quiet_velocity is not None:
+        return limits.quiet_velocity
+    if belt_speed_rms is None:
+        raise ValueError("quiet_velocity must be given for a system without a belt")
+    return limits.quiet_velocity_ratio * belt_speed_rms

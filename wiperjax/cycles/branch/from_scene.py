@@ -8,15 +8,14 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
-from ...blade.belts import SteadyBelt
-from ...blade.build import build_wiper, start_state
 from ...blade.steady_slip import steady_slip
+from ...contact.belts import SteadyBelt
 from ...datasets.branch_dataset import with_rest, with_simulations
 from ...machine import provenance
 from ...specs.scene import SceneSpec
+from ...systems.build import belt_of, build, start
 from ...vocabulary import cf
 from ...vocabulary.cf import units_text
-from ...vocabulary.parameters import PARAMETERS
 from ...vocabulary.wording import not_there
 from ..cycle import Found, find_cycle
 from .dataset import branch_dataset
@@ -40,31 +39,34 @@ def follow_scene(
     **Arguments:** ``over``, a parameter of sweep files; ``low``, ``high``, its range in their units
     (degrees); ``step``, see `follow`; ``simulate``, number of values in the range at which motions
     are simulated on the way up and on the way down (`up_and_down`; 0: none). The motion is taken
-    after ``run.duration`` of the scene. On a steady belt steady slip is added.
+    after ``run.duration`` of the scene. Of a wiper on a steady
+    belt, steady slip is added.
 
     Raises ValueError if there is no such parameter, no cycle at the scene's own value, or that
     value lies outside the range.
     """
     begun = time.perf_counter()
-    wiper = build_wiper(spec.parameters(), spec.belt.kind, spec.blade.friction)
-    entry = PARAMETERS.get(over)
+    built, table = build(spec, spec.parameters()), spec.parameter_table
+    system = built.system if built.wiper is None else built.wiper
+    entry = table.get(over)
     if entry is None:
-        raise ValueError(f"--over: {not_there(over, 'blade or its belt', PARAMETERS)}")
+        raise ValueError(f"--over: {not_there(over, 'system or its belt', table)}")
     for end in (low, high):
         if problem := entry.problem(end):
             raise ValueError(f"{over}: {problem}")
-    own = float(entry.to_edge(numbers.value(wiper, over)))
+    own = float(entry.to_edge(numbers.value(system, over)))
     if not low <= own <= high:
         raise ValueError(
             f"the range of {over} must hold the scene's own value {own:g}, "
             f"but was {low:g} to {high:g}"
         )
-    period = None if isinstance(wiper.belt, SteadyBelt) else _stroke
-    position, velocity = start_state(wiper, spec.start)
+    period = None if isinstance(belt_of(system), SteadyBelt | None) else _stroke
+    state = start(spec, built._replace(system=system))
+    position, velocity = (tuple(np.asarray(x, float) for x in part) for part in state)
     cycle = find_cycle(
-        wiper,
+        system,
         settle=spec.run.duration,
-        initial_state=(np.asarray(position), np.asarray(velocity)),
+        initial_state=(position, velocity),
         period=period,
         over=over,
     )
@@ -73,14 +75,14 @@ def follow_scene(
         raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
     branch = follow(cycle, float(entry.to_si(low)), float(entry.to_si(high)), step=step)
     stated = {
-        name: float(PARAMETERS[name].to_edge(value))
+        name: float(table[name].to_edge(value))
         for name, value in spec.parameters().items()
         if name != over
     }
     attrs = {
         "title": spec.title or f"cycles over {entry.long_name}",
-        "belt_kind": spec.belt.kind,
-        "parameter_units": units_text({name: PARAMETERS[name].edge_unit for name in stated}),
+        "belt_kind": spec.belt_kind or "",
+        "parameter_units": units_text({name: table[name].edge_unit for name in stated}),
         **stated,
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
@@ -89,23 +91,23 @@ def follow_scene(
     found = branch_dataset(branch).assign_attrs(cf.plain_attributes(attrs))
     if simulate:
         brute = up_and_down(
-            wiper,
+            system,
             over,
             np.linspace(entry.to_si(low), entry.to_si(high), simulate),
             settle=spec.run.duration,
             window=10 * cycle.period,
-            initial_state=(np.asarray(position), np.asarray(velocity)),
+            initial_state=(position, velocity),
             period=period,
         )
         found = with_simulations(found, brute)
-    if period is not None:
+    if period is not None or built.wiper is None:
         return found
     fine = np.linspace(low, high, 200)
-    varied: Any = numbers.replaced(wiper, over, np.asarray(entry.to_si(fine)))
+    varied: Any = numbers.replaced(built.wiper, over, np.asarray(entry.to_si(fine)))
     slip = steady_slip(varied)
     return with_rest(found, fine, np.asarray(slip.x), np.asarray(slip.growth_rate) < 0)
 
 
-def _stroke(wiper):
+def _stroke(system):
     """Period of the belt."""
-    return 1 / wiper.belt.frequency
+    return 1 / system.belt.frequency

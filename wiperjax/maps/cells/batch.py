@@ -8,10 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...blade.belts import SteadyBelt
-from ...blade.build import build_wiper, continued_state, start_state
-from ...blade.rungs import on_rung, start_on_rung
-from ...blade.wiper import Wiper
+from ...contact.belts import SteadyBelt
 from ...contact.system import AbstractSystem
 from ...datasets.map_dataset import raster_index
 from ...engine.carry.problem import Integration, Recording, make_case
@@ -22,7 +19,8 @@ from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
 from ...numerics.runge_kutta import SOLVERS
 from ...specs.tables import Start
-from ...vocabulary.schema import ENDED
+from ...systems.build import Built, belt_of, build, go_on, start
+from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
 from .devices import capacity, deal, dearest_first, lane_count
@@ -50,7 +48,7 @@ def evaluate(
     ``ended``: columns of as many motions that these go on from (`build.continued_state`); default:
     the start of ``spec``.
     """
-    wiper, system, position, velocity = prepare(spec, index, room, ended)
+    built, position, velocity = prepare(spec, index, room, ended)
     settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
     sampling = Sampling.of(spec, finer)
 
@@ -63,45 +61,44 @@ def evaluate(
 
     precision, size = spec.run.precision, position[0].shape[-1]
     cells = (
-        _arrays(system, precision),
+        _arrays(built.system, precision),
         _full(position, size, precision),
         _full(velocity, size, precision),
     )
-    order = dearest_first(wiper, len(index))
+    order = dearest_first(built.wiper, len(index))
     (outcome, signal), effort = deal(compute, cells, order)
     if finer > 1:
-        return sampled(spec, signal, wiper, len(index))
+        return sampled(spec, signal, belt_of(built.system), len(index))
     with compiling.apart("naming"):
-        return columns_of(spec, outcome, signal, effort, wiper, len(index))
+        return columns_of(spec, outcome, signal, effort, built, len(index))
 
 
 def prepare(
     spec, index, room: int | None = None, ended: Mapping[str, Any] | None = None
-) -> tuple[Wiper, Any, tuple, tuple]:
-    """Return wiper, system (its rung), positions and velocities of the cells ``index``, and
-    of some that fill up to ``room``.
+) -> tuple[Built, tuple, tuple]:
+    """Return the system, positions and velocities of the cells ``index``, and of some that fill up
+    to ``room``.
 
     Every call of a sweep has the same shapes (one compilation).
     """
     size = capacity(max(len(index), room or 0))
 
     def padded(values):
-        return np.concatenate([values, np.full(size - len(values), values[-1])])
+        return np.concatenate([values, np.repeat(values[-1:], size - len(values), axis=0)])
 
     cells = padded(index).astype(np.int64)
-    wiper = build_wiper(spec.cells(cells), spec.belt.kind, spec.blade.friction)
-    system = on_rung(wiper, spec.model)
-    start = start_on_rung(system, start_state(wiper, spec.start), spec.start.kind)
+    built = build(spec, spec.cells(cells))
+    begun = start(spec, built)
     if spec.starts is not None and spec.start.kind == "equilibrium":  # none: at rest
-        rest = start_on_rung(system, start_state(wiper, Start()), "default")
-        start = jax.tree.map(lambda x, y: jnp.where(jnp.isfinite(x), x, y), start, rest)
+        rest = start(spec, built, Start())
+        begun = jax.tree.map(lambda x, y: jnp.where(jnp.isfinite(x), x, y), begun, rest)
     if ended is not None:
-        last = {name: padded(np.asarray(ended[name])) for name in ENDED}
-        there, goes_on = continued_state(wiper, last)
-        there = start_on_rung(system, there, "state")
-        start = jax.tree.map(lambda x, y: jnp.where(goes_on, x, y), there, start)
-    position, velocity = start
-    return wiper, system, position, velocity
+        names = ENDED if built.wiper is not None else ENDED_ELSEWHERE
+        last = {name: padded(np.asarray(ended[name])) for name in names}
+        there, goes_on = go_on(spec, built, last)
+        begun = jax.tree.map(lambda x, y: jnp.where(goes_on, x, y), there, begun)
+    position, velocity = (_full(part, size, "float64") for part in begun)
+    return built, position, velocity
 
 
 class _Settings(NamedTuple):
@@ -186,7 +183,7 @@ def outcomes(
     system, position, velocity, count, max_steps, sampling: Sampling, s: _Settings, watched=False
 ):
     """`_compute`, to be called inside `jax.jit`; ``watched``: with `margins` in the record."""
-    steady = isinstance(system.belt, SteadyBelt)
+    steady = isinstance(belt_of(system), SteadyBelt | None)
     totals = RegimeTotals(s.transient)
     if not steady:
         totals = ReversalTotals(s.transient, s.reversal_window)

@@ -6,23 +6,25 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...blade.belts import SteadyBelt
-from ...blade.wiper import Wiper
+from ...contact.belts import AbstractBelt, SteadyBelt
 from ...engine.carry.state import EventLog
 from ...engine.lanes import Outcome
 from ...engine.observers.margins import Watched, regime_totals
 from ...numerics.arrays import cellwise
+from ...systems.build import Built, belt_of
 from ...vocabulary.codes import Result
 from ...vocabulary.schema import EVENT_COLUMNS, SCHEMA
 from .devices import spread
 from .linear import growth, slip_of
 
 
-def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int) -> dict[str, Any]:
+def columns_of(spec, outcome: Outcome, signal, effort, built: Built, count: int) -> dict[str, Any]:
     """Return what `evaluate` returns, from the answers of the engine."""
     run = spec.run
     useful, executed = effort
-    columns = _columns(outcome, run, wiper, count) | sampled(spec, signal, wiper, count)
+    belt, wiper = belt_of(built.system), built.wiper
+    columns = _columns(outcome, run, belt, count) | sampled(spec, signal, belt, count)
+    columns |= ended(outcome, wiper is not None)
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
     if spec.starts is not None:
@@ -30,20 +32,20 @@ def columns_of(spec, outcome: Outcome, signal, effort, wiper: Wiper, count: int)
     if outcome.log is not None:
         columns |= _events(outcome.log, run)
     columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
-    return columns | growth(spread(slip_of, wiper), count)
+    return columns if wiper is None else columns | growth(spread(slip_of, wiper), count)
 
 
-def sampled(spec, signal, wiper: Wiper, count: int) -> dict[str, Any]:
+def sampled(spec, signal, belt: AbstractBelt | None, count: int) -> dict[str, Any]:
     """Return what is told of samples: what `maps.block.naming` takes."""
     run, samples = spec.run, signal.output.shape[1]
     columns: dict[str, Any] = {"signal": signal.output, "sample_interval": run.window / samples}
     if signal.inner is not None:
         columns["signal_inner"] = signal.inner
-    if not isinstance(wiper.belt, SteadyBelt):
+    if not isinstance(belt, SteadyBelt | None):
         times = run.transient + run.window / samples * (np.arange(samples) + 0.5)
-        per_cell = jax.tree.map(lambda x: cellwise(x, count)[:, None], wiper.belt)
+        per_cell = jax.tree.map(lambda x: cellwise(x, count)[:, None], belt)
         columns["since_reversal"] = np.asarray(per_cell.since_reversal(times))
-        columns["wiping_frequency"] = cellwise(wiper.belt.wiping_frequency, count)
+        columns["wiping_frequency"] = cellwise(belt.wiping_frequency, count)
     return columns
 
 
@@ -64,11 +66,22 @@ def statistics(outcome: Outcome, window) -> dict[str, Any]:
         "normal_force_max": record.normal_force_max,
         "gap_max": record.gap_max,
         "impact_impulse_max": record.impulse_max,
-        # a rung of one coordinate stays on the glass
+    }
+
+
+def ended(outcome: Outcome, of_a_blade: bool) -> dict[str, Any]:
+    """Return the state that motions ended in: of the tip (cells,), else (cells, coordinates)."""
+    if not of_a_blade:
+        return {
+            "final_position": jnp.stack(outcome.position, axis=-1),
+            "final_velocity": jnp.stack(outcome.velocity, axis=-1),
+        }
+    rest = 0.0 * outcome.position[0]  # a rung of one coordinate stays on the glass
+    return {
         "final_x": outcome.position[0],
-        "final_y": (*outcome.position, 0.0 * outcome.position[0])[1],
+        "final_y": (*outcome.position, rest)[1],
         "final_vx": outcome.velocity[0],
-        "final_vy": (*outcome.velocity, 0.0 * outcome.velocity[0])[1],
+        "final_vy": (*outcome.velocity, rest)[1],
     }
 
 
@@ -84,7 +97,7 @@ def _events(log: EventLog, run) -> dict[str, np.ndarray]:
     return columns
 
 
-def _columns(outcome: Outcome, run, wiper: Wiper, count: int) -> dict[str, np.ndarray]:
+def _columns(outcome: Outcome, run, belt: AbstractBelt | None, count: int) -> dict[str, np.ndarray]:
     """Statistics of the settled window; NaN where a cell did not reach its end."""
     found = {name: np.asarray(x) for name, x in statistics(outcome, run.window).items()}
     record = outcome.observed
@@ -103,7 +116,6 @@ def _columns(outcome: Outcome, run, wiper: Wiper, count: int) -> dict[str, np.nd
         "flight_fraction": settled(found["flight_fraction"]),
         "velocity_mean": settled(found["velocity_mean"]),
         "velocity_rms": settled(found["velocity_rms"]),
-        "belt_speed_rms": cellwise(wiper.belt.rms, count),
         "normal_force_mean": settled(found["normal_force_mean"]),
         "normal_force_max": settled(found["normal_force_max"]),
         "gap_max": settled(found["gap_max"]),
@@ -115,8 +127,9 @@ def _columns(outcome: Outcome, run, wiper: Wiper, count: int) -> dict[str, np.nd
         "rejected_steps": outcome.rejected,
         "unproved_steps": outcome.unproved,
         "final_time": outcome.final_time,
-        **{name: found[name] for name in ("final_x", "final_y", "final_vx", "final_vy")},
     }
+    if belt is not None:
+        columns["belt_speed_rms"] = cellwise(belt.rms, count)
     if record is not totals:
         with np.errstate(invalid="ignore", divide="ignore"):
             columns["normal_force_max_reversal"] = settled(record.force_max_reversal)

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from ...blade.belts import operating_speed
-from ...blade.build import build_wiper
 from ...blade.steady_slip import SteadySlip, steady_slip
 from ...blade.wiper import Wiper
+from ...contact.belts import operating_speed
 from ...numerics.arrays import cellwise
+from ...systems.build import build
 
 
 def slip_of(wiper: Wiper) -> SteadySlip:
@@ -25,6 +25,7 @@ def growth(slip: SteadySlip, count: int) -> dict[str, np.ndarray]:
 
 
 def linear(spec: Any, index: np.ndarray) -> dict[str, np.ndarray]:
-    """`growth` of the cells `index` of a sweep."""
-    wiper = build_wiper(spec.cells(index), spec.belt.kind, spec.blade.friction)
+    """`growth` of the cells `index` of a sweep of the wiper."""
+    wiper = build(spec, spec.cells(index)).wiper
+    assert wiper is not None
     return growth(slip_of(wiper), len(index))

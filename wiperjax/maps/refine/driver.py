@@ -84,7 +84,7 @@ def refine(
         check_made_by(path, ds.attrs, known)
         grid = Grid(spec.axes, found.depth({n: a.count for n, a in spec.axes.items()}))
         criterion = Criterion(found, spec.classes)
-        facts = _of_map(path, ds, criterion)
+        facts, axes = _of_map(path, ds, criterion), {name: ds[name] for name in spec.axes}
     if criterion.linear:
         blocks = linear_blocks
     search = Search(grid, found, criterion.thresholds, facts)
@@ -95,7 +95,7 @@ def refine(
         _run(search, criterion, bank, found, compute)
         made = {"identity": json.dumps(known, sort_keys=True)} | provenance.record(command, 0.0)
         made["refine_settings"] = stated
-        found_borders = border_dataset(search.outcome(), grid, criterion, found, made)
+        found_borders = border_dataset(search.outcome(), grid, criterion, found, made, axes)
         write_levels(path, kept.levels(grid), found_borders)
     return borders(path)
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ...specs.errors import SpecError
-from ...vocabulary.parameters import PARAMETERS
 from ...vocabulary.ranges import MOST_VALUES
 
 
@@ -105,8 +104,3 @@ def values(axis: Any, level: int) -> np.ndarray:
     found = np.append(np.sign(known[0]) * np.exp(between) if geometric else between, known[-1])
     found[:: 2**level] = known
     return found
-
-
-def si(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Values of axes in SI units and radians."""
-    return {name: np.asarray(PARAMETERS[name].to_si(v)) for name, v in values.items()}

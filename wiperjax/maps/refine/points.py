@@ -11,7 +11,7 @@ import numpy as np
 from ...store.levels import is_refined
 from ...store.whole import borders
 from .bank import Bank
-from .grid import Grid, si
+from .grid import Grid
 
 Columns = dict[str, np.ndarray]
 
@@ -34,7 +34,9 @@ class Points:
         run["max_steps"] = factor * spec.run.max_steps
         changed = {"run": spec.run.model_copy(update=run), "sensitivities": None}
         self._spec = spec.model_copy(update=changed)
-        self._values = si(grid.values(index))
+        table = spec.parameter_table
+        found = grid.values(index).items()
+        self._values = {name: np.asarray(table[name].to_si(x)) for name, x in found}
         self.index, self.room = index, ROOM
         self._of = {"sweep": spec.digest(), "levels": grid.levels, "factor": factor}
 

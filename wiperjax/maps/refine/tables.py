@@ -9,23 +9,30 @@ import xarray as xr
 from ...specs.refine import Refine
 from ...vocabulary.cf import flags
 from ...vocabulary.codes import CROSSINGS
-from ...vocabulary.parameters import PARAMETERS
 from .criterion import Criterion
 from .grid import Grid
 from .outcome import Outcome
 
 
 def border_dataset(
-    found: Outcome, grid: Grid, criterion: Criterion, settings: Refine, made: Mapping[str, Any]
+    found: Outcome,
+    grid: Grid,
+    criterion: Criterion,
+    settings: Refine,
+    made: Mapping[str, Any],
+    described: Mapping[str, Any],
 ) -> xr.Dataset:
-    """Points on borders, one along `border`; angles in degrees, as in the map."""
+    """Points on borders, one along `border`; in the units of the map's axes, which `described`
+    has.
+    """
     count = len(found.axis)
     variables: dict[str, Any] = {}
     for name, values in grid.along.items():
-        entry, where = PARAMETERS[name], np.full(count, values[0])
+        where = np.full(count, values[0])
         if name in grid.names:
             where = _values(values, found.place[:, grid.names.index(name)])
-        attrs = {"units": entry.edge_unit, "long_name": f"{entry.long_name} of the border"}
+        units, long_name = (described[name].attrs[key] for key in ("units", "long_name"))
+        attrs = {"units": units, "long_name": f"{long_name} of the border"}
         variables[name] = ("border", where, attrs)
     ends = {"bracket_low": found.low, "bracket_high": found.high}
     for name, steps in ends.items():

@@ -7,8 +7,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ...noise.class_counts import class_table
+from ...noise.classes import stored
 from ...vocabulary.cf import flag_names, flags
 from ...vocabulary.codes import LABELS, NOT_COMPUTED
+from ...vocabulary.thresholds import silence
 from ..style.palette import CLASSES, HATCHES, MOTIONS, UNKNOWN, readable
 from .categories import category_map
 
@@ -24,9 +26,8 @@ def motion(ds: xr.Dataset) -> xr.DataArray:
     """
     stick, flight = np.asarray(ds["stick_fraction"]) > 0, np.asarray(ds["flight_fraction"]) > 0
     only = np.asarray(ds["stick_fraction"]) >= 1
-    still = np.asarray(ds["velocity_rms"]) <= float(
-        ds.attrs.get("class_quiet_velocity_ratio", 0.01)
-    ) * np.asarray(ds["belt_speed_rms"])
+    belt = np.asarray(ds["belt_speed_rms"]) if "belt_speed_rms" in ds else None
+    still = np.asarray(ds["velocity_rms"]) <= silence(stored(ds.attrs), belt)
     ended = np.asarray(ds["label"])
     names = {name: code for code, name in enumerate(MOTIONS)} | {"not_computed": NOT_COMPUTED}
     codes = np.select(

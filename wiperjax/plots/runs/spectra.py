@@ -102,14 +102,16 @@ def spectrum(
 def quiet_level(ds: xr.Dataset, values: xr.DataArray) -> float:
     """What counts as no vibration of `values` of a run, rms, in their stored unit.
 
-    Of a velocity it is the border of the class quiet: the stored share of the speed of the glass.
-    Of other quantities it is that share of their own rms, mean included.
+    Of a velocity it is the border of the class quiet: the stored share of the speed of the glass,
+    or the stored speed. Of other quantities it is that share of their own rms, mean included.
     """
-    scale = values
+    limits, scale = stored(ds.attrs), values
+    if str(values.name) == "velocity" and limits.quiet_velocity is not None:
+        return limits.quiet_velocity
     if str(values.name) == "velocity" and "belt_velocity" in ds:
         scale = ds["belt_velocity"]
     rms = float(np.sqrt(np.mean(np.square(np.asarray(scale, dtype=float)))))
-    return stored(ds.attrs).quiet_velocity_ratio * rms
+    return limits.quiet_velocity_ratio * rms
 
 
 def spectrogram(

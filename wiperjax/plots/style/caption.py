@@ -129,7 +129,9 @@ def footnote(ds: xr.Dataset) -> str:
         )
         low = f"{chatter[0]:g}-" if chatter[0] > 0 else "below "
         pieces.append(f"squeal {squeal[0]:g}-{squeal[-1]:g} Hz, chattering {low}{chatter[-1]:g} Hz")
-    if "class_quiet_velocity_ratio" in attrs:
+    if "class_quiet_velocity" in attrs:
+        pieces.append(f"quiet below {attrs['class_quiet_velocity']:g} m/s")
+    elif "class_quiet_velocity_ratio" in attrs:
         pieces.append(f"quiet below {attrs['class_quiet_velocity_ratio']:g} of belt speed")
     if "run_window" in attrs:
         pieces.append(

@@ -27,7 +27,9 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     """Return the columns of `cells.evaluate`, and those of the sensitivities that ``spec`` asks."""
     asked, run = spec.sensitivities, spec.run
     names, count = asked.parameters, len(index)
-    wiper, _, position, _ = batch.prepare(spec, index)
+    built, position, _ = batch.prepare(spec, index)
+    wiper = built.wiper
+    assert wiper is not None  # `[sensitivities]` is refused elsewhere
     size = position[0].shape[-1]
     base = batch._arrays(wiper, run.precision)
     theta = {name: whole(value_of(wiper, name), size) for name in names}
@@ -54,7 +56,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
 
     order = dearest_first(wiper, count)
     (outcome, slopes, signal), effort = deal(compute, (base, theta, state, seeds[:2]), order)
-    columns = columns_of(spec, outcome, signal, effort, wiper, count)
+    columns = columns_of(spec, outcome, signal, effort, built, count)
     slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
 
     watched = outcome.observed

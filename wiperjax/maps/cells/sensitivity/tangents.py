@@ -7,12 +7,12 @@ import jax
 import jax.numpy as jnp
 
 from ....blade import numbers
-from ....blade.belts import operating_speed
 from ....blade.build import start_state
 from ....blade.steady_slip import steady_slip
 from ....blade.wiper import Wiper
+from ....contact.belts import operating_speed
 from .. import batch
-from ..columns import statistics
+from ..columns import ended, statistics
 
 LARGEST = {  # outcomes that are largest values, by their names in `margins.Peaks`
     "normal_force_max": "normal_force_max",
@@ -45,7 +45,8 @@ def tangents_of(wiper, theta, state, seeds, count, limit, sampling, s):
             w, position, velocity, count, limit, sampling, s, watched=True
         )
         seconds = outcome.observed.seconds._asdict()
-        found = statistics(outcome, s.window) | {SECOND[k]: x for k, x in seconds.items()}
+        found = statistics(outcome, s.window) | ended(outcome, True)
+        found |= {SECOND[k]: x for k, x in seconds.items()}
         return found, (outcome, signal, effort)
 
     def push(dtheta, dstate):
@@ -62,7 +63,8 @@ def plain(wiper, theta, state, count, limit, sampling, s):
     outcome, _, effort = batch.outcomes(
         w, position, velocity, count, limit, sampling, s, watched=True
     )
-    return statistics(outcome, s.window), outcome.observed.word, effort
+    found = statistics(outcome, s.window) | ended(outcome, True)
+    return found, outcome.observed.word, effort
 
 
 def start_of(wiper, theta, spec):

@@ -10,6 +10,7 @@ from ....noise.spectrum import dominant_frequency
 from ....numerics.arrays import cellwise
 from ....vocabulary.parameters import PARAMETERS
 from ....vocabulary.schema import DIFFERENTIABLE, SCHEMA
+from ....vocabulary.thresholds import silence
 from .. import batch
 from ..devices import capacity, deal
 from .tangents import LARGEST, SECOND, plain, start_of
@@ -167,4 +168,4 @@ def is_settled(columns, spec) -> np.ndarray:
 
 
 def is_quiet(columns, spec) -> np.ndarray:
-    return columns["velocity_rms"] < spec.classes.quiet_velocity_ratio * columns["belt_speed_rms"]
+    return columns["velocity_rms"] < silence(spec.classes, columns.get("belt_speed_rms"))

@@ -1,0 +1,77 @@
+"""Classes that a file names by an import path, `module:Class`: systems and friction laws of one's
+own. They are imported when their file is read; here no jax is (their modules do).
+"""
+
+import hashlib
+import importlib
+import inspect
+import sys
+from pathlib import Path
+from typing import Any
+
+from .errors import Fault, show
+
+
+def path_of(value: Any) -> Any:
+    """Import path of a class, what is given as such; anything else unchanged."""
+    return f"{value.__module__}:{value.__qualname__}" if isinstance(value, type) else value
+
+
+def is_path(name: str) -> bool:
+    """Whether a name in a file is an import path."""
+    return ":" in name
+
+
+def findable(folder: Path) -> None:
+    """Let import paths be found in a folder, and in the working directory, after all else."""
+    for place in (str(folder.resolve()), str(Path.cwd())):
+        if place not in sys.path:
+            sys.path.append(place)
+
+
+def imported(key: str, path: str) -> type:
+    """The class of an import path. Raises: Fault, of the key, one line, where there is none."""
+    module_name, _, class_name = path.partition(":")
+    must = "must be an import path such as 'my_module:MyClass'"
+    if not module_name or not class_name.isidentifier():
+        raise Fault(key, f"{must} of a class at the top of its module, was {show(path)}")
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        if error.name and (module_name + ".").startswith(error.name + "."):
+            where = "beside the file or in the working directory"
+            raise Fault(key, f"module {show(module_name)} is not found, {where} either") from None
+        raise Fault(key, f"module {show(module_name)} cannot be imported: {error}") from None
+    except Exception as error:  # whatever the module does wrong
+        what = f"{type(error).__name__}: {error}"
+        raise Fault(key, f"module {show(module_name)} cannot be imported: {what}") from None
+    found = getattr(module, class_name, None)
+    if not isinstance(found, type):
+        had = "has no class" if found is None else "has no class but something else named"
+        raise Fault(key, f"module {show(module_name)} {had} {show(class_name)}")
+    return found
+
+
+def needs(key: str, found: type, methods: tuple[str, ...], what: str) -> None:
+    """Raises: Fault, of the key, unless a class has some methods, and every one that its own base
+    asks for."""
+    missing = [name for name in methods if not hasattr(found, name)]
+    missing += sorted(getattr(found, "__abstractmethods__", ()))
+    missing += sorted(getattr(found, "__abstractvars__", ()))
+    if missing:
+        raise Fault(key, f"{found.__name__} is no {what}: it lacks {', '.join(missing)}")
+
+
+def fingerprint(key: str, found: type) -> str:
+    """SHA-256 of the source that a class stands in: its module's, or in a session its own.
+
+    Raises: Fault, of the key, where there is no source.
+    """
+    try:
+        module = inspect.getmodule(found)
+        whole = module is not None and getattr(module, "__file__", None) is not None
+        source = inspect.getsource(module if whole and module is not None else found)
+    except (OSError, TypeError):
+        must = "must stand in a file, so that a map can be told from one of another version"
+        raise Fault(key, f"{found.__name__} {must}") from None
+    return hashlib.sha256(source.encode()).hexdigest()

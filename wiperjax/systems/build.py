@@ -1,0 +1,119 @@
+"""A system and its start, as a sweep or a scene file asks for them."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+
+from ..blade.build import build_wiper, continued_state, start_state
+from ..blade.rungs import on_rung, start_on_rung
+from ..blade.wiper import Wiper
+from ..contact.belts import CLASSES as BELT_CLASSES
+from ..contact.belts import AbstractBelt
+from ..contact.friction import CLASSES as LAW_CLASSES
+from ..contact.system import AbstractSystem
+from ..specs.declared import Declared
+from ..specs.laws import law_of
+from ..specs.system import System
+from ..specs.tables import Start
+from ..vocabulary.codes import Regime, Result
+from ..vocabulary.kinds import BELTS
+
+
+class Built(NamedTuple):
+    """A system of some parameters.
+
+    Attributes:
+        system: what the engine runs.
+        wiper: the blade that it stands for (`blade.rungs`); None of another system.
+    """
+
+    system: AbstractSystem
+    wiper: Wiper | None
+
+
+def belt_of(system: AbstractSystem) -> AbstractBelt | None:
+    """Return the belt of a system that has one, in its field ``belt``."""
+    return getattr(system, "belt", None)
+
+
+def build(spec: System, parameters: Mapping[str, Any]) -> Built:
+    """Return the system of ``spec`` with ``parameters`` (SI units, radians): floats, or arrays with
+    one entry a cell, as `SweepSpec.cells` and `SceneSpec.parameters` give them.
+
+    Raises ValueError for values that the system refuses.
+    """
+    family = spec.family
+    if not isinstance(family, Declared):
+        law = law_of("blade.friction", spec.blade.friction)
+        wiper = build_wiper(parameters, spec.belt.kind, law)
+        return Built(on_rung(wiper, spec.model), wiper)
+    given = {name: parameters[name] for name in family.own}
+    if (kind := family.belt_kind(spec)) is not None:
+        keys = BELTS[kind].items()
+        given["belt"] = BELT_CLASSES[kind](**{key: parameters[name] for key, name in keys})
+    if (law := family.law(spec)) is not None:
+        numbers = {key: parameters[name] for key, name in law.keys.items()}
+        given["friction"] = (law.found or LAW_CLASSES[law.name])(**numbers)
+    try:
+        return Built(family.found(**given), None)
+    except TypeError as error:
+        raise ValueError(
+            f"system: {family.name} cannot be made of its parameters: {error}"
+        ) from error
+
+
+def start(spec: System, built: Built, stated: Start | None = None):
+    """Return (position, velocity), a tuple of n values each, of the start ``stated`` (default: that
+    of ``spec``). An equilibrium that does not exist is NaN.
+
+    Raises ValueError where the system has no start of its own and none is stated.
+    """
+    system, wiper = built
+    stated = spec.start if stated is None else stated
+    if wiper is not None:
+        return start_on_rung(system, start_state(wiper, stated), stated.kind)
+    if stated.position is not None:
+        return stated.position, stated.velocity or (0.0,) * len(stated.position)
+    try:
+        position, velocity = system.default_state()
+    except ValueError:
+        must = "is missing; [start] must have it, for this system has no start of its own"
+        raise ValueError(f"start.position: {must}") from None
+    if (n := len(spec.family.coordinates)) != len(position) or n != len(velocity):
+        name = type(system).__name__
+        must = f"must return {n} positions and {n} velocities (coordinates), but returned"
+        raise ValueError(f"{name}.default_state {must} {len(position)} and {len(velocity)}")
+    return position, velocity
+
+
+def go_on(spec: System, built: Built, ended: Mapping[str, Any]):
+    """Return the state (position, velocity) of motions that go on where others ``ended`` (columns
+    `schema.ENDED`), and where they can: not where the other failed or the model ends.
+    """
+    system, wiper = built
+    if wiper is not None:
+        there, can = continued_state(wiper, ended)
+        return start_on_rung(system, there, "state"), can
+    position, rates = (
+        tuple(jnp.asarray(ended[f"final_{key}"], float).T) for key in ("position", "velocity")
+    )
+    can = jnp.asarray(ended["result"]) == Result.FINISHED
+    sticks = jnp.asarray(ended["final_regime"]) == Regime.STICK
+    return (position, _carried(system, position, rates, sticks)), can
+
+
+def _carried(system: AbstractSystem, q, rates, sticks):
+    """Return q' of what sticks as its partner moves now, by an impulse along the contact: another
+    cell's belt may have had another speed.
+    """
+    t = jnp.zeros_like(q[0])
+    system = system.on_piece(system.first_piece(t))
+    v = system.from_rates(t, q, rates)
+    along, _ = system.directions(t, q)
+    slip = system.slip_speed(t, q, v)
+    moved = tuple(x + d for x, d in zip(v, along, strict=True))
+    gained = system.slip_speed(t, q, moved) - slip  # it is linear in v
+    share = jnp.where(sticks & (gained != 0), slip / jnp.where(gained == 0, 1.0, gained), 0.0)
+    carried = tuple(x - share * d for x, d in zip(v, along, strict=True))
+    return system.rates(t, q, carried)

@@ -1,0 +1,96 @@
+"""Parameters of a system of one's own, declared once beside its fields.
+
+    mass: float = wiperjax.parameter(0.5, "kg", above=0, long_name="mass of the block")
+
+A sweep or scene file, a map and a picture take name, unit, range and default from here. Imports no
+jax: `parameters_of` reads any dataclass.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from . import checks
+from .parameters import Parameter
+from .ranges import FINITE, Range
+
+KEY = "wiperjax_parameter"  # in the metadata of a field
+SET_BY_THE_ENGINE = ("piece", "sides", "constants")
+
+
+def parameter(
+    default: float | None = None,
+    unit: str = "1",
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    above: float | None = None,
+    below: float | None = None,
+    long_name: str = "",
+) -> Any:
+    """Field of a system that is one of its parameters.
+
+    Arguments:
+        default: its value unless a file has another, in code units; None: a file must state it.
+        unit: in code (SI; "rad" is degrees in files, maps and pictures), "1" without dimension.
+        low, high: ends of its range, allowed themselves, in the units of files.
+        above, below: ends that are not allowed themselves, in place of those.
+        long_name: what it is, in words; the field's own name if left out.
+
+    Raises: ValueError for a default outside the range, and for two ends on one side.
+    """
+    checks.instance("unit", unit, str, "a text such as 'kg'")
+    checks.instance("long_name", long_name, str, "a text")
+    for end, other, names in ((low, above, ("low", "above")), (high, below, ("high", "below"))):
+        if other is not None and math.isfinite(end):
+            raise ValueError(f"{names[1]} must be left out with {names[0]}, but was {other:g}")
+    reach = Range(
+        low if above is None else checks.number("above", above, FINITE),
+        high if below is None else checks.number("below", below, FINITE),
+        low_open=above is not None,
+        high_open=below is not None,
+    )
+    found = Parameter("", "parameters", "", unit, reach, long_name, None, exact=True)
+    if default is None:
+        return dataclasses.field(kw_only=True, metadata={KEY: found})
+    default = checks.number("default", default, FINITE)
+    if problem := found.argument_problem(default):
+        raise ValueError(f"default {problem}")
+    found = dataclasses.replace(found, reference=default)
+    return dataclasses.field(default=default, metadata={KEY: found})
+
+
+def marked(system: Any) -> Mapping[str, Parameter]:
+    """Name -> `Parameter` of the fields that were made by `parameter`, of any dataclass."""
+    found = {}
+    for field in dataclasses.fields(system):
+        if (entry := field.metadata.get(KEY)) is not None:
+            long_name = entry.long_name or field.name.replace("_", " ")
+            found[field.name] = dataclasses.replace(entry, name=field.name, long_name=long_name)
+    return found
+
+
+def parameters_of(system: Any) -> Mapping[str, Parameter]:
+    """Name -> `Parameter` of every number that a system, or its class, declares: of its fields made
+    by `parameter`, and of plain fields whose default is a number (without unit or range).
+
+    Raises: ValueError where it is no dataclass, or has a field that is neither one of these nor has
+        a default.
+    """
+    if not dataclasses.is_dataclass(system):
+        raise ValueError(f"system must be a system or the class of one, but was {system!r}")
+    found, known = {}, marked(system)
+    for field in dataclasses.fields(system):
+        name, default = field.name, field.default
+        if not field.init or name in SET_BY_THE_ENGINE:
+            continue
+        if name in known:
+            found[name] = known[name]
+        elif isinstance(default, int | float) and not isinstance(default, bool):
+            words = name.replace("_", " ")
+            found[name] = Parameter(name, "parameters", "", "1", FINITE, words, float(default))
+        elif (field.default, field.default_factory) == (dataclasses.MISSING, dataclasses.MISSING):
+            must = "must be declared by wiperjax.parameter, or have a default"
+            raise ValueError(f"field {field.name!r} {must}")
+    return found
