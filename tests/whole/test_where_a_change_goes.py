@@ -111,7 +111,7 @@ def test_coulomb_from_a_file_and_from_python_is_one_motion():
 @pytest.mark.parametrize(
     "blade, text",
     [
-        ({"friction": "oil"}, "blade.friction: must be 'stribeck' or 'coulomb', was 'oil'"),
+        ({"friction": "oil"}, "blade.friction: must be 'stribeck', 'coulomb' or an import path"),
         (
             {"friction": "coulomb", "stribeck_speed": 0.1},
             "blade.stribeck_speed: must be left out with blade.friction = 'coulomb'",

@@ -4,10 +4,12 @@ from abc import abstractmethod
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ..numerics.elementary import exp, larger
-from ..vocabulary import checks, kinds
+from ..vocabulary import checks, declared, kinds
 from ..vocabulary.kinds import FRICTIONS
 
 
@@ -20,6 +22,21 @@ class AbstractFriction(eqx.Module):
     def __check_init__(self):
         names = FRICTIONS.get(self.kind, {})
         checks.parameters({key: getattr(self, key) for key in names}, names)
+        declared.check(self)
+        if not self.kind:
+            self._check_rest()
+
+    def _check_rest(self):
+        """Raises ValueError for a law that rises at rest: what holds would begin to slip, and be
+        held."""
+        numbers = jax.tree.leaves(self)
+        if any(checks.is_traced(x) or not checks.is_number(x) for x in numbers):
+            return
+        at_rest = np.asarray(self.coefficient(jnp.zeros(())))
+        if np.any(at_rest > np.asarray(self.static) * (1 + 1e-9)):
+            was, most = checks.digits(at_rest.max()), checks.digits(np.max(self.static))
+            what = f"{type(self).__name__}: its coefficient at speed 0"
+            raise ValueError(f"{what} must not be larger in slip than at rest ({most}), was {was}")
 
     @abstractmethod
     def coefficient(self, speed) -> Any:

@@ -15,6 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..numerics.types import Coordinates, Scalar
+from ..vocabulary import declared
 from .friction import AbstractFriction
 
 
@@ -28,6 +29,9 @@ class AbstractSystem(eqx.Module):
 
     unilateral: ClassVar[bool] = True  # False: always touching, under a prescribed normal force
     coordinates: ClassVar[tuple[str, ...]] = ()  # their names in maps and runs; else q0, q1, ..
+
+    def __check_init__(self):
+        declared.check(self)
 
     @property
     def coupled(self) -> bool:

@@ -97,6 +97,10 @@ class Declared(Family):
                 raise Fault(table, f"must be left out with system = {self.name!r} (not built yet)")
         self._check_given(spec)
         self._check_start(spec.start)
+        self.parameters(spec)  # two of one name
+        if self.belt is None and spec.classes.quiet_velocity is None:
+            must = f"is missing; {self.name!r} has no belt that a velocity could be compared with"
+            raise Fault("classes.quiet_velocity", must)
 
     def _check_given(self, spec: Any) -> None:
         if (law := spec.given.get("friction")) is not None:
@@ -113,12 +117,9 @@ class Declared(Family):
         n = len(self.coordinates)
         for key in ("position", "velocity"):
             given = getattr(start, key)
-            if given is not None and n and len(given) != n:
+            if given is not None and len(given) != n:
                 must = f"must be a list of {n} numbers ({', '.join(self.coordinates)})"
                 raise Fault(f"start.{key}", f"{must}, was {listed(given)}")
-        if start.velocity is not None and len(start.velocity) != len(start.position):
-            must = f"must be a list of {len(start.position)} numbers, as position is"
-            raise Fault("start.velocity", f"{must}, was {listed(start.velocity)}")
 
     def check_values(self, spec: Any, values: Values, key_of: KeyOf) -> None:
         pass  # what goes together in it, it says itself when it is made
@@ -142,6 +143,8 @@ def _read(path: str, found: type) -> Declared:
         own = dict(parameters_of(found))
     except ValueError as error:
         raise Fault("system", f"{path}: {error}") from None
+    if not (coordinates := tuple(getattr(found, "coordinates", ()))):
+        raise Fault("system", f"{path} must name its coordinates: coordinates = ('x', ...)")
     held = {field.name: field.default for field in fields(found)}  # type: ignore[arg-type]
     for name, attribute in (("belt", "kind"), ("friction", "coefficient")):
         given = held.get(name, MISSING)
@@ -151,7 +154,7 @@ def _read(path: str, found: type) -> Declared:
     belt, law = (None if (x := held.get(key)) is MISSING else x for key in ("belt", "friction"))
     return Declared(
         path,
-        tuple(getattr(found, "coordinates", ())),
+        coordinates,
         found,
         own,
         belt,

@@ -6,6 +6,7 @@ import hashlib
 import importlib
 import inspect
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,12 @@ def path_of(value: Any) -> Any:
 def is_path(name: str) -> bool:
     """Whether a name in a file is an import path."""
     return ":" in name
+
+
+def no_name(name: str, names: Iterable[str]) -> str:
+    """What is wrong with a name that is none of some and no import path."""
+    listed = ", ".join(repr(each) for each in names)
+    return f"must be {listed} or an import path 'module:Class', was {show(name)}"
 
 
 def findable(folder: Path) -> None:

@@ -9,7 +9,7 @@ from ..vocabulary.declared import parameters_of
 from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS, Parameter
 from .errors import Fault, show, unknown
-from .imported import fingerprint, imported, is_path, needs
+from .imported import fingerprint, imported, is_path, needs, no_name
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def law_of(key: str, name: str) -> Law:
         keys = FRICTIONS[name]
         return Law(name, keys, {parameter: PARAMETERS[parameter] for parameter in keys.values()})
     if not is_path(name):
-        raise Fault(key, f"{unknown(name, list(FRICTIONS))}; or an import path 'module:Class'")
+        raise Fault(key, no_name(name, FRICTIONS))
     found = imported(key, name)
     needs(key, found, ("coefficient",), "friction law (wiperjax.AbstractFriction)")
     try:

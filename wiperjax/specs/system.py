@@ -10,9 +10,9 @@ from ..vocabulary.kinds import BELTS, WIPER
 from ..vocabulary.parameters import Parameter, longest_ramp
 from . import declared, wiper
 from .axis import Axis
-from .errors import Fault, unknown
+from .errors import Fault
 from .family import Family
-from .imported import is_path, path_of
+from .imported import is_path, no_name, path_of
 from .tables import Belt, Blade, ModelName, Start, Table, Title
 
 _WIPER = wiper.Wiper()
@@ -42,8 +42,7 @@ class System(Table):
         if self.system == WIPER:
             return _WIPER
         if not is_path(self.system):
-            must = f"{unknown(self.system, [WIPER])}, or an import path 'module:Class'"
-            raise Fault("system", must)
+            raise Fault("system", no_name(self.system, [WIPER]))
         return declared.declared(self.system)
 
     @property

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .parameters import PARAMETERS
+from .parameters import PARAMETERS, Parameter
 from .ranges import Range
 from .wording import digits, shown
 
@@ -68,11 +68,20 @@ def parameters(values: Mapping[str, Any], names: Mapping[str, str] | None = None
         if is_traced(value):
             continue
         entry = PARAMETERS[(names or {}).get(name, name)]
-        if not is_number(value):
-            unit = f" of {entry.unit}" if entry.unit != "1" else ""
-            raise ValueError(f"{name} must be a number{unit}, but was {shown(value)}")
-        if problem := entry.argument_problem(value):
-            raise ValueError(f"{name} {problem}")
+        parameter(name, value, entry)
+
+
+def parameter(name: str, value: Any, entry: Parameter) -> None:
+    """Raises `ValueError` unless `value` (SI units, radians) is a number in the range of a
+    parameter.
+    """
+    if is_traced(value):
+        return
+    if not is_number(value):
+        unit = f" of {entry.unit}" if entry.unit != "1" else ""
+        raise ValueError(f"{name} must be a number{unit}, but was {shown(value)}")
+    if problem := entry.argument_problem(value):
+        raise ValueError(f"{name} {problem}")
 
 
 def at_most(name: str, value: Any, limit: Any, words: str) -> None:

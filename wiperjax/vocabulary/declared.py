@@ -71,6 +71,14 @@ def marked(system: Any) -> Mapping[str, Parameter]:
     return found
 
 
+def check(system: Any) -> None:
+    """Raises `ValueError` unless the parameters that a system or law declares are numbers in their
+    ranges; what is traced passes (`checks`).
+    """
+    for name, entry in marked(system).items():
+        checks.parameter(name, getattr(system, name), entry)
+
+
 def parameters_of(system: Any) -> Mapping[str, Parameter]:
     """Name -> `Parameter` of every number that a system, or its class, declares: of its fields made
     by `parameter`, and of plain fields whose default is a number (without unit or range).

@@ -11,6 +11,7 @@ from ...noise.run_class import assess, words
 from ...vocabulary.codes import Result
 from ...vocabulary.kinds import BELTS
 from ...vocabulary.parameters import PARAMETERS
+from ...vocabulary.schema import SYSTEM
 from .axes import SHOWN, number
 from .palette import readable
 
@@ -22,8 +23,14 @@ def parameters_text(ds: xr.Dataset) -> str:
     """`attack angle 5°, normal load 15 N/m, belt speed 0.3 m/s, ...`: the three that are always
     named, and every other that is not the reference blade's. Axes of a map are left out.
 
-    Empty for a system that is no wiper.
+    Of a system of one's own every one.
     """
+    if ":" in str(ds.attrs.get(SYSTEM, "")):  # an import path
+        return ", ".join(
+            f"{name.replace('_', ' ')} {number(float(ds.attrs[name]))} {unit}".removesuffix(" 1")
+            for name, unit in _units(ds).items()
+            if name in ds.attrs and name not in ds.dims
+        )
     words = []
     for name in dict.fromkeys([*ALWAYS, *PARAMETERS]):
         if name not in ds.attrs or name in ds.dims:
@@ -47,8 +54,12 @@ def unit_of(ds: xr.Dataset, name: str) -> str:
     """Unit of a parameter among the attributes: angles are radians from Python, degrees from
     files.
     """
+    return _units(ds).get(name, "1")
+
+
+def _units(ds: xr.Dataset) -> dict[str, str]:
     pairs = (pair.split(": ") for pair in str(ds.attrs.get("parameter_units", "")).split("; "))
-    return dict(pair for pair in pairs if len(pair) == 2).get(name, "1")
+    return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
 
 
 def set_caption(figure: Figure | SubFigure, ds: xr.Dataset, *notes: str) -> None:

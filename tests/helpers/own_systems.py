@@ -1,0 +1,119 @@
+"""Systems of one's own as a user writes them: files name them by `own_systems:Class`."""
+
+import jax.numpy as jnp
+
+import wiperjax
+from wiperjax import parameter
+
+
+class Falling(wiperjax.AbstractFriction):
+    """Leine's law, static / (1 + steepness |v|)."""
+
+    static: float = parameter(1.0, low=0, long_name="limit at rest")
+    steepness: float = parameter(3.0, "s/m", low=0)
+
+    def coefficient(self, speed):
+        return self.static / (1 + self.steepness * speed)
+
+
+class Oscillator(wiperjax.AbstractBeltSystem):
+    """Leine's stick-slip oscillator: a block on a spring, carried along by a belt."""
+
+    unilateral = False
+    coordinates = ("x",)
+    mass: float = parameter(1.0, "kg", above=0)
+    stiffness: float = parameter(1.0, "N/m", above=0, long_name="stiffness of the spring")
+    load: float = parameter(1.0, "N", above=0)
+    tilt: float = parameter(0.0, "rad", low=-45, high=45, long_name="tilt of the belt")
+    friction: wiperjax.AbstractFriction = Falling()
+    belt: wiperjax.AbstractBelt = wiperjax.SteadyBelt(0.2)
+
+    def free_acceleration(self, t, q, v):
+        return (-self.stiffness * q[0] / self.mass - 9.81 * jnp.sin(self.tilt),)
+
+    def directions(self, t, q):
+        return (1 / self.mass,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return self.load
+
+    def default_state(self):
+        return (0.0,), (0.0,)
+
+
+class Ball(wiperjax.AbstractSystem):
+    """A ball that falls on a table."""
+
+    coordinates = ("height",)
+    restitution: float = parameter(0.5, low=0, high=1)
+    gravity: float = parameter(9.81, "m/s^2", above=0)
+
+    @property
+    def bounce(self):
+        return self.restitution
+
+    def free_acceleration(self, t, q, v):
+        return (-self.gravity,)
+
+    def directions(self, t, q):
+        return (0.0,), (1.0,)
+
+    def gap(self, t, q):
+        return q[0]
+
+    def output(self, t, q, v):
+        return v[0]
+
+
+class TwoBlocks(Oscillator):
+    """Two blocks in a row, the first on the belt."""
+
+    coordinates = ("x1", "x2")
+    second: float = parameter(2.0, "kg", above=0, long_name="mass of the second block")
+    link: float = parameter(3.0, "N/m", low=0, long_name="stiffness between the blocks")
+
+    def free_acceleration(self, t, q, v):
+        pull = self.link * (q[1] - q[0])
+        return (pull - self.stiffness * q[0]) / self.mass, -pull / self.second
+
+    def directions(self, t, q):
+        return (1 / self.mass, 0.0), (0.0, 0.0)
+
+    def default_state(self):
+        return (0.0, 0.0), (0.0, 0.0)
+
+
+class Unfinished(wiperjax.AbstractSystem):
+    """It says nothing of its motion."""
+
+    coordinates = ("x",)
+
+
+class Nameless(Ball):
+    """It does not name its coordinates."""
+
+    coordinates = ()
+
+
+class Rising(wiperjax.AbstractFriction):
+    """A law that is larger in slip than it lets the contact hold at rest."""
+
+    static: float = parameter(0.5)
+
+    def coefficient(self, speed):
+        return 1.2 * self.static
+
+
+class Untold(Ball):
+    """A parameter without unit or default."""
+
+    drag: float = parameter(unit="kg/s")
+
+
+class Twice(Oscillator):
+    """It has a parameter that its belt has, too."""
+
+    belt_speed: float = parameter(1.0, "m/s")
+
+
+NUMBER = 3

@@ -1,0 +1,280 @@
+"""Systems of one's own through the public way only: a file, or a mapping shaped like one."""
+
+import subprocess
+import sys
+
+import numpy as np
+import own_systems
+import pytest
+import scipy.integrate
+import scipy.optimize
+
+import wiperjax
+from wiperjax.specs.errors import SpecError
+from wiperjax.store.whole import write_dataset
+from wiperjax.vocabulary.codes import LABELS
+
+SWEEP = {
+    "system": "own_systems:Oscillator",
+    "axes": {
+        "belt_speed": {"values": [0.1, 0.2, 0.4]},
+        "stiffness": {"values": [1.0, 2.0]},
+    },
+    "run": {"transient": 60.0, "window": 60.0, "samples": 512, "rtol": 1e-8},
+    "classes": {"squeal_band": [0.2, 1.0], "chatter_band": [0.0, 0.2]},
+}
+
+
+def stick_slip(speed: float, stiffness: float, steepness: float = 3.0) -> tuple[float, float]:
+    """Period of the stick-slip motion of `Oscillator` (mass, load and limit 1) and its share of
+    stick, by scipy: slip from the place where the spring overcomes friction to where the block
+    moves as the belt does, then stick back to that place.
+    """
+
+    def rates(t, z):
+        return z[1], -stiffness * z[0] + 1 / (1 + steepness * (speed - z[1]))
+
+    def caught(t, z):
+        return z[1] - speed if t > 1e-3 else -1.0
+
+    caught.terminal, caught.direction = True, 1
+    start = [1 / stiffness, speed - 1e-12]
+    found = scipy.integrate.solve_ivp(rates, (0, 100), start, events=caught, rtol=1e-11, atol=1e-13)
+    slip, stick = found.t[-1], (start[0] - found.y[0, -1]) / speed
+    return slip + stick, stick / (slip + stick)
+
+
+@pytest.fixture(scope="module")
+def oscillators():
+    return wiperjax.sweep(SWEEP)
+
+
+def test_leines_oscillator_swept_has_the_period_and_the_shares_of_an_independent_code(oscillators):
+    assert dict(oscillators.sizes) == {"belt_speed": 3, "stiffness": 2, "coordinate": 1}
+    for speed in oscillators.belt_speed.values:
+        for stiffness in oscillators.stiffness.values:
+            cell = oscillators.sel(belt_speed=speed, stiffness=stiffness)
+            period, share = stick_slip(speed, stiffness)
+            assert float(cell.dominant_frequency) == pytest.approx(1 / period, rel=2e-3)
+            # the window holds no whole number of periods
+            assert float(cell.stick_fraction) == pytest.approx(share, abs=0.5 * period / 60)
+
+
+def test_a_map_tells_units_names_and_classes_of_a_system_of_ones_own(oscillators):
+    assert oscillators.stiffness.attrs["units"] == "N/m"
+    assert oscillators.stiffness.attrs["long_name"] == "stiffness of the spring"
+    assert oscillators.normal_force_mean.attrs["units"] == "N"
+    assert oscillators.attrs["system"] == "own_systems:Oscillator"
+    assert oscillators.attrs["tilt"] == 0.0 and "tilt: degrees" in oscillators.parameter_units
+    assert list(oscillators.coordinate.values) == ["x"]
+    assert "final_x" not in oscillators and "growth_rate" not in oscillators
+    assert "attack_angle" not in oscillators.attrs
+    squeals = [LABELS["squeal"] == x for x in oscillators.label.values.ravel()]
+    assert squeals == [f >= 0.2 for f in oscillators.dominant_frequency.values.ravel()]
+
+
+def test_a_map_opens_plots_and_tells_itself_without_the_module_and_without_jax(
+    oscillators, tmp_path
+):
+    path = tmp_path / "map.h5"
+    write_dataset(oscillators, path)
+    code = (
+        "import sys, wiperjax\n"
+        "from wiperjax.plots.style.caption import parameters_text\n"
+        f"ds = wiperjax.open_map({str(path)!r}).load()\n"
+        "assert 'own_systems' not in sys.modules and 'jax' not in sys.modules\n"
+        "print(parameters_text(ds))\n"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert "load 1 N" in found.stdout and "mass 1 kg" in found.stdout
+
+
+def test_a_scene_is_the_same_motion_as_its_cell_and_knows_its_class(oscillators):
+    scene = {key: SWEEP[key] for key in ("system", "classes")}
+    scene |= {"belt": {"speed": 0.4}, "parameters": {"stiffness": 2.0}}
+    run = wiperjax.run_scene(scene | {"run": {"duration": 120.0, "sample_interval": 0.02}})
+    cell = oscillators.sel(belt_speed=0.4, stiffness=2.0)
+    np.testing.assert_allclose(run.final_position, cell.final_position, atol=1e-5)
+    found = wiperjax.assess(run)
+    assert int(found.label) == int(cell.label)
+    tone = float(cell.dominant_frequency)
+    assert float(found.dominant_frequency) == pytest.approx(tone, rel=1e-3)
+    assert run.attrs["stiffness"] == 2.0 and list(run.axis.values) == ["x"]
+    np.testing.assert_array_equal(run.output, run.velocity[:, 0])
+
+
+def test_the_law_of_a_file_counts():
+    one = SWEEP | {"axes": {"steepness": {"values": [3.0, 6.0]}}, "belt": {"speed": 0.1}}
+    ds = wiperjax.sweep(one)
+    for steepness in (3.0, 6.0):
+        period, _ = stick_slip(0.1, 1.0, steepness)
+        found = float(ds.dominant_frequency.sel(steepness=steepness))
+        assert found == pytest.approx(1 / period, rel=2e-3)
+    other = one | {"axes": {"mu_static": {"values": [1.0, 1.0 - 1e-9]}}}
+    coulomb = other | {"parameters": {"friction": "coulomb", "mu_minimum": 0.9}}
+    assert set(wiperjax.parse_sweep(coulomb).parameter_names) >= {"mu_static", "mu_minimum"}
+
+
+def test_a_bouncing_ball_swept_over_its_restitution_keeps_what_it_must():
+    height, gravity, time = 0.5, 9.81, 3.0
+    values = [0.0, 0.3, 0.7, 0.9, 1.0]
+    ds = wiperjax.sweep(
+        {
+            "system": own_systems.Ball,
+            "axes": {"restitution": {"values": values}},
+            "start": {"position": [height]},
+            "run": {
+                "transient": 0.0,
+                "window": time,
+                "event_log": 32,
+                "samples": 64,
+                "rtol": 1e-10,
+            },
+            "classes": {"quiet_velocity": 1e-6},
+        }
+    )
+    fall = np.sqrt(2 * height / gravity)
+    for e in values:
+        cell = ds.sel(restitution=e)
+        flights = 2 * fall * np.cumsum(e ** np.arange(1, 100.0))
+        exact = fall + np.concatenate([[0.0], flights]) if e else np.array([fall])
+        exact = exact[exact < time]
+        impacts = cell.event_impulse.values > 0
+        logged = cell.event_time.values[impacts][: min(len(exact), 20)]
+        np.testing.assert_allclose(logged[: len(exact)], exact[: len(logged)], atol=1e-8)
+        if e < 0.8:  # Zeno: at rest after 2 fall e / (1 - e) more
+            assert float(cell.final_position[0]) == 0.0
+    last = ds.sel(restitution=1.0)
+    q, v = float(last.final_position[0]), float(last.final_velocity[0])
+    assert gravity * q + v**2 / 2 == pytest.approx(gravity * height, rel=1e-9)
+    assert "belt_speed_rms" not in ds and ds.attrs["class_quiet_velocity"] == 1e-6
+
+
+def test_two_blocks_share_the_parameters_of_one():
+    ds = wiperjax.sweep(
+        {
+            "system": "own_systems:TwoBlocks",
+            "parameters": {"second": 1e-9, "link": 0.0},
+            "axes": {"belt_speed": {"values": [0.1, 0.2, 0.4]}},
+            "run": SWEEP["run"],
+            "classes": SWEEP["classes"],
+        }
+    )
+    for speed in (0.1, 0.2, 0.4):  # the second block hangs on nothing
+        period, _ = stick_slip(speed, 1.0)
+        found = float(ds.dominant_frequency.sel(belt_speed=speed))
+        assert found == pytest.approx(1 / period, rel=2e-3)
+    assert ds.sizes["coordinate"] == 2
+
+
+WRONG = {
+    "own_systems:Nothing": r"module 'own_systems' has no class 'Nothing'",
+    "own_systems:NUMBER": r"has no class but something else named 'NUMBER'",
+    "no_such_module:Ball": r"module 'no_such_module' is not found",
+    "own_systems": r"must be 'wiper' or an import path 'module:Class', was 'own_systems'",
+    ":Ball": r"must be an import path such as 'my_module:MyClass'",
+    "own_systems:Unfinished": r"lacks directions, free_acceleration",
+    "own_systems:Nameless": r"must name its coordinates: coordinates = \('x', ...\)",
+    "own_systems:Falling": r"is no system \(wiperjax.AbstractSystem\): it lacks",
+    "own_systems:Twice": r"has two parameters of the name 'belt_speed'",
+}
+
+
+@pytest.mark.parametrize("path", WRONG)
+def test_a_system_that_cannot_be_is_one_line(path):
+    spec = SWEEP | {"system": path, "axes": {"mass": {"values": [1.0]}}}
+    with pytest.raises(SpecError, match=WRONG[path]) as caught:
+        wiperjax.parse_sweep(spec)
+    assert str(caught.value).startswith("sweep: system: ")
+    assert "\n" not in str(caught.value)
+
+
+KEYS = {
+    "blade": ({"attack_angle": 5.0}, r"blade: must be left out with system = .*\[parameters\]"),
+    "model": ("bar", r"model: must be left out with system"),
+    "parameters": ({"mas": 1.0}, r"parameters.mas: unknown key; did you mean 'mass'\?"),
+    "start": ({"position": [0.0, 1.0]}, r"start.position: must be a list of 1 numbers \(x\)"),
+    "belt": ({"kind": "wiping"}, r"belt.frequency: is missing; with kind = 'wiping'"),
+}
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_key_that_does_not_suit_the_system_is_one_line(key):
+    value, words = KEYS[key]
+    with pytest.raises(SpecError, match=words):
+        wiperjax.parse_sweep(SWEEP | {"axes": {"stiffness": {"values": [1.0]}}, key: value})
+
+
+def test_numbers_outside_their_range_are_one_line_in_files_and_in_python():
+    with pytest.raises(SpecError, match=r"parameters.mass: must be a finite number > 0 kg, was -1"):
+        wiperjax.parse_sweep(SWEEP | {"parameters": {"mass": -1.0}})
+    with pytest.raises(SpecError, match=r"axes.tilt: must lie inside \[-45, 45\] degrees, was 50"):
+        wiperjax.parse_sweep(SWEEP | {"axes": {"tilt": {"values": [0.0, 50.0]}}})
+    with pytest.raises(ValueError, match=r"^mass must be a finite number > 0 kg, but was 0$"):
+        own_systems.Oscillator(mass=0.0)
+    with pytest.raises(ValueError, match=r"^tilt .* were degrees meant\? 5 degrees are"):
+        own_systems.Oscillator(tilt=5.0)
+    with pytest.raises(ValueError, match=r"^load must be a number of N, but was 'a'$"):
+        own_systems.Oscillator(load="a")
+    with pytest.raises(ValueError, match=r"Rising: .* must not be larger in slip than at rest"):
+        own_systems.Rising()
+    with pytest.raises(SpecError, match=r"parameters.drag: is missing; it must be a finite number"):
+        spec = {"system": "own_systems:Untold", "axes": {"gravity": {"values": [1.0]}}}
+        wiperjax.parse_sweep(SWEEP | spec | {"classes": {"quiet_velocity": 0.1}})
+    with pytest.raises(SpecError, match=r"classes.quiet_velocity: is missing; .* has no belt"):
+        spec = {"system": "own_systems:Ball", "axes": {"gravity": {"values": [1.0]}}}
+        wiperjax.parse_sweep(SWEEP | spec)
+
+
+def test_a_class_within_a_function_has_no_import_path():
+    class Local(own_systems.Ball):
+        pass
+
+    with pytest.raises(SpecError, match=r"system: must be an import path .* of a class at the top"):
+        wiperjax.parse_sweep(SWEEP | {"system": Local})
+
+
+def test_a_changed_source_is_another_map(tmp_path, monkeypatch):
+    text = "import own_systems\nclass Ball(own_systems.Ball):\n    pass\n"
+    spec = {"system": "changing:Ball", "axes": {"restitution": {"values": [0.5]}}}
+    spec |= {"run": SWEEP["run"], "classes": {"quiet_velocity": 0.1}}
+    monkeypatch.chdir(tmp_path)
+    digests = []
+    for more in ("", "# changed\n"):
+        sys.modules.pop("changing", None)
+        (tmp_path / "changing.py").write_text(text + more)
+        digests.append(wiperjax.parse_sweep(spec).digest())
+    sys.modules.pop("changing", None)
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if p != str(tmp_path)])
+    assert digests[0] != digests[1]
+
+
+def test_a_module_that_fails_on_import_is_one_line(tmp_path, monkeypatch):
+    (tmp_path / "broken_on_import.py").write_text("1 / 0\n")
+    (tmp_path / "sweep.toml").write_text(
+        'system = "broken_on_import:Ball"\n[axes]\ngravity = {values = [1.0]}\n'
+        "[run]\ntransient = 0\nwindow = 1\n"
+    )
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    with pytest.raises(SpecError, match=r"cannot be imported: ZeroDivisionError: divis"):
+        wiperjax.load_sweep(tmp_path / "sweep.toml")
+
+
+def test_a_wiper_takes_a_law_of_ones_own_from_a_file():
+    scene = {
+        "blade": {"friction": "own_systems:Falling", "attack_angle": 5.0},
+        "parameters": {"steepness": 4.0, "static": 0.8},
+        "run": {"duration": 0.01},
+    }
+    run = wiperjax.run_scene(scene)
+    assert run.attrs["friction"] == "own_systems:Falling" and run.attrs["steepness"] == 4.0
+    slips = (run.regime >= 1) & (run.regime <= 2)
+    speed = abs(run.velocity.sel(axis="x") - run.belt_velocity)
+    mu = abs(run.friction_force) / run.normal_force
+    np.testing.assert_allclose(mu[slips], (0.8 / (1 + 4 * speed))[slips], rtol=1e-9)
+    with pytest.raises(SpecError, match=r"parameters.steep: unknown key; did you mean 'steepness'"):
+        wiperjax.parse_scene(scene | {"parameters": {"steep": 1.0}})
+    with pytest.raises(SpecError, match=r"blade.mu_minimum: must be left out with blade.friction"):
+        wiperjax.parse_scene(scene | {"blade": scene["blade"] | {"mu_minimum": 0.1}})
