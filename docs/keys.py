@@ -30,6 +30,7 @@ units, per metre of blade. A table or key without "must be given" may be left ou
 """
 TOP = {
     "title": "a line that headings of pictures bear",
+    "system": 'import path "module:Class" of [a system of your own](your_own_system.md)',
     "model": "which rung of the [ladder](ladder.md) stands for the blade",
 }
 
@@ -49,6 +50,9 @@ def page() -> str:
         "## [blade]\n\nAttack angle and lengths are drawn in [the model](model.md). "
         + laws() + "\n\n"
         + parameters({name: p for name, p in PARAMETERS.items() if p.table == "blade"}),
+        "## [parameters]\n\nThose that [a system, or a friction law, of your own]"
+        "(your_own_system.md) declares; and, of such a system, `friction`, the name of its law. In "
+        "place of `[blade]`, unless it is the law of a wiper.\n",
         "## [belt]\n\n`kind`: `steady` (if left out), `wiping` (a sine) or `trapezoid`.\n",
         *(
             f'### kind = "{kind}"\n\n' + parameters({k: PARAMETERS[n] for k, n in keys.items()})
@@ -67,7 +71,7 @@ def page() -> str:
         + " [Borders](maps.md#borders) explains it.\n\n" + table(Refine),
     ]  # fmt: skip
     assert set(SweepSpec.model_fields) | set(SceneSpec.model_fields) == {
-        *TOP, "axes", "blade", "belt", "start", "run", "classes", "sensitivities",
+        *TOP, "axes", "blade", "given", "belt", "start", "run", "classes", "sensitivities",
         "starts", "refine",
     }  # fmt: skip
     return "\n".join(text.rstrip() + "\n" for text in texts)
@@ -119,6 +123,9 @@ def allowed(name: str, annotation: typing.Any) -> str:
         return " or ".join(f'`"{choice}"`' for choice in typing.get_args(annotation))
     if typing.get_origin(annotation) is dict:
         return "a table of axis = [low, high]"
+    if name in ("position", "velocity"):
+        each = "pairs [from, to]" if "list" in str(annotation) else "numbers"
+        return f"{each}, one a coordinate"
     if name not in ALLOWED:
         return "a list of names" if "list" in str(annotation) else "text"
     must = ALLOWED[name].must.removeprefix("must ").removeprefix("be ")

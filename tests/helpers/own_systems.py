@@ -41,6 +41,16 @@ class Oscillator(wiperjax.AbstractBeltSystem):
         return (0.0,), (0.0,)
 
 
+class Damped(Oscillator):
+    """The friction oscillator of bSTAB: Stribeck's law, mu = 1 at rest and 0.5 at high speed."""
+
+    damping: float = parameter(0.05, "N s/m", low=0)
+    friction: wiperjax.AbstractFriction = wiperjax.Stribeck(1.0, 0.5, 0.5)
+
+    def free_acceleration(self, t, q, v):
+        return ((-self.stiffness * q[0] - 2 * self.damping * v[0]) / self.mass,)
+
+
 class Ball(wiperjax.AbstractSystem):
     """A ball that falls on a table."""
 

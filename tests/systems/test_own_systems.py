@@ -262,6 +262,67 @@ def test_a_module_that_fails_on_import_is_one_line(tmp_path, monkeypatch):
         wiperjax.load_sweep(tmp_path / "sweep.toml")
 
 
+BISTABLE = {  # the friction oscillator of docs/basins.md, whose bistable zone is known exactly
+    "system": "own_systems:Damped",
+    "run": {"transient": 400.0, "window": 50.0, "samples": 256},
+    "classes": {"squeal_band": [0.05, 1.0], "chatter_band": [0.0, 0.01]},
+}
+
+
+def test_a_sweep_up_and_down_finds_the_bistable_zone_of_a_system_of_ones_own():
+    starts = {"names": ["at_rest", "up", "down"], "kick": 1e-3}
+    axes = {"belt_speed": {"values": [0.8, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.9]}}
+    ds = wiperjax.sweep(BISTABLE | {"axes": axes, "starts": starts})
+    loud = (ds.label == LABELS["squeal"]).transpose("start", ...)
+    # steady sliding is unstable below ln(10)/2 = 1.151, the cycle ends at 1.8368
+    assert loud.sel(start="up").values.tolist() == [True] * 7 + [False]
+    assert loud.sel(start="down").values.tolist() == [True] + [False] * 7
+    assert ds.final_position.dims == ("belt_speed", "start", "coordinate")
+
+
+def test_shares_of_random_starts_are_those_of_bstab():
+    starts = {"random": 400, "position": [[-2.0, 2.0]], "velocity": [[0.0, 2.0]]}
+    axes = {"belt_speed": {"values": [1.4, 1.55]}}
+    ds = wiperjax.sweep(BISTABLE | {"axes": axes, "starts": starts})
+    share = ds.class_share.sel({"class": "quiet"}).values
+    error = ds.class_share_error.sel({"class": "quiet"}).values
+    assert np.all(np.abs(share - [0.2122652, 0.3565963]) < 3 * error)
+    assert "start_position_0" in ds.coords and float(ds.start_velocity_0.min()) >= 0.0
+
+
+def test_starts_that_do_not_suit_the_system_are_one_line():
+    spec = SWEEP | {"axes": {"stiffness": {"values": [1.0, 2.0]}}}
+    for starts, words in (
+        ({"names": ["steady_slip"]}, r"starts.names: must not have 'steady_slip' with system"),
+        ({"random": 5}, r"starts.position: is missing; .* of each of x$"),
+        ({"random": 5, "x": [0, 1]}, r"starts.x: must be left out with system"),
+        ({"random": 5, "position": [[0, 1], [0, 1]]}, r"must be a list of 1 pairs \(x\), had 2"),
+        ({"random": 5, "position": [[1, 0]]}, r"with from <= to, had \[1, 0\]"),
+    ):
+        with pytest.raises(SpecError, match=words):
+            wiperjax.parse_sweep(spec | {"starts": starts})
+    with pytest.raises(SpecError, match=r"starts.position: must be left out of a wiper"):
+        axes, run = {"normal_load": {"values": [10.0]}}, {"transient": 0.0, "window": 0.01}
+        starts = {"random": 5, "x": [0.0, 1e-3], "position": [[0, 1]]}
+        wiperjax.parse_sweep({"axes": axes, "run": run, "starts": starts})
+
+
+def test_a_map_of_ones_own_is_refined_verified_and_resumed(tmp_path):
+    path = tmp_path / "map.h5"
+    axes = {
+        "stiffness": {"start": 1.0, "stop": 2.0, "num": 5},
+        "belt_speed": {"values": [0.1, 0.2]},
+    }
+    wiperjax.sweep(SWEEP | {"axes": axes}, path, progress=False)
+    wiperjax.sweep(SWEEP | {"axes": axes}, path, progress=False, resume=True)
+    assert wiperjax.verify(path, 4).differing == ()
+    found = wiperjax.refine(path, levels=2, probes=4, on="dominant_frequency=0.1", progress=False)
+    assert found.sizes["border"] > 0 and found.stiffness.attrs["units"] == "N/m"
+    at = found.where(found.belt_speed < 0.11, drop=True).stiffness.values[0]
+    exact = scipy.optimize.brentq(lambda k: 1 / stick_slip(0.1, k)[0] - 0.1, 1.0, 2.0)
+    assert at == pytest.approx(exact, abs=1.0 / 16)
+
+
 def test_a_wiper_takes_a_law_of_ones_own_from_a_file():
     scene = {
         "blade": {"friction": "own_systems:Falling", "attack_angle": 5.0},

@@ -10,7 +10,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from pages import CHECKOUT, PAGES, blocks
+from pages import CHECKOUT, PAGES, blocks, write_files
 
 import wiperjax
 from wiperjax.cli import main
@@ -88,6 +88,7 @@ def folder(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_COMMANDS)
 def test_commands_run(page, folder, capsys):
+    write_files(page, folder)
     for command in commands(page):
         command, _, target = command.partition(" > ")
         words = [w for word in shlex.split(command) for w in sorted(glob.glob(word)) or [word]]

@@ -122,6 +122,13 @@ def _starts(starts: Any) -> dict[str, Any]:
         },
     }
     for key, values in starts.draws().items():
+        if values.ndim == 2:  # of a system of one's own
+            what = "coordinate" if key == "position" else "rate of coordinate"
+            for number, each in enumerate(values.T):
+                attrs = {"long_name": f"{what} {number} at the start"}
+                name = f"start_{key}_{number}"
+                found[name] = {"along": "start", "values": each.tolist(), "attrs": attrs}
+            continue
         units, what = ("m/s", "velocity") if key.startswith("v") else ("m", "position")
         where = "along the glass" if key.endswith("x") else "normal to it"
         found[f"start_{key}"] = {

@@ -14,13 +14,18 @@ import numpy as np
 from ..noise.class_counts import share_error
 from ..specs.tables import Start
 from ..vocabulary.codes import LABELS, NOT_COMPUTED, Regime, Result
-from ..vocabulary.kinds import WAYS
-from ..vocabulary.schema import ENDED, SCHEMA
+from ..vocabulary.kinds import WAYS, WIPER
+from ..vocabulary.schema import ENDED, ENDED_ELSEWHERE, SCHEMA
 
 FEWEST_LINES = 512  # of a block: both ways together then fill the lanes of two cores
 
 Columns = dict[str, np.ndarray]
 Look = Callable[[Any, np.ndarray, Any], tuple[Columns, float | None]]
+
+
+def ended_columns(spec: Any) -> tuple[str, ...]:
+    """Columns of a motion of a sweep from which another can go on."""
+    return ENDED if getattr(spec, "system", WIPER) == WIPER else ENDED_ELSEWHERE
 
 
 class Cells(NamedTuple):
@@ -121,7 +126,8 @@ def _random(starts: Any, cells: int) -> Columns:
     """The random starts of some cells, as if motions had ended there in flight: the state is taken
     as it is.
     """
-    begin = {f"final_{key}": np.tile(values, cells) for key, values in starts.draws().items()}
+    draws = starts.draws().items()
+    begin = {f"final_{key}": np.concatenate([values] * cells) for key, values in draws}
     runs = cells * starts.count
     begin["result"] = np.full(runs, int(Result.FINISHED))
     return begin | {"final_regime": np.full(runs, int(Regime.FLIGHT))}
@@ -136,7 +142,11 @@ def _walked(spec: Any, index: np.ndarray, look: Look) -> dict[str, Cells]:
         raise ValueError("cells that go on from each other must come in whole lines")
     lines = index.reshape(-1, count)
     at_once = len(lines) * len(ways)
-    ended = {name: np.zeros(at_once) for name in ENDED}  # of nobody, from which nothing goes on
+    # of nobody, from which nothing goes on
+    many = (at_once, len(spec.family.coordinates))
+    along = ("final_position", "final_velocity")
+    names = ended_columns(spec)
+    ended = {name: np.zeros(many if name in along else at_once) for name in names}
     ended["result"] = np.full(at_once, NOT_COMPUTED)
     steps = []
     for step in range(count):
@@ -164,9 +174,14 @@ def _in_order(steps: Sequence[Columns], mine: slice) -> Columns:
 
 
 def _kicked(spec: Any, index: np.ndarray, ended: Columns) -> Columns:
-    """Where others ended, the tip moved by the kick of a lip of the cells `index`."""
+    """Where others ended, the tip moved by the kick of a lip of the cells `index`; or the first
+    coordinate of another system.
+    """
+    last = {name: np.asarray(ended[name]) for name in ended_columns(spec)}
+    if "final_position" in last:
+        kick = spec.starts.kick * np.eye(1, last["final_position"].shape[-1])
+        return last | {"final_position": last["final_position"] + kick}
     length = spec.cells(index)["lip_length"]
-    last = {name: np.asarray(ended[name]) for name in ENDED}
     return last | {"final_x": last["final_x"] + spec.starts.kick * length}
 
 

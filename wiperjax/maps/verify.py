@@ -15,10 +15,9 @@ from ..store.whole import open_map
 from ..vocabulary import checks
 from ..vocabulary.codes import NOT_COMPUTED
 from ..vocabulary.ranges import NON_NEGATIVE, Range
-from ..vocabulary.schema import ENDED
 from .block import MOST_CELLS, Evaluate, engine, evaluate_block
 from .refine.points import sample
-from .starts import before
+from .starts import before, ended_columns
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,7 @@ def _neighbours(file: h5py.File, spec: Any, index: np.ndarray) -> dict[str, dict
     for way in spec.starts.ways:
         cells, start = before(spec, index, way), spec.starts.names.index(way)
         places = list(zip(*np.unravel_index(np.maximum(cells, 0), spec.shape), strict=True))
-        found[way] = {name: _values(file, name, places)[:, start] for name in ENDED}
+        found[way] = {name: _values(file, name, places)[:, start] for name in ended_columns(spec)}
         found[way]["result"] = np.where(cells < 0, NOT_COMPUTED, found[way]["result"])
     return found
 

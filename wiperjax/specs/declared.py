@@ -92,9 +92,9 @@ class Declared(Family):
                 raise Fault(f"start.{key}", f"{must} {what}")
         if self.belt is None and "belt" in spec.model_fields_set:
             raise Fault("belt", f"must be left out with system = {self.name!r}: it has no belt")
-        for table in ("starts", "sensitivities"):
-            if getattr(spec, table, None) is not None:
-                raise Fault(table, f"must be left out with system = {self.name!r} (not built yet)")
+        if getattr(spec, "sensitivities", None) is not None:
+            must = f"must be left out with system = {self.name!r}: a map has derivatives of a wiper"
+            raise Fault("sensitivities", must)
         self._check_given(spec)
         self._check_start(spec.start)
         self.parameters(spec)  # two of one name

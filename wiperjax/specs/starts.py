@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..vocabulary.kinds import BELTS, STARTS, WAYS
+from ..vocabulary.kinds import STARTS, WAYS, WIPER
 from ..vocabulary.ranges import MOST_CELLS
 from .errors import Fault, show, unknown
 from .tables import Pair, Table
@@ -14,6 +14,7 @@ from .tables import Pair, Table
 MOST_NUMBERS = 2**16  # of a cell, in one variable
 _WHOLE = 1e-6  # of a period, by which a number of them may miss a whole one
 _BOX = ("x", "y", "vx", "vy")
+_STATE = ("position", "velocity")
 
 
 class Starts(Table):
@@ -26,13 +27,16 @@ class Starts(Table):
             collapsed, begins at rest).
         along: the axis that is swept; left out: the last. It is made the last one of the map.
         kick: how far the tip is moved along the glass from steady slip and from where its neighbour
-            ended, as a fraction of L: an unstable equilibrium is left by that.
+            ended, as a fraction of L: an unstable equilibrium is left by that; of another system,
+            how far its first coordinate is.
         random: number of random starts, the same for every cell, in place of names.
         seed: of the random starts.
         x: box of the random starts, from and to: place along the glass [m],
         y: height above it [m],
         vx: velocity of the tip along the glass [m/s],
         vy: and normal to it [m/s].
+        position: of another system than the wiper, in place of these: [from, to] of each coordinate
+        velocity: and of each rate; left out: at rest.
     """
 
     names: Annotated[list[str], Field(min_length=1)] | None = None
@@ -44,6 +48,8 @@ class Starts(Table):
     y: Pair = (0.0, 0.0)
     vx: Pair = (0.0, 0.0)
     vy: Pair = (0.0, 0.0)
+    position: list[Pair] | None = None
+    velocity: list[Pair] | None = None
 
     @property
     def count(self) -> int:
@@ -56,12 +62,22 @@ class Starts(Table):
         return tuple(name for name in self.names or () if name in WAYS)
 
     def draws(self) -> dict[str, np.ndarray]:
-        """The random starts: x, y [m], vx, vy [m/s], (count,) each; empty if there are none."""
+        """The random starts, empty if there are none: of the wiper x, y [m], vx, vy [m/s],
+        (count,) each; of another system position and velocity, (count, coordinates) each.
+        """
         if self.random is None:
             return {}
-        low, high = np.array([getattr(self, key) or (0.0, 0.0) for key in _BOX]).T
-        shares = np.random.default_rng(self.seed).random((self.random, len(_BOX)))
-        return dict(zip(_BOX, (low + (high - low) * shares).T, strict=True))
+        if self.position is None:
+            box = np.array([getattr(self, key) or (0.0, 0.0) for key in _BOX])
+            return dict(zip(_BOX, self._drawn(box).T, strict=True))
+        rest = [(0.0, 0.0)] * len(self.position)
+        drawn = self._drawn(np.array([*self.position, *(self.velocity or rest)]))
+        return dict(zip(("position", "velocity"), np.split(drawn, 2, axis=1), strict=True))
+
+    def _drawn(self, box: np.ndarray) -> np.ndarray:
+        """Random points (count, n) of a box (n, 2)."""
+        shares = np.random.default_rng(self.seed).random((self.count, len(box)))
+        return box[:, 0] + (box[:, 1] - box[:, 0]) * shares
 
 
 def swept_last(axes: Any, starts: Any) -> Any:
@@ -81,13 +97,14 @@ def check_starts(spec: Any) -> None:
     if (starts.names is None) == (starts.random is None):
         had = "none" if starts.names is None else "both"
         raise Fault("starts", f"must have one of names and random, had {had}")
-    for key in ("along", "kick") if starts.random is not None else ("seed", *_BOX):
+    boxes = (*_BOX, *_STATE)
+    for key in ("along", "kick") if starts.random is not None else ("seed", *boxes):
         if key in starts.model_fields_set:
             other = "names" if key in ("along", "kick") else "random"
             raise Fault(f"starts.{key}", f"must be left out without starts.{other}")
     _check_names(spec, starts)
     if starts.random is not None:
-        _check_box(spec, starts)
+        _check_box(spec, starts) if spec.system == WIPER else _check_state(spec, starts)
     each = max(spec.run.raster or 0, spec.run.event_log or 0)
     if each * starts.count > MOST_NUMBERS:
         must = f"times the number of starts ({starts.count}) must be at most {MOST_NUMBERS}"
@@ -102,8 +119,11 @@ def _check_names(spec: Any, starts: Starts) -> None:
     for name in names:
         if name not in STARTS:
             raise Fault("starts.names", f"{show(name)}: {unknown(name, list(STARTS))}")
-    if "steady_slip" in names and spec.belt.kind != "steady":
-        must = f"must not have 'steady_slip' with belt.kind = {spec.belt.kind!r}"
+    if "steady_slip" in names and spec.belt_kind != "steady":
+        must = f"must not have 'steady_slip' with belt.kind = {spec.belt_kind!r}"
+        raise Fault("starts.names", must)
+    if "steady_slip" in names and spec.system != WIPER:
+        must = f"must not have 'steady_slip' with system = {spec.system!r}"
         raise Fault("starts.names", must)
     if len(set(names)) < len(names):
         raise Fault("starts.names", "must not name a start twice")
@@ -118,7 +138,7 @@ def _check_names(spec: Any, starts: Starts) -> None:
         raise Fault("starts.along", f"must have two values or more, {swept} has one")
     if swept == "belt_phase":
         raise Fault("starts.along", "must not be belt_phase: the belt goes on where it was")
-    if "belt_frequency" in BELTS[spec.belt.kind].values():
+    if "belt_frequency" in spec.parameter_names:
         _check_phase(spec)
 
 
@@ -135,7 +155,30 @@ def _check_phase(spec: Any) -> None:
         raise Fault("run.transient", f"{must}, made {first:g}")
 
 
+def _check_state(spec: Any, starts: Starts) -> None:
+    """Raises Fault for a box of another system that is none, or not one of its coordinates."""
+    names = spec.family.coordinates
+    for key in _BOX:
+        if key in starts.model_fields_set:
+            raise Fault(f"starts.{key}", f"must be left out with system = {spec.system!r}")
+    if starts.position is None:
+        must = f"is missing; random starts are drawn from [from, to] of each of {', '.join(names)}"
+        raise Fault("starts.position", must)
+    for key in _STATE:
+        box = getattr(starts, key)
+        if box is not None and len(box) != len(names):
+            must = f"must be a list of {len(names)} pairs ({', '.join(names)}), had {len(box)}"
+            raise Fault(f"starts.{key}", must)
+        for low, high in box or ():
+            if low > high:
+                must = f"must have pairs [from, to] with from <= to, had [{low:g}, {high:g}]"
+                raise Fault(f"starts.{key}", must)
+
+
 def _check_box(spec: Any, starts: Starts) -> None:
+    for key in _STATE:
+        if key in starts.model_fields_set:
+            raise Fault(f"starts.{key}", "must be left out of a wiper, which has x, y, vx and vy")
     if starts.x is None:
         raise Fault("starts.x", "is missing; random starts are drawn from [from, to] in m")
     for key in _BOX:

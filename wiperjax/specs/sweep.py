@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import BaseModel, model_validator
 
 from ..vocabulary.kinds import BELTS
 from ..vocabulary.ranges import MOST_CELLS
@@ -264,7 +264,7 @@ class SweepSpec(System):
         }
         for name in ("sensitivities", "starts"):
             if (table := getattr(self, name)) is not None:
-                meaning[name] = table.model_dump(mode="json")
+                meaning[name] = table.model_dump(mode="json", exclude=_unless_given(table))
         return json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self) -> str:
@@ -272,6 +272,7 @@ class SweepSpec(System):
         return hashlib.sha256(self.canonical().encode()).hexdigest()
 
 
-def _unless_given(classes: Classes) -> set[str]:
-    """Thresholds that count only where they are given."""
-    return {"quiet_velocity"} if classes.quiet_velocity is None else set()
+def _unless_given(table: BaseModel) -> set[str]:
+    """Keys of a table that count only where they are given: most files have no use for them."""
+    seldom = {"quiet_velocity", "position", "velocity"}
+    return {key for key in seldom if getattr(table, key, None) is None}

@@ -7,6 +7,8 @@ import numpy as np
 
 from ..vocabulary.kinds import BELTS, LAW_PARAMETERS, WIPER
 from ..vocabulary.parameters import PARAMETERS, Parameter
+from ..vocabulary.ranges import TIP
+from ..vocabulary.wording import digits
 from .errors import Fault, listed
 from .family import Family, KeyOf, Values
 from .laws import Law, check_given, law_of
@@ -95,8 +97,12 @@ def _check_position(start: Any, reach: float) -> None:
     """Raises Fault for a tip that is not in the plane, in the glass, or beyond the lip's reach."""
     for key in ("position", "velocity"):
         pair = getattr(start, key)
-        if pair is not None and len(pair) != 2:
+        if pair is None:
+            continue
+        if len(pair) != 2:
             raise Fault(f"start.{key}", f"must be a list of two numbers, was {listed(pair)}")
+        if (wrong := TIP[key].outside(np.asarray(pair))) is not None:
+            raise Fault(f"start.{key}", f"{TIP[key].must}, was {digits(wrong)}")
     if start.position is None:
         return
     x, y = start.position

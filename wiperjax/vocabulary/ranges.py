@@ -88,6 +88,11 @@ MOST_CELLS = 10**9
 MOST_SAMPLES = 2**20  # of one cell: 4 MB
 RUN_SAMPLES = 10**7  # of one run: 1 GB
 
+TIP: Mapping[str, Range] = MappingProxyType(
+    {"position": Range(-1, 1, unit="m"), "velocity": Range(-1e3, 1e3, unit="m/s")}
+)
+"""Where a wiper's tip may start."""
+
 SETTINGS: Mapping[str, Range] = MappingProxyType(
     {
         # an axis: its values are held to the range of what they are values of
@@ -112,8 +117,6 @@ SETTINGS: Mapping[str, Range] = MappingProxyType(
         # the start
         "angle": Range(-90, 90, low_open=True, high_open=True, unit="degrees"),
         "equilibrium": Range(-1, 1),
-        "position": Range(-1, 1, unit="m"),
-        "velocity": Range(-1e3, 1e3, unit="m/s"),
         # several starts of a cell, borders of a map: what both draw at random
         "seed": Range(0, 2**31 - 1, whole=True),
         "kick": Range(0, 0.1),
