@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from ...vocabulary.cf import flag_names
 from ...vocabulary.codes import LABELS
 from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
-from ..style.caption import set_caption
+from ..style.caption import is_own, moving, set_caption
 from ..style.palette import BOUNDARY, CLASSES, REGIMES, UNKNOWN, readable
 from .planes import At, check_dim, class_names, cut, map_dims
 
@@ -131,7 +131,8 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
             ax.axhspan(max(low, 1e-3), high, color=CLASSES[colour], alpha=0.10, linewidth=0)
     heard = frequency[np.isfinite(frequency)]
     if heard.size:
-        ax.set_ylim(min(0.6 * heard.min(), 80), max(1.6 * heard.max(), 1500))
+        low, high = (np.inf, 0.0) if is_own(line) else (80.0, 1500.0)
+        ax.set_ylim(min(0.6 * heard.min(), low), max(1.6 * heard.max(), high))
     return handles
 
 
@@ -140,7 +141,7 @@ def _amplitudes(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarra
     speed = np.asarray(line["velocity_rms"], dtype=float)
     speed = np.where(np.isin(line["label"], [LABELS["failed"], LABELS["collapsed"]]), np.nan, speed)
     _marks(ax, across, speed, names)
-    ax.set_ylabel("tip velocity,\nstd (m/s)")
+    ax.set_ylabel(f"{moving(line)},\nstd (m/s)")
     ax.set_ylim(bottom=0)
 
 

@@ -6,7 +6,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from ..style.axes import legend_below, page
-from ..style.caption import footnote, set_caption
+from ..style.caption import footnote, moving, set_caption
 from .categories import category_legend, category_panels, shown_cells
 from .classes import class_bars
 from .planes import At, choose_plane, cut, fraction_map, frequency_map, map_dims, value_map
@@ -53,7 +53,7 @@ def map_overview(
         at=at,
         norm=LogNorm(1e-3 * top, top),
         cmap="magma",
-        title="tip velocity (std)",
+        title=f"{moving(ds)} (std)",
     )
     for ax in axes[1:3]:
         ax.set_ylabel("")

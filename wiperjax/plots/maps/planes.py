@@ -219,7 +219,7 @@ def frequency_map(
     heard = heard[np.isfinite(heard) & (heard > 0)]
     top = float(heard.max()) if heard.size else 1000.0
     low = float(heard.min()) if heard.size else 10.0
-    norm = LogNorm(max(min(low, 0.9 * top), 1.0), max(top, 2.0))
+    norm = LogNorm(max(min(low, 0.9 * top), 1e-3 * top), max(top, 1.1 * low))
     frequency = ds["dominant_frequency"]
     loud = frequency.where(ds["label"] != LABELS["quiet"]).assign_attrs(frequency.attrs)
     ax = value_map(

@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 
 from ...vocabulary.kinds import FRICTION_KINDS, known
 from ..style.axes import legend_below, page
-from ..style.caption import set_caption
+from ..style.caption import is_own, set_caption
 from ..style.palette import REGIMES, UNKNOWN, readable
 from .portrait import regime_masks
 
@@ -68,7 +68,7 @@ def friction_curve(
             )
     ax.axhline(0, color="#999999", linewidth=0.6, zorder=1)
     ax.set_xlim(speed[0], speed[-1])
-    ax.set_xlabel("slip speed, tip over glass (m/s)")
+    ax.set_xlabel("slip speed (m/s)" if is_own(ds) else "slip speed, tip over glass (m/s)")
     ax.set_ylabel(
         "friction force / normal force" if normalised else "friction force on the lip (N/m)"
     )

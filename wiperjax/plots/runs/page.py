@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 
 from ...datasets.run_dataset import last_periods, regime_spans, settled
 from ..style.axes import legend_below, page
-from ..style.caption import set_caption, with_noise
+from ..style.caption import partner, set_caption, with_noise
 from ..style.palette import BELT
 from .bands import regime_legend
 from .friction import friction_curve, has_law
@@ -126,5 +126,5 @@ def _handles(part: xr.Dataset, whole: xr.Dataset) -> list:
             Line2D([], [], color="black", linestyle="dashed", label="normal to it"),
         ]
     if "belt_velocity" in part:
-        handles.append(Line2D([], [], color=BELT, label="speed of the glass"))
+        handles.append(Line2D([], [], color=BELT, label=f"speed of the {partner(whole)}"))
     return handles

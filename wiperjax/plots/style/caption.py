@@ -25,7 +25,7 @@ def parameters_text(ds: xr.Dataset) -> str:
 
     Of a system of one's own every one.
     """
-    if ":" in str(ds.attrs.get(SYSTEM, "")):  # an import path
+    if is_own(ds):
         return ", ".join(
             f"{name.replace('_', ' ')} {number(float(ds.attrs[name]))} {unit}".removesuffix(" 1")
             for name, unit in _units(ds).items()
@@ -48,6 +48,21 @@ def parameters_text(ds: xr.Dataset) -> str:
     if words and kind not in ("", UNSAID):
         words.append(f"{kind} belt")
     return ", ".join(words)
+
+
+def is_own(ds: xr.Dataset) -> bool:
+    """Whether a map or run is of a system of one's own, which a file names by an import path."""
+    return ":" in str(ds.attrs.get(SYSTEM, ""))
+
+
+def moving(ds: xr.Dataset) -> str:
+    """What vibrates in a map or run: `tip velocity`, of a system of one's own `output velocity`."""
+    return "output velocity" if is_own(ds) else "tip velocity"
+
+
+def partner(ds: xr.Dataset) -> str:
+    """What the contact slides over: `glass`, of a system of one's own `belt`."""
+    return "belt" if is_own(ds) else "glass"
 
 
 def unit_of(ds: xr.Dataset, name: str) -> str:
