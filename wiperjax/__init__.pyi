@@ -15,6 +15,8 @@ from .maps.basins import basins
 from .maps.driver import sweep
 from .maps.refine.driver import refine
 from .maps.verify import verify
+from .modes.over import modes_over
+from .modes.table import modes
 from .noise.class_counts import class_table, share_error
 from .noise.run_class import assess
 from .runs.scene import run_scene
@@ -50,6 +52,8 @@ __all__ = [
     "configure",
     "load_scene",
     "load_sweep",
+    "modes",
+    "modes_over",
     "open_map",
     "parameter",
     "parameters_of",

@@ -16,6 +16,7 @@ import typer
 
 from .compute import sweep, verify
 from .example import example
+from .modes import modes
 from .motion import follow, ladder, simulate
 from .options import INTERRUPTED
 from .refine import refine
@@ -28,7 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-for command in (sweep, refine, simulate, follow):
+for command in (sweep, refine, simulate, follow, modes):
     app.command()(command)
 app.command(help=PLOT_HELP)(plot)
 app.command(help=LISTEN_HELP)(listen)

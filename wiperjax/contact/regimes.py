@@ -100,13 +100,18 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
 
     at_rest = c.slip_speed == 0
     stick = stick_forces(c, True, unilateral)
-    in_cone = (stick.normal > 0) & (jnp.abs(stick.tangential) <= law.static * stick.normal)
+
+    def presses(normal):
+        # a load that vanishes for a while still touches: friction is zero then
+        return normal > 0 if unilateral else normal >= 0
+
+    in_cone = presses(stick.normal) & (jnp.abs(stick.tangential) <= law.static * stick.normal)
     sticks = at_rest & in_cone
 
     def start_of_slip(sign):
         f, d = slip_forces(c, sign, law.coefficient(jnp.zeros_like(c.b_t)), unilateral)
         a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
-        return (sign * a_t >= 0) & (f.normal > 0) & (d > 0), d
+        return (sign * a_t >= 0) & presses(f.normal) & (d > 0), d
 
     pos, d_pos = start_of_slip(1.0)
     neg, d_neg = start_of_slip(-1.0)

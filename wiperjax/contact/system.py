@@ -129,6 +129,10 @@ class AbstractSystem(eqx.Module):
             "this system has no default start: pass initial_state=(position, velocity)"
         )
 
+    def sliding_near(self) -> Coordinates:
+        """Return a place near which steady sliding is sought: that of the default start."""
+        return self.default_state()[0]
+
     def scales(self, n: int) -> tuple[Coordinates, Coordinates]:
         """Typical sizes of positions and velocities; absolute tolerances are rtol times these."""
         return (1.0,) * n, (1.0,) * n

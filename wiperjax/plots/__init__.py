@@ -6,7 +6,7 @@ there. Angles are degrees, positions millimetres. No jax here.
 Raises `ValueError`, one line, for a dataset of another kind or an option that cannot be meant.
 """
 
-from . import branches
+from . import branches, modes
 from .catalogue import PICTURES as PICTURES
 from .door import of
 from .files import plot_all as plot_all
@@ -47,4 +47,5 @@ bifurcation_diagram = of("branch", "stable", "maximum")(branches.bifurcation_dia
 branch_page = of("branch", "stable", "maximum")(branches.branch_page)
 branch_overview = of("branch", "stable", "maximum", "period")(branches.branch_overview)
 multipliers = of("branch", "multiplier_real", "multiplier_imag")(branches.multipliers)
+modes_page = of("modes", "growth_rate", "real_part", "frequency")(modes.modes_page)
 remedy_bars = of("remedy", "buys", "parameter")(branches.remedy_bars)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ..datasets.run_dataset import between, check_quantity, last_periods, settled
 from ..machine.files import StoreError
-from . import branches
+from . import branches, modes
 from .door import at_start
 from .maps import categories, classes, line, overview, planes
 from .runs import animation, friction, page, portrait, spectra
@@ -119,6 +119,14 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             ("quantity",),
         ),
         "multipliers": Picture("size of the multipliers", branches.multipliers),
+    },
+    "modes": {
+        "overview": Picture(
+            "real part and frequency of every mode over an axis; the largest over two",
+            modes.modes_page,
+            (),
+            ("growth_rate", "real_part"),
+        )
     },
     "run": {
         "overview": Picture(

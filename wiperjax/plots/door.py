@@ -39,6 +39,7 @@ _DATASETS = ("borders", "branch", "brute", "transient", "whole")
 MADE_BY = {
     "map": "a map (wiperjax.sweep)",
     "run": "a run (wiperjax.simulate)",
+    "modes": "modes over a sweep (wiperjax.modes_over)",
     "branch": "a branch (cycles.branch_dataset)",
     "remedy": "of remedy.sensitivities, with bounds",
 }

@@ -111,8 +111,8 @@ def _check(path: Any, output: Any, force: Any, dpi: Any, options: dict[str, Any]
 
 @contextlib.contextmanager
 def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset, str]]:
-    """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map`, `branch`
-    or `run`.
+    """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map`, `branch`,
+    `modes` or `run`.
 
     Of an unfinished sweep, which is read into memory, only with `raster` what is large.
 
@@ -125,6 +125,8 @@ def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset,
             yield with_borders(ds, borders(path)) if refined else ds, "map"
         elif "special_kind" in ds:
             yield ds.load(), "branch"
+        elif "real_part" in ds:
+            yield ds.load(), "modes"
         elif is_run(ds):
             yield ds.load(), "run"
         elif "cells_done" in ds.attrs:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr
 
-from ..vocabulary.kinds import BELTS, WIPER
+from ..vocabulary.kinds import BELTS, SYSTEMS, WIPER
 from ..vocabulary.parameters import Parameter, longest_ramp
 from . import declared, wiper
 from .axis import Axis
@@ -41,9 +41,10 @@ class System(Table):
         """What is known of the kind of system. Raises: Fault for a name of none."""
         if self.system == WIPER:
             return _WIPER
-        if not is_path(self.system):
-            raise Fault("system", no_name(self.system, [WIPER]))
-        return declared.declared(self.system)
+        path = SYSTEMS.get(self.system, self.system)
+        if not is_path(path):
+            raise Fault("system", no_name(self.system, [WIPER, *SYSTEMS]))
+        return declared.declared(path)
 
     @property
     def belt_kind(self) -> str | None:

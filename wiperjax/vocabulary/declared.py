@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from . import checks
-from .parameters import Parameter
+from .parameters import PARAMETERS, Parameter
 from .ranges import FINITE, Range
 
 KEY = "wiperjax_parameter"  # in the metadata of a field
@@ -81,7 +81,8 @@ def check(system: Any) -> None:
 
 def parameters_of(system: Any) -> Mapping[str, Parameter]:
     """Name -> `Parameter` of every number that a system, or its class, declares: of its fields made
-    by `parameter`, and of plain fields whose default is a number (without unit or range).
+    by `parameter`, and of plain fields whose default is a number (without unit or range, unless
+    the wiper has a parameter of that name).
 
     Raises: ValueError where it is no dataclass, or has a field that is neither one of these nor has
         a default.
@@ -95,6 +96,8 @@ def parameters_of(system: Any) -> Mapping[str, Parameter]:
             continue
         if name in known:
             found[name] = known[name]
+        elif name in PARAMETERS and PARAMETERS[name].reference is not None:  # as the wiper's
+            found[name] = dataclasses.replace(PARAMETERS[name], table="parameters")
         elif isinstance(default, int | float) and not isinstance(default, bool):
             words = name.replace("_", " ")
             found[name] = Parameter(name, "parameters", "", "1", FINITE, words, float(default))

@@ -16,6 +16,18 @@ import numpy as np
 WIPER = "wiper"
 """Name of the system that a file means by itself."""
 
+SYSTEMS: Mapping[str, str] = MappingProxyType(
+    {
+        "flutter": "wiperjax.systems.flutter:ModeCoupling",
+        "soft_lip": "wiperjax.systems.soft_lip:SoftLip",
+        "oscillator": "wiperjax.systems.oscillator:Oscillator",
+        "chain2": "wiperjax.systems.chain:Chain2",
+        "chain3": "wiperjax.systems.chain:Chain3",
+        "chain8": "wiperjax.systems.chain:Chain8",
+    }
+)
+"""Further systems that come with the package, by the name that a file may use -> import path."""
+
 MODELS: Mapping[str, str] = MappingProxyType(
     {
         "block": "at rest where the spring is relaxed",

@@ -1,0 +1,159 @@
+"""Complex eigenvalues: closed forms, the rigid lip's own linearisation, motions that grow alike."""
+
+import math
+
+import numpy as np
+import own_systems
+import pytest
+from scipy.optimize import brentq
+
+import wiperjax
+from wiperjax import Coulomb
+from wiperjax.cli import main
+from wiperjax.modes.over import VERDICTS, beside, shares
+from wiperjax.systems.chain import Chain3
+from wiperjax.systems.flutter import ModeCoupling
+from wiperjax.systems.soft_lip import SoftLip
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5, 0.7, 0.8, 1.0])
+def test_the_minimal_model_locks_in_as_published(mu):
+    """omega^2 = 2 -+ sqrt(1 - 4 mu/3) (Hoffmann et al. 2002)."""
+    found = wiperjax.modes(ModeCoupling(friction=Coulomb(mu)))
+    squares = 2 + np.sqrt(1 - 4 * mu / 3 + 0j) * np.array([1, -1])
+    exact = 1j * np.sqrt(squares)
+    exact = np.where(exact.imag < 0, -exact, exact)
+    exact = exact[np.argsort(-exact.real, kind="stable")]
+    values = found.real_part.values + 2j * np.pi * found.frequency.values
+    for value in values:
+        assert np.min(np.abs(exact - value)) < 1e-7
+    if mu == 1.0:
+        assert values[0] == pytest.approx(0.202072 + 1.428577j, abs=1e-6)
+        # friction feeds the mode by the phase between its coordinates
+        assert abs(float(found.shape_phase[:, 0].max() - found.shape_phase[:, 0].min())) > 0.5
+
+
+def test_a_motion_grows_at_the_rate_of_the_eigenvalue():
+    system = ModeCoupling()
+    mode = wiperjax.modes(system)
+    place = mode.position.values
+    start = tuple(place + [1e-7, 0.0]), (0.0, 0.0)
+    run = wiperjax.simulate(system, 60.0, initial_state=start, sample_interval=0.05, rtol=1e-10)
+    size = np.hypot(*(run.position.values - place).T)
+    time = run.time.values
+    # whole periods of the envelope: the logarithm of its maxima
+    peaks = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])) + 1
+    late = peaks[(time[peaks] > 30) & (size[peaks] < 1e-2)]
+    rate = np.polyfit(time[late], np.log(size[late]), 1)[0]
+    assert rate == pytest.approx(float(mode.real_part[0]), rel=2e-3)
+
+
+def test_growth_ends_where_the_mass_leaves_the_belt():
+    system = ModeCoupling(damping=0.05)
+    run = wiperjax.simulate(system, 200.0, initial_state=((0.5, 0.0), (0.0, 0.0)))
+    assert int(run.result) == 0
+    assert float(run.normal_force.min()) == 0.0  # it lifts off, and comes back
+    assert float(run.normal_force[-500:].max()) > 0.0
+    size = abs(run.position).max("axis")
+    assert float(size[1000:].max()) < 1.5 * float(size[:1000].max())  # it grows no more
+
+
+def test_modes_of_the_rigid_lip_are_its_steady_slip():
+    wiper = wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.3), attack_angle=math.radians(5))
+    slip, found = wiperjax.steady_slip(wiper), wiperjax.modes(wiper)
+    assert found.sizes["mode"] == 1
+    assert float(found.real_part[0]) == pytest.approx(float(slip.growth_rate), rel=1e-9)
+    assert float(found.frequency[0]) == pytest.approx(float(slip.frequency), rel=1e-9)
+    assert float(found.normal_force) == pytest.approx(float(slip.normal_force), rel=1e-9)
+    ratio = -found.real_part / np.hypot(found.real_part, 2 * np.pi * found.frequency)
+    np.testing.assert_allclose(found.damping_ratio, ratio, rtol=1e-12)
+
+
+def test_a_stiffer_glass_makes_the_rigid_lip_at_first_order():
+    belt, angle = wiperjax.SteadyBelt(0.3), math.radians(5)
+    exact = float(wiperjax.steady_slip(wiperjax.Wiper(belt=belt, attack_angle=angle)).growth_rate)
+    errors = []
+    for stiffness in (1e6, 1e7, 1e8):
+        soft = SoftLip(contact_stiffness=stiffness, belt=belt, attack_angle=angle)
+        errors.append(abs(float(wiperjax.modes(soft).real_part[0]) - exact))
+    orders = np.diff(np.log10(errors))
+    np.testing.assert_allclose(orders, -1.0, atol=0.05)
+
+
+def test_a_soft_glass_flutters_within_the_closed_border():
+    """4 k t (mu k_c - k t) > (k + k_c - k t^2 - k_theta)^2, with the geometric part of the load and
+    the moment in k_theta."""
+    rng, unlike = np.random.default_rng(3), set()
+    for _ in range(24):
+        k, mu, k1 = rng.uniform(500, 5000), rng.uniform(0.1, 1.5), rng.uniform(0.01, 0.3)
+        alpha, kc = rng.uniform(0.05, 0.5), 10 ** rng.uniform(3, 4.5)
+        lip = SoftLip(
+            contact_stiffness=kc,
+            belt=wiperjax.SteadyBelt(0.5),
+            attack_angle=alpha,
+            friction=Coulomb(mu),
+            support_stiffness=k,
+            support_damping=0.0,
+            neck_stiffness=k1,
+            shoulder_stiffness=k1,
+        )
+        try:
+            found = wiperjax.modes(lip)
+        except ValueError:
+            continue  # it collapses
+        length, force = 6e-3, float(found.normal_force)
+        sin = float(found.position[0]) / length
+        cos, tan = math.sqrt(1 - sin**2), sin / math.sqrt(1 - sin**2)
+        moment = k1 * (math.asin(sin) - alpha)
+        theta = (k1 + moment * tan) / (length * cos) ** 2 - force / (length * cos**3)
+        spread = (k + kc - k * tan**2 - theta) ** 2 - 4 * k * tan * (mu * kc - k * tan)
+        if abs(spread) > 1e-6 * (k + kc) ** 2:
+            flutters = float(found.real_part[0]) > 0 and float(found.frequency[0]) > 0
+            assert flutters == (spread < 0)
+            unlike.add(flutters)
+    assert unlike == {True, False}
+
+
+def test_a_chain_without_damping_rings_at_its_own_frequencies():
+    found = wiperjax.modes(Chain3(friction=Coulomb(0.5)))
+    exact = 2 * np.sin(np.pi * np.arange(1, 4) / 8) / (2 * np.pi)  # walls at both ends
+    np.testing.assert_allclose(np.sort(found.frequency), exact, rtol=1e-12)
+    np.testing.assert_allclose(found.real_part, 0.0, atol=1e-12)
+
+
+SWEEP = {
+    "system": "oscillator",
+    "parameters": {"damping": 0.1},
+    "start": {"position": [-1.5]},
+    "axes": {"belt_speed": {"start": 0.4, "stop": 2.2, "num": 13}},
+    "run": {"transient": 400.0, "window": 50.0, "samples": 256},
+    "classes": {"squeal_band": [0.05, 1.0], "chatter_band": [0.0, 0.01]},
+}
+
+
+def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses(tmp_path, capsys):
+    found = wiperjax.modes_over(SWEEP)
+    speed = found.belt_speed.values
+    slope = np.exp(-speed / 0.5)  # mu' = -(0.5/0.5) exp(-v/0.5), load 1
+    np.testing.assert_allclose(found.growth_rate, (slope - 0.1) / 2, atol=1e-12)
+    simulated = wiperjax.sweep(SWEEP, tmp_path / "map.h5", progress=False)
+    judged = beside(found, simulated)
+    # far out it starts on the cycle: noisy though stable, between the Hopf point and the fold
+    border = brentq(lambda v: np.exp(-v / 0.5) - 0.1, 0.5, 2)
+    missed = (judged.verdict == VERDICTS["missed"]).values
+    assert missed.any() and np.all(speed[missed] > border)
+    assert sum(shares(judged).values()) == pytest.approx(1.0)
+    assert shares(judged)["over_predicted"] == 0.0
+    simulated.close()
+    assert main(["modes", str(tmp_path / "map.h5"), "-o", str(tmp_path / "modes.h5")]) == 0
+    said = capsys.readouterr().out
+    assert "stable yet noisy: the test misses" in said and (tmp_path / "modes.png").exists()
+
+
+def test_what_has_no_modes_is_one_line():
+    with pytest.raises(ValueError, match=r"^system must have friction, but Ball has none$"):
+        wiperjax.modes(own_systems.Ball())
+    with pytest.raises(ValueError, match=r"^Wiper must have a steady sliding near"):
+        wiperjax.modes(wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.0)))
+    with pytest.raises(ValueError, match=r"^spec must be a sweep, or a mapping"):
+        wiperjax.modes_over(3)

@@ -1,0 +1,127 @@
+"""Steady sliding of a system and the linear motion around it, by the engine's own accelerations.
+
+Nothing is typed in by hand: the equilibrium is a root of the acceleration in slip at rest, the
+linearisation its exact derivative by places and velocities. A contact that may open is held closed:
+what is left are the coordinates along it.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+
+from ..contact.guards import starting_sides
+from ..contact.regimes import acceleration, friction_coefficient, slip_forces
+from ..contact.space import contact
+from ..contact.system import AbstractSystem, rates
+from ..numerics.types import Coordinates
+
+_FINDER = optx.LevenbergMarquardt(rtol=1e-13, atol=1e-13)
+MOST_STEPS = 200
+CLOSED = 1e-8  # of usual accelerations and places: what is larger is no equilibrium
+
+
+class Linear(NamedTuple):
+    """Steady sliding and its linearisation z' = A z, z = (positions, velocities) along the contact.
+
+    Where there is no steady sliding, ``exists`` is False and the numbers mean nothing.
+    """
+
+    position: jax.Array  # (n,)
+    normal_force: jax.Array
+    slip_speed: jax.Array
+    matrix: jax.Array  # (2 m, 2 m)
+    basis: jax.Array  # (n, m): the coordinates that z stands for
+    exists: jax.Array
+
+
+def linear(system: AbstractSystem, near: Coordinates) -> Linear:
+    """Return the steady sliding that is found from the place ``near``, every coordinate at rest and
+    the belt as it moves at t = 0. A pure function of the system's numbers: it may be mapped.
+    """
+    t = jnp.zeros(())
+    system = system.on_piece(system.first_piece(t))
+    n = len(near)
+    scale = jnp.stack([jnp.asarray(x, float) for x in system.scales(n)[0]])
+    sign = jnp.sign(_slip_speed(system, t, jnp.asarray(near, float)))
+
+    def motion(z):
+        """q'' in slip, normal force, gap; of places and velocities z (2n,)."""
+        return _slip(system, t, z[:n], z[n:], sign)
+
+    rest, place = jnp.zeros(n), jnp.asarray(near, float)
+
+    def still(place):
+        return motion(jnp.concatenate([place, rest]))
+
+    # what the forces there can make of a place of usual size: accelerations are measured by that
+    size = jnp.max(jnp.abs(jax.jacfwd(lambda place: still(place)[0])(place)) @ scale)
+
+    def residual(u, _):
+        accelerations, _, gap = still(u * scale)
+        return accelerations / size, gap / scale.max()
+
+    found = optx.least_squares(
+        residual, _FINDER, place / scale, max_steps=MOST_STEPS, throw=False
+    ).value
+    place = found * scale
+    missed, gap = residual(found, None)
+    force, slip = still(place)[1], _slip_speed(system, t, place)
+    exists = jnp.all(jnp.abs(missed) <= CLOSED) & (jnp.abs(gap) <= CLOSED)
+    exists &= (force > 0) & (jnp.sign(slip) == sign) & (sign != 0)
+    z = jnp.concatenate([place, rest])
+    whole = jax.jacfwd(lambda z: jnp.concatenate([z[n:], motion(z)[0]]))(z)
+    basis = _along(system, t, place)
+    both = jax.scipy.linalg.block_diag(basis, basis)
+    return Linear(place, force, slip, both.T @ whole @ both, basis, exists)
+
+
+def _slip_speed(system: AbstractSystem, t, place):
+    q = tuple(place)
+    still = tuple(jnp.zeros_like(x) for x in q)
+    return jnp.asarray(system.slip_speed(t, q, system.from_rates(t, q, still)), float)
+
+
+def _slip(system: AbstractSystem, t, place, speeds, sign):
+    """Return q'' (n,), the normal force and the gap in slip of ``sign``."""
+    q = tuple(place)
+    v = tuple(jnp.asarray(x, float) for x in system.from_rates(t, q, tuple(speeds)))
+    system = system.on_sides(starting_sides(system, t, q, v))
+    c = contact(system, t, q, v)
+    force, _ = slip_forces(c, sign, friction_coefficient(system, c, sign), system.unilateral)
+    gap = c.gap if system.unilateral else jnp.zeros(())
+
+    # a belt-relative velocity has its partner's acceleration in it: q'' is the rate of q'
+    def rate(t, q, v):
+        return tuple(rates(system, t, q, v))
+
+    tangents = jnp.ones_like(t), rate(t, q, v), tuple(acceleration(c, force))
+    _, accelerations = jax.jvp(rate, (t, q, v), tangents)
+    return jnp.stack([jnp.asarray(a, float) for a in accelerations]), force.normal, gap
+
+
+def _along(system: AbstractSystem, t, place):
+    """Return an orthonormal basis (n, m) of the directions in which the contact may move closed."""
+    n = len(place)
+    if not system.unilateral:
+        return jnp.eye(n)
+    normal = jax.grad(lambda q: jnp.asarray(system.gap(t, tuple(q)), float))(place)
+    full, _ = jnp.linalg.qr(jnp.concatenate([normal[:, None], jnp.eye(n)], axis=1))
+    return full[:, 1:]
+
+
+@eqx.filter_jit
+def linear_at(system: AbstractSystem, near: Coordinates) -> Linear:
+    """`linear`, compiled once for all systems of a class."""
+    return linear(system, near)
+
+
+@eqx.filter_jit
+def linear_over(systems: AbstractSystem, near, shared) -> Linear:
+    """`linear` of many systems: arrays of ``systems`` and ``near`` have the cells as their axis,
+    what they share is ``shared``."""
+    return jax.vmap(lambda varying, place: linear(eqx.combine(varying, shared), place))(
+        systems, near
+    )

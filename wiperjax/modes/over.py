@@ -1,0 +1,128 @@
+"""Modes over the parameters of a sweep, and what its simulated map says of them."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from ..contact.system import AbstractSystem
+from ..datasets.map_dataset import describe
+from ..specs.load import parse_sweep
+from ..specs.sweep import SweepSpec
+from ..systems.build import build
+from ..vocabulary import checks
+from ..vocabulary.cf import flags
+from ..vocabulary.codes import LABELS
+from .linear import linear_over
+from .table import modes_of, place_near
+
+AT_ONCE = 2048  # cells
+VERDICTS = {"not_told": -1, "quiet": 0, "noisy": 1, "over_predicted": 2, "missed": 3}
+"""What the linear test says of a cell beside its simulated class: stable and quiet, unstable and
+noisy, unstable yet quiet, stable yet noisy."""
+
+
+def modes_over(spec: SweepSpec | Mapping[str, Any]) -> xr.Dataset:
+    """Return the modes of steady sliding in every cell of a sweep, without any motion.
+
+    ``spec``: a sweep of `load_sweep`, or a mapping shaped like a sweep file.
+
+    **Returns** a dataset over the sweep's axes (units of files, angles in degrees) and ``mode``
+    (the fastest growing first, NaN where there are fewer): ``real_part`` [1/s], ``frequency`` [Hz];
+    ``growth_rate``, the largest real part; ``exists``, whether there is steady sliding.
+
+    Raises ValueError (`SpecError`) for what is no sweep, and for a system without friction.
+    """
+    spec = parse_sweep(spec) if isinstance(spec, Mapping) else spec
+    checks.instance("spec", spec, SweepSpec, "a sweep, or a mapping shaped like a sweep file")
+    blocks = np.array_split(np.arange(spec.size), -(-spec.size // AT_ONCE))
+    parts = [_block(spec, index) for index in blocks]
+    values = np.concatenate([part[0] for part in parts])
+    exists = np.concatenate([part[1] for part in parts])
+    values = np.where(exists[:, None], values, np.nan)
+    values = values[:, : max(1, int(np.isfinite(values).sum(axis=1).max(initial=0)))]
+    described = describe(spec)
+    names, shape = tuple(described["coords"]), spec.shape
+    coords = {
+        name: (name, np.asarray(entry["values"]), entry["attrs"])
+        for name, entry in described["coords"].items()
+    }
+
+    def over(values: np.ndarray, long_name: str, units: str):
+        dims = (*names, "mode") if values.ndim == 2 else names
+        found = values.reshape(*shape, *values.shape[1:])
+        return dims, found, {"long_name": long_name, "units": units}
+
+    top = np.where(exists, np.real(values[:, 0]), np.nan)
+    attrs = described["attrs"] | {"title": spec.title or "modes of steady sliding"}
+    attrs["damping_convention"] = "-Re/|lambda|; -2 Re/|Im| is twice as much where it is small"
+    return xr.Dataset(
+        {
+            "real_part": over(np.real(values), "real part", "1/s"),
+            "frequency": over(np.imag(values) / (2 * np.pi), "frequency", "Hz"),
+            "growth_rate": over(top, "largest real part", "1/s"),
+            "exists": over(exists.astype(np.int8), "whether there is steady sliding", "1"),
+        },
+        coords=coords | {"mode": np.arange(1, values.shape[1] + 1)},
+        attrs=attrs,
+    )
+
+
+def beside(found: xr.Dataset, simulated: xr.Dataset) -> xr.Dataset:
+    """Return modes of a sweep with the variable ``verdict`` (`VERDICTS`): what the linear test says
+    of each cell, beside the class in the map of the same sweep.
+
+    Raises ValueError for a map of other axes, or of several starts.
+    """
+    names = tuple(str(name) for name in found["growth_rate"].dims)
+    label = simulated["label"]
+    if set(label.dims) != set(names) or any(label.sizes[n] != found.sizes[n] for n in names):
+        raise ValueError(f"simulated must be a map over {', '.join(names)}, one start a cell")
+    label = np.asarray(label.transpose(*names))
+    grows, told = np.asarray(found["growth_rate"]) > 0, np.asarray(found["exists"]) > 0
+    told &= ~np.isin(label, [LABELS["failed"], LABELS["collapsed"], -1])
+    quiet = label == LABELS["quiet"]
+    cases = [~told, quiet & ~grows, ~quiet & grows, quiet & grows]
+    codes = [VERDICTS[name] for name in ("not_told", "quiet", "noisy", "over_predicted")]
+    verdict = np.select(cases, codes, default=VERDICTS["missed"]).astype(np.int8)
+    about = {"long_name": "linear test beside the simulated class"} | flags(VERDICTS)
+    return found.assign(verdict=(names, verdict, about))
+
+
+def shares(found: xr.Dataset) -> dict[str, float]:
+    """Share of the cells with each verdict of `beside`, of those that are told."""
+    verdict = np.asarray(found["verdict"])
+    told = max(1, int((verdict >= 0).sum()))
+    return {name: float((verdict == c).sum() / told) for name, c in VERDICTS.items() if c >= 0}
+
+
+def spec_of(simulated: xr.Dataset) -> SweepSpec:
+    """Return the sweep that a map was made by. Raises ValueError for a dataset without one."""
+    if "specification" not in simulated.attrs:
+        raise ValueError("simulated must be a map of a sweep file")
+    return parse_sweep(json.loads(str(simulated.attrs["specification"])), "the map's sweep")
+
+
+def _block(spec: SweepSpec, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return eigenvalues (cells, 2 m) and whether they exist (cells,), of some cells."""
+    system: AbstractSystem = build(spec, spec.cells(index)).system
+    if system.law is None:
+        raise ValueError(f"system must have friction, but {type(system).__name__} has none")
+    near = tuple(jnp.broadcast_to(jnp.asarray(x, float), index.shape) for x in place_near(system))
+
+    def array(x: Any) -> Any:
+        return jnp.asarray(x, float) if isinstance(x, np.ndarray | jax.Array) else x
+
+    varying, shared = eqx.partition(
+        jax.tree.map(array, system), lambda x: isinstance(x, jax.Array) and x.ndim > 0
+    )
+    found = linear_over(varying, near, shared)
+    matrix, basis = np.asarray(found.matrix), np.asarray(found.basis)
+    fine = np.asarray(found.exists) & np.isfinite(matrix).all(axis=(1, 2))
+    matrix = np.where(fine[:, None, None], matrix, np.eye(matrix.shape[-1]))
+    return modes_of(matrix, basis).values, fine

@@ -1,0 +1,117 @@
+"""Modes of one system as a labelled dataset, and in words."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from ..blade import numbers
+from ..blade.steady_slip import steady_slip
+from ..blade.wiper import Wiper
+from ..contact.system import AbstractSystem
+from ..machine import provenance
+from ..vocabulary import cf, checks
+from .linear import Linear, linear_at
+
+ROUNDING = 1e-11  # of an eigenvalue: a smaller real or imaginary part is none
+
+
+class Modes(NamedTuple):
+    """Eigenvalues with Im >= 0, the fastest growing first, and their shapes."""
+
+    values: Any  # (..., modes) complex [1/s]; NaN where there are fewer
+    shapes: Any  # (..., coordinates, modes) complex, the largest coordinate 1
+
+
+def modes_of(matrix: np.ndarray, basis: np.ndarray) -> Modes:
+    """Eigenvalues and shapes of linear motions (`Linear`): of every pair one, of real ones each."""
+    values, vectors = np.linalg.eig(matrix)
+    m = basis.shape[-1]
+    size = np.maximum(np.abs(values), np.finfo(float).tiny)
+    parts = np.real(values), np.imag(values)
+    real, imag = (np.where(np.abs(x) <= ROUNDING * size, 0.0, x) for x in parts)
+    values = real + 1j * imag
+    hidden = values.imag < 0
+    order = np.argsort(np.where(hidden, np.inf, -values.real), axis=-1, kind="stable")
+    values = np.where(hidden, np.nan, values)
+    values = np.take_along_axis(values, order, axis=-1)
+    shapes = np.take_along_axis(basis @ vectors[..., :m, :], order[..., None, :], axis=-1)
+    largest = np.take_along_axis(shapes, np.abs(shapes).argmax(axis=-2)[..., None, :], axis=-2)
+    return Modes(values, shapes / largest)
+
+
+def modes(system: AbstractSystem, near=None) -> xr.Dataset:
+    """Return the complex eigenvalues of steady sliding of ``system``.
+
+    Steady sliding is a place at which the system rests while its partner slides under it, as it
+    does at t = 0; the linearisation is the exact derivative of the engine's accelerations in slip.
+
+    **Arguments:** ``near``, a place (one number a coordinate) from which it is sought (default:
+    that of a wiper's steady slip, else the system's default start).
+
+    **Returns** a dataset with the dimensions ``mode`` (one of every conjugate pair, the fastest
+    growing first) and ``axis`` (coordinates): ``real_part`` [1/s], above 0 if the mode grows;
+    ``frequency`` [Hz]; ``damping_ratio`` = -Re/|lambda| (that of textbooks; brake papers often give
+    -2 Re/|Im|, twice as much where it is small); ``shape_amplitude`` and ``shape_phase`` [rad], the
+    largest coordinate having 1 and 0: it is the phase between coordinates by which friction feeds a
+    mode; ``position``, ``normal_force``, ``slip_speed`` of steady sliding.
+
+    Raises ValueError for a system without friction, and where no steady sliding is found.
+    """
+    checks.instance("system", system, AbstractSystem, "a system such as Wiper()")
+    if system.law is None:
+        raise ValueError(f"system must have friction, but {type(system).__name__} has none")
+    near = place_near(system) if near is None else tuple(near)
+    near = tuple(float(x) for x in near)
+    found = linear_at(numbers.traceable(system), tuple(jnp.asarray(x) for x in near))
+    if not bool(found.exists):
+        raise ValueError(
+            f"{type(system).__name__} must have a steady sliding near {near}, but none was found; "
+            "another place may be given as near"
+        )
+    return _dataset(system, found)
+
+
+def place_near(system: AbstractSystem) -> tuple:
+    """Return where steady sliding of ``system`` is sought: numbers, or arrays as its own."""
+    if type(system) is not Wiper:
+        return system.sliding_near()
+    x, (start, height) = steady_slip(system).x, system.default_state()[0]
+    return jnp.where(jnp.isfinite(x), x, start), height
+
+
+def _dataset(system: AbstractSystem, found: Linear) -> xr.Dataset:
+    values, shapes = modes_of(np.asarray(found.matrix), np.asarray(found.basis))
+    shown = np.isfinite(values)
+    values, shapes = values[shown], shapes[:, shown]
+    n = len(found.position)
+    names = list(system.coordinates) or (
+        ["x", "y"][:n] if isinstance(system, Wiper) else [f"q{i}" for i in range(n)]
+    )
+    size = np.maximum(np.abs(values), np.finfo(float).tiny)
+
+    def about(long_name: str, units: str = "1") -> dict[str, str]:
+        return {"long_name": long_name, "units": units}
+
+    plane = ("axis", "mode")
+    words = "above 0: the mode grows"
+    return xr.Dataset(
+        {
+            "real_part": ("mode", values.real, about("real part", "1/s") | {"comment": words}),
+            "frequency": ("mode", values.imag / (2 * np.pi), about("frequency", "Hz")),
+            "damping_ratio": ("mode", -values.real / size, about("damping ratio -Re/|lambda|")),
+            "shape_amplitude": (plane, np.abs(shapes), about("amplitude of the coordinate")),
+            "shape_phase": (plane, np.angle(shapes), about("phase of the coordinate", "rad")),
+            "position": ("axis", np.asarray(found.position), {"long_name": "steady sliding"}),
+            "normal_force": ((), float(found.normal_force), {"long_name": "normal force"}),
+            "slip_speed": ((), float(found.slip_speed), about("slip speed", "m/s")),
+        },
+        coords={"mode": np.arange(1, len(values) + 1), "axis": names},
+        attrs={
+            "Conventions": cf.CONVENTIONS,
+            "title": f"modes of steady sliding of {type(system).__name__}",
+            "damping_convention": "-Re/|lambda|; -2 Re/|Im| is twice as much where it is small",
+            "source": f"wiperjax {provenance.version('wiperjax')}",
+        },
+    )

@@ -1,0 +1,67 @@
+"""Pictures of modes of steady sliding: where two lock in, and where one grows."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from .maps.planes import SIGNED, suited
+from .style.axes import edges, label, long_name, page, set_axis, shown
+from .style.caption import set_caption
+from .style.palette import BOUNDARY, UNKNOWN
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#000000")
+
+
+def axes_of(ds: xr.Dataset) -> list[str]:
+    """Axes of the sweep whose modes they are, those of more than one value."""
+    return [str(n) for n in ds["growth_rate"].dims if ds.sizes[n] > 1]
+
+
+def modes_page(ds: xr.Dataset) -> Figure:
+    """Page of modes over a sweep: over one axis real part and frequency of each (lock-in); over two
+    or more the largest real part over the last two, the others at their middle, and its zero line.
+
+    Raises: `ValueError` for modes over no axis.
+    """
+    names = axes_of(ds)
+    if not names:
+        raise ValueError("modes must be over an axis of two values or more to be drawn")
+    cut = {name: ds.sizes[name] // 2 for name in names[:-2]}
+    one = {str(n): 0 for n in ds["growth_rate"].dims if ds.sizes[n] == 1}
+    ds = ds.isel(cut | one)
+    return _lock_in(ds, names[-1]) if len(names) == 1 else _plane(ds, names[-1], names[-2])
+
+
+def _lock_in(ds: xr.Dataset, over: str) -> Figure:
+    figure = page((7.0, 6.0))
+    parts, across = figure.subplots(2, 1, sharex=True), shown(ds[over])[0]
+    for ax, name in zip(parts, ("frequency", "real_part"), strict=True):
+        values = np.asarray(ds[name].transpose("mode", over), dtype=float)
+        for k, row in enumerate(values):
+            style = {"marker": "o", "markersize": 4 if k == 0 else 3, "linestyle": "none"}
+            ax.plot(across, row, color=COLOURS[k % len(COLOURS)], label=f"mode {k + 1}", **style)
+        ax.set_ylabel(label(long_name(ds[name]), ds[name].attrs["units"]))
+    parts[1].axhline(0.0, color=BOUNDARY, linewidth=1.0)
+    parts[0].legend(frameon=False, ncols=4, fontsize="small")
+    set_axis(parts[1], "x", ds[over])
+    set_caption(figure, ds, "mode 1 grows fastest; above the line a mode grows")
+    return figure
+
+
+def _plane(ds: xr.Dataset, x: str, y: str) -> Figure:
+    figure = page((6.8, 5.2))
+    ax = figure.subplots()
+    values = np.ma.masked_invalid(ds["growth_rate"].transpose(y, x).values.astype(float))
+    norm, _ = suited(values, True, SIGNED)
+    ax.set_facecolor(UNKNOWN)
+    across, up = shown(ds[x])[0], shown(ds[y])[0]
+    mesh = ax.pcolormesh(edges(across), edges(up), values, norm=norm, cmap=SIGNED, rasterized=True)
+    if values.count() and values.min() < 0 < values.max():
+        bent = np.arcsinh(values / (np.median(np.abs(values.compressed())) or 1.0))
+        ax.contour(across, up, bent, levels=[0.0], colors="white", linewidths=3.2)
+        ax.contour(across, up, bent, levels=[0.0], colors=BOUNDARY, linewidths=1.4)
+    set_axis(ax, "x", ds[x])
+    set_axis(ax, "y", ds[y])
+    figure.colorbar(mesh, ax=ax, pad=0.02).set_label("largest real part (1/s)")
+    set_caption(figure, ds, "grey: no steady sliding; line: border of its stability")
+    return figure

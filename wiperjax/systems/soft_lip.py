@@ -1,0 +1,62 @@
+"""The wiper's lip on a glass that yields: two coordinates stay free in slip, and may flutter."""
+
+from dataclasses import fields
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ..blade.steady_slip import steady_slip
+from ..blade.wiper import ENGINE_FIELDS, Wiper
+from ..numerics.types import Scalar
+from ..vocabulary.declared import parameter
+
+
+class SoftLip(Wiper):
+    """A `Wiper` whose tip the glass pushes back by its penetration times ``contact_stiffness``.
+
+    Its steady slip flutters where the modes along and normal to the glass lock in, though friction
+    does not fall with speed: with t = tan(phi) and the rotational stiffness k_theta over
+    (L cos phi)^2 if 4 k t (mu k_c - k t) > (k + k_c - k t^2 - k_theta)^2, so only for a lip that
+    leans with the belt. As k_c grows it becomes the rigid lip. It has no impacts: restitution does
+    not count.
+    """
+
+    unilateral: ClassVar[bool] = False
+    coordinates: ClassVar[tuple[str, ...]] = ("x", "y")
+    contact_stiffness: Scalar = parameter(
+        2000.0, "N/m/m", above=0, long_name="contact stiffness of the glass"
+    )
+
+    @property
+    def coupled(self) -> bool:
+        return False
+
+    def normal_force(self, t, q, v):
+        touching = q[1] < 0 if self.sides is None else self.sides[1] > 0
+        return jnp.where(touching, -self.contact_stiffness * q[1], 0.0)
+
+    def switches(self, t, q, v):
+        return *super().switches(t, q, v), -q[1]
+
+    def ends(self, t, q, v):
+        return *super().ends(t, q, v), False
+
+    def default_state(self):
+        """phi = alpha, pressed in by the load, at rest."""
+        (x, _), rest = super().default_state()
+        return (x, -self.normal_load / self.contact_stiffness), rest
+
+    def sliding_near(self):
+        """The steady slip of the rigid lip, pressed in by its normal force there."""
+        names = (field.name for field in fields(Wiper) if field.name not in ENGINE_FIELDS)
+        rigid = steady_slip(Wiper(**{name: getattr(self, name) for name in names}))
+        x, y = self.default_state()[0]
+        known = jnp.isfinite(rigid.x)
+        depth = rigid.normal_force / self.contact_stiffness
+        return jnp.where(known, rigid.x, x), jnp.where(known, -depth, y)
+
+    def scales(self, n):
+        _, speeds = super().scales(n)
+        # its place is told to a part of the penetration, where the force comes from
+        depth = self.normal_load / self.contact_stiffness
+        return (self.lip_length, jnp.minimum(depth, self.lip_length)), speeds
