@@ -6,7 +6,7 @@ there. Angles are degrees, positions millimetres. No jax here.
 Raises `ValueError`, one line, for a dataset of another kind or an option that cannot be meant.
 """
 
-from . import branches
+from . import branches, curves
 from .catalogue import PICTURES as PICTURES
 from .door import of
 from .files import plot_all as plot_all
@@ -20,6 +20,7 @@ _SHARES = ("label", "stick_fraction", "flight_fraction", "velocity_rms", "belt_s
 
 # maps
 with_borders = of("map", "label")(borders.with_borders)
+with_curves = of("map", "label")(curves.with_curves)
 class_map = of("map", "label")(classes.class_map)
 mechanism_map = of("map", "label", "mechanism")(classes.mechanism_map)
 motion = of("map", *_SHARES)(classes.motion)
@@ -47,4 +48,5 @@ bifurcation_diagram = of("branch", "stable", "maximum")(branches.bifurcation_dia
 branch_page = of("branch", "stable", "maximum")(branches.branch_page)
 branch_overview = of("branch", "stable", "maximum", "period")(branches.branch_overview)
 multipliers = of("branch", "multiplier_real", "multiplier_imag")(branches.multipliers)
+curve_page = of("branch", "curve_row_size")(curves.curve_page)
 remedy_bars = of("remedy", "buys", "parameter")(branches.remedy_bars)
