@@ -266,7 +266,7 @@ def test_help_of_plot_names_every_picture(capsys):
     assert main(["plot", "--help"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     for kind, pictures in PICTURES.items():
-        told = printed.split(f"Pictures of a {kind}: ")[1].split(".")[0]
+        told = re.split(f"Pictures of (?:a )?{kind}: ", printed)[1].split(".")[0]
         assert all(name in told for name in pictures)
 
 
@@ -444,12 +444,22 @@ def test_memory_is_that_of_this_process_alone():
     assert 5e6 < int(ran.stdout) < 0.8 * held.nbytes
 
 
-@pytest.mark.parametrize(("words", "values"), [([], 0), (["--simulate", "5"], 5)])
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        ([], (0, None)),
+        (["--simulate", "5"], (5, None)),
+        (
+            "--second normal_load --second-from 10 --second-to 20".split(),
+            (0, ("normal_load", 10.0, 20.0)),
+        ),
+    ],
+)
 def test_follow_simulates_where_it_is_asked_to(words, values, folder, stubs, monkeypatch):
     asked = []
 
-    def follow_scene(spec, over, low, high, step, simulate):
-        asked.append(simulate)
+    def follow_scene(spec, over, low, high, step, simulate, plane):
+        asked.append((simulate, plane))
         raise ValueError("far enough")
 
     piece = types.ModuleType("wiperjax.cycles.branch.from_scene")

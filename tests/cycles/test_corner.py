@@ -1,51 +1,23 @@
 """Branches at corners and doublings: taken up on the other side, never walked back."""
 
 import math
-from typing import ClassVar
 
 import numpy as np
 import pytest
 import scipy.optimize
 from problems import periodic_impacts
-from systems import Ring, StopOscillator, turn
+from systems import (
+    STRIBECK_FOLD,
+    STRIBECK_HOPF,
+    Ring,
+    StopOscillator,
+    StribeckOscillator,
+    turn,
+)
 
-from wiperjax import AbstractSystem, Stribeck
 from wiperjax.cycles.branch import walk
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.cycle import Found, find_cycle
-
-FOLD, HOPF = 0.271789042763, 0.190616072954
-
-
-class StribeckOscillator(AbstractSystem):
-    """m x'' + c x' + k x = friction of a belt, unit normal force.
-
-    Its stick-slip cycle meets, where stick ends, the unstable slip cycle on which stick begins
-    (belt at ``FOLD``); that one comes out of steady slip at ``HOPF``. Both to all digits by an
-    independent code.
-    """
-
-    unilateral: ClassVar[bool] = False
-    belt: float = 0.2
-    mass: float = 0.538
-    damping: float = 5.746
-    stiffness: float = 6957.0
-
-    def free_acceleration(self, t, q, v):
-        return ((-self.damping * v[0] - self.stiffness * q[0]) / self.mass,)
-
-    def directions(self, t, q):
-        return (1 / self.mass,), (0.0,)
-
-    def normal_force(self, t, q, v):
-        return 1.0
-
-    def slip_speed(self, t, q, v):
-        return v[0] - self.belt
-
-    @property
-    def law(self):
-        return Stribeck(6.0, 2.0, 0.1, 1.0, 0.2)
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +58,8 @@ def test_branch_turns_at_the_fold_and_comes_to_the_hopf_point(stick_slip, belt, 
     assert [s.kind for s in branch.special] == ["grazing_sliding_fold", "hopf"]
     fold, hopf = branch.special
     assert fold.detail == "-capture -release"
-    assert fold.parameter == pytest.approx(FOLD, abs=1e-7 * (high - low) / step)
-    assert hopf.parameter == pytest.approx(HOPF, abs=2e-8)
+    assert fold.parameter == pytest.approx(STRIBECK_FOLD, abs=1e-7 * (high - low) / step)
+    assert hopf.parameter == pytest.approx(STRIBECK_HOPF, abs=2e-8)
     assert branch.ends == ("the end of the range", "a Hopf point")
     stable = [cycle.stable for cycle in branch.cycles]
     assert all(stable[: fold.index + 1]) and not any(stable[fold.index + 1 :])

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 import wiperjax
-from wiperjax import AbstractSystem, Coulomb
+from wiperjax import AbstractSystem, Coulomb, Stribeck
 
 
 @partial(jax.jit, static_argnames=("solver", "max_events"))
@@ -235,6 +235,40 @@ class Ring(AbstractSystem):
 
     def output(self, t, q, v):
         return v[0]
+
+
+STRIBECK_FOLD, STRIBECK_HOPF = 0.271789042763, 0.190616072954
+
+
+class StribeckOscillator(AbstractSystem):
+    """m x'' + c x' + k x = friction of a belt, unit normal force.
+
+    Its stick-slip cycle meets, where stick ends, the unstable slip cycle on which stick begins
+    (belt at ``STRIBECK_FOLD``); that one comes out of steady slip at ``STRIBECK_HOPF``. Both to all
+    digits by an independent code.
+    """
+
+    unilateral: ClassVar[bool] = False
+    belt: float = 0.2
+    mass: float = 0.538
+    damping: float = 5.746
+    stiffness: float = 6957.0
+
+    def free_acceleration(self, t, q, v):
+        return ((-self.damping * v[0] - self.stiffness * q[0]) / self.mass,)
+
+    def directions(self, t, q):
+        return (1 / self.mass,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0] - self.belt
+
+    @property
+    def law(self):
+        return Stribeck(6.0, 2.0, 0.1, 1.0, 0.2)
 
 
 def turn(system):

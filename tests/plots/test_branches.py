@@ -38,7 +38,9 @@ def branch() -> xr.Dataset:
     corner = Special("grazing_sliding_fold", "-capture -release", 1.2, CORNER)
     hopf = Special("hopf", "", 0.45, 6)
     way = np.arange(7.0)
-    ds = branch_dataset(Branch(cycles, SPEEDS, way, [corner, hopf], ("", ""), "belt_speed"))
+    ds = branch_dataset(
+        Branch(cycles, SPEEDS, way, [corner, hopf], ("", ""), "belt_speed", (0.3, 1.2))
+    )
     values = np.array([0.4, 1.4])
     brute = xr.Dataset(
         {"maximum": (("way", "belt_speed", "peak"), np.full((2, 2, 3), 3.9e-3), {"units": "m"})},

@@ -12,12 +12,11 @@ from .options import (
     PICTURE_SUFFIXES,
     Force,
     Model,
+    beside,
     check_output,
     configure,
 )
-from .tables import (
-    print_special,
-)
+from .tables import print_curves, print_special
 
 
 def simulate(
@@ -56,27 +55,46 @@ def follow(
         int | None,
         typer.Option(min=2, metavar="N", help="Simulate up and down the range too, at N values."),
     ] = None,
+    second: Annotated[
+        str | None,
+        typer.Option(help="Follow its folds and Hopf points over this parameter too: curves."),
+    ] = None,
+    second_low: Annotated[
+        float | None, typer.Option("--second-from", help="Its range, in the units of files.")
+    ] = None,
+    second_high: Annotated[float | None, typer.Option("--second-to", help="The upper end.")] = None,
     force: Force = False,
 ) -> None:
     """Follow the limit cycle of a scene over a parameter, stable and unstable."""
     from ..specs.load import load_scene
 
     spec = load_scene(file)
-    picture = output.with_suffix(".png")
+    if (second is None, second_low is None, second_high is None) not in ((True,) * 3, (False,) * 3):
+        raise ValueError("--second, --second-from and --second-to belong together: give all three")
+    plane = None if second is None else (second, second_low, second_high)
+    pictures = {"overview": output.with_suffix(".png")}
+    if plane is not None:
+        pictures["curves"] = beside(output, "-curves.png")
     check_output(output, MAP_SUFFIXES, force, file)
-    check_output(picture, PICTURE_SUFFIXES, force, file)
+    for path in pictures.values():
+        check_output(path, PICTURE_SUFFIXES, force, file)
 
     configure(1)
     from ..cycles.branch.from_scene import follow_scene
     from ..plots import plot_file
     from ..store.whole import write_dataset
 
-    branch = follow_scene(spec, over, low, high, step, simulate or 0)
+    branch = follow_scene(spec, over, low, high, step, simulate or 0, plane)  # type: ignore[arg-type]
     write_dataset(branch, output, force)
-    plot_file(output, picture, force=force)
     print_special(branch)
+    print_curves(branch)
     print(f"branch   {output}: {branch.sizes['point']} cycles")
-    print(f"picture  {picture}")
+    for picture, path in pictures.items():
+        if picture == "curves" and not branch.sizes.get("curve_point"):
+            print(f"note: no fold and no Hopf point to follow over {second}", file=sys.stderr)
+            continue
+        plot_file(output, path, picture=picture, force=force)
+        print(f"picture  {path}")
 
 
 def ladder(

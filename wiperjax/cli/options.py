@@ -20,6 +20,12 @@ Model = Annotated[
         show_default="the file's, or lip",
     ),
 ]
+Begin = Annotated[float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")]
+End = Annotated[float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")]
+Curves = Annotated[
+    Path | None,
+    typer.Option(metavar="BRANCH.h5", help="Map: draw these curves over it ('follow --second')."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 
 

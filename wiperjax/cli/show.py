@@ -10,6 +10,9 @@ from .options import (
     PICTURE_SUFFIXES,
     SOUND_SUFFIXES,
     STILL_SUFFIXES,
+    Begin,
+    Curves,
+    End,
     Force,
     beside,
     check_input,
@@ -21,6 +24,7 @@ from .tables import (
     print_borders,
     print_class,
     print_classes,
+    print_curves,
     print_events,
     print_special,
 )
@@ -32,7 +36,9 @@ PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "shares (of random starts), raster (regime over time).\n\n"
     "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
     "spectrogram, animation.\n\n"
-    "Pictures of a branch: overview, cycles (any number of them over the parameter), multipliers."
+    "Pictures of a branch: overview, cycles (any number of them over the parameter), multipliers, "
+    "curves (its folds and Hopf points over two parameters).\n\n"
+    "Pictures of modes: overview (lock-in over an axis, growth over two)."
 )
 LISTEN_HELP = (
     "Hear a run: its tip velocity as a WAV file (48 kHz, mono, 32-bit float).\n\n"
@@ -67,12 +73,8 @@ def plot(
     every: Annotated[
         bool, typer.Option("--all", help="All that FILE allows, as FILE-NAME.png each.")
     ] = False,
-    start: Annotated[
-        float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")
-    ] = None,
-    stop: Annotated[
-        float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")
-    ] = None,
+    start: Begin = None,
+    stop: End = None,
     quantity: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Variable for history, spectrum, spectrogram, value."),
@@ -95,6 +97,7 @@ def plot(
             metavar="AXIS=VALUE", help="Map: cut another axis here (degrees); start=up: that start."
         ),
     ] = None,
+    curves: Curves = None,
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
 ) -> None:
     output = output or _picture_of(file, picture, every)
@@ -102,6 +105,8 @@ def plot(
     check_input(file)
     if every and picture is not None:
         raise ValueError("--all draws every picture and --picture one: give one of them")
+    if curves is not None:
+        check_input(curves)
     options = {
         "start": start,
         "stop": stop,
@@ -111,6 +116,7 @@ def plot(
         "x": x,
         "y": y,
         "at": cuts(at),
+        "curves": curves,
     }
     chosen = {name: value for name, value in options.items() if value is not None}
     from ..plots import plot_all, plot_file
@@ -155,10 +161,8 @@ def listen(
         float | None,
         typer.Option(metavar="S", help="Repeat its settled periods for so long (s)."),
     ] = None,
-    start: Annotated[
-        float | None, typer.Option("--from", metavar="S", help="Begin here (s).")
-    ] = None,
-    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="End here (s).")] = None,
+    start: Begin = None,
+    stop: End = None,
 ) -> None:
     output = output or beside(file, ".wav")
     check_output(output, SOUND_SUFFIXES, force, file)
@@ -217,6 +221,7 @@ def info(
             print("no cell is computed yet")
         elif "special_kind" in dataset:
             print_special(dataset)
+            print_curves(dataset)
         elif "belt_kind" in dataset.attrs:
             print_class(dataset)
         print_events(dataset)

@@ -127,6 +127,38 @@ def print_special(branch: Any) -> None:
     print(f"ends     {branch.attrs['ends']}")
 
 
+def print_curves(branch: Any) -> None:
+    """Curves in two parameters: how long each is, its special points, and why it ends."""
+    from ..datasets.branch_dataset import curves
+    from ..vocabulary.cf import flag_names
+
+    held = curves(branch)
+    if held is None:
+        return
+    names = [held.attrs["over"], held.attrs["second"]]
+    units = [held[name].attrs["units"] for name in names]
+    codes = flag_names(held["end_code"])
+
+    def place(point: int) -> str:
+        values = (f"{float(held[name][point]):.6g}" for name in names)
+        return ", ".join(f"{n} {v} {u}" for n, v, u in zip(names, values, units, strict=True))
+
+    first = 0
+    for k, (kind, size) in enumerate(
+        zip(held["kind"].values, held["row_size"].values, strict=True)
+    ):
+        print(f"curve    {str(kind).replace('_', ' ')}: {size} points")
+        for point, end in ((first, 0), (first + int(size) - 1, 1)):
+            code, why = codes[int(held["end_code"][k, end])], str(held["end_detail"][k, end].values)
+            print(f"    ends at {place(point)}: {why}{' (failed)' if code == 'failed' else ''}")
+        for j in range(held.sizes["special"]):
+            if int(held["special_curve"][j]) == k:
+                what, why = (str(held[f"special_{key}"].values[j]) for key in ("kind", "detail"))
+                where = place(int(held["special_point"][j]))
+                print(f"    {where}: {what.replace('_', ' ')} ({why})")
+        first += int(size)
+
+
 def print_phases(dataset: Any) -> None:
     """What the time of a sweep went into."""
     from ..machine.provenance import PHASES

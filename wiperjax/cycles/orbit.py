@@ -27,9 +27,13 @@ def words(motion: Arc) -> tuple[str, str]:
     return " ".join(kept), " ".join(changed)
 
 
-def smooth_intervals(motion: Arc) -> np.ndarray:
-    """Whether each interval between samples is free of events, (samples - 1,)."""
-    times = motion.events.time[: int(motion.events.count)]
+def smooth_intervals(motion: Arc, kinks: bool = False) -> np.ndarray:
+    """Whether each interval between samples is free of events, (samples - 1,); with ``kinks``, of
+    those but the system's own corners, where speeds have no corner."""
+    count = int(motion.events.count)
+    times = motion.events.time[:count]
+    if kinks:
+        times = times[motion.events.kind[:count] != Event.KINK]
     holding = np.clip(np.searchsorted(motion.times, times) - 1, 0, len(motion.times) - 2)
     free = np.ones(len(motion.times) - 1, bool)
     free[holding] = False
@@ -84,14 +88,28 @@ def turns(motion: Arc) -> tuple[np.ndarray, np.ndarray]:
 
 def slip_margin(motion: Arc) -> float:
     """Smallest |slip speed| at which slip slows down and speeds up again, inside a smooth piece."""
+    found = _slip_minima(motion)
+    return float(np.min(found[1])) if len(found[1]) else np.nan
+
+
+def slip_minimum(motion: Arc) -> tuple[float, int] | None:
+    """Return (share of the motion, regime) where `slip_margin` is found; None where it is not."""
+    places, values = _slip_minima(motion)
+    if not len(values):
+        return None
+    at = float(places[np.argmin(values)])
+    return at / (len(motion.times) - 1), int(motion.regimes[round(at)])
+
+
+def _slip_minima(motion: Arc) -> tuple[np.ndarray, np.ndarray]:
+    """Places, in samples, and values of the minima of |slip speed| inside slip: of parabolas."""
     speed = np.abs(motion.slip_speed)
-    inner = smooth_intervals(motion)
+    inner = smooth_intervals(motion, kinks=True)
     slips = (motion.regimes == Regime.SLIP_POS) | (motion.regimes == Regime.SLIP_NEG)
     fair = inner[:-1] & inner[1:] & slips[1:-1] & slips[:-2] & slips[2:]
     left, here, right = speed[:-2], speed[1:-1], speed[2:]
-    low = fair & (here <= left) & (here <= right)
-    if not low.any():
-        return np.nan
+    low = np.flatnonzero(fair & (here <= left) & (here <= right))
+    left, here, right = left[low], here[low], right[low]
     bend = left - 2 * here + right
-    vertex = here - (left - right) ** 2 / (8 * np.where(bend > 0, bend, np.inf))
-    return float(np.min(vertex[low]))
+    bend = np.where(bend > 0, bend, np.inf)
+    return low + 1 + (left - right) / (2 * bend), here - (left - right) ** 2 / (8 * bend)

@@ -1,4 +1,5 @@
-"""What lies below a branch in its file: motions simulated up and down the range, steady slip.
+"""What lies beside a branch in its file: motions simulated up and down the range, steady slip, and
+curves in two parameters.
 
 Pure xarray, without jax, since pictures read it.
 """
@@ -7,6 +8,8 @@ import xarray as xr
 
 _SIMULATED = "simulated_"
 _KEPT = ("settle", "window")
+CURVE = "curve_"
+_OF_CURVES = ("over", "second", "fixed")
 
 
 def with_simulations(branch: xr.Dataset, brute: xr.Dataset) -> xr.Dataset:
@@ -48,3 +51,27 @@ def rest(branch: xr.Dataset):
     names = (f"rest_{branch.attrs['over']}", "rest_position", "rest_stable")
     parameter, position, stable = (branch[name].values for name in names)
     return parameter, position, stable.astype(bool)
+
+
+def with_curves(dataset: xr.Dataset, curves: xr.Dataset) -> xr.Dataset:
+    """Return a branch or a map with the curves of `curves_dataset`, all names behind ``curve_``."""
+    names = {str(name): f"{CURVE}{name}" for name in (*curves.variables, *curves.dims)}
+    renamed = curves.rename(names)
+    kept = {f"{CURVE}{key}": curves.attrs[key] for key in _OF_CURVES if key in curves.attrs}
+    return dataset.assign(renamed.variables).assign_attrs(kept)
+
+
+def curves(dataset: xr.Dataset) -> xr.Dataset | None:
+    """Return what `with_curves` has put in, or None.
+
+    Of the file of a scene the attribute ``fixed`` holds the other numbers of the blade (JSON).
+    """
+    if f"{CURVE}row_size" not in dataset:
+        return None
+    names = [str(name) for name in dataset.variables if str(name).startswith(CURVE)]
+    dims = [str(dim) for name in names for dim in dataset[name].dims]
+    plain = {name: name.removeprefix(CURVE) for name in {*names, *dims}}
+    found = xr.Dataset({name: dataset[name].variable for name in names}).rename(plain)
+    kept = (key for key in _OF_CURVES if CURVE + key in dataset.attrs)
+    attrs = {key: dataset.attrs[CURVE + key] for key in kept}
+    return found.assign_attrs(attrs)

@@ -6,7 +6,7 @@ there. Angles are degrees, positions millimetres. No jax here.
 Raises `ValueError`, one line, for a dataset of another kind or an option that cannot be meant.
 """
 
-from . import branches, modes
+from . import branches, curves, modes
 from .catalogue import PICTURES as PICTURES
 from .door import of
 from .files import plot_all as plot_all
@@ -20,6 +20,7 @@ _SHARES = ("label", "stick_fraction", "flight_fraction", "velocity_rms", "belt_s
 
 # maps
 with_borders = of("map", "label")(borders.with_borders)
+with_curves = of("map", "label")(curves.with_curves)
 class_map = of("map", "label")(classes.class_map)
 mechanism_map = of("map", "label", "mechanism")(classes.mechanism_map)
 motion = of("map", *_SHARES)(classes.motion)
@@ -48,4 +49,5 @@ branch_page = of("branch", "stable", "maximum")(branches.branch_page)
 branch_overview = of("branch", "stable", "maximum", "period")(branches.branch_overview)
 multipliers = of("branch", "multiplier_real", "multiplier_imag")(branches.multipliers)
 modes_page = of("modes", "growth_rate", "real_part", "frequency")(modes.modes_page)
+curve_page = of("branch", "curve_row_size")(curves.curve_page)
 remedy_bars = of("remedy", "buys", "parameter")(branches.remedy_bars)

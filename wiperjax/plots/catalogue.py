@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ..datasets.run_dataset import between, check_quantity, last_periods, settled
 from ..machine.files import StoreError
-from . import branches, modes
+from . import branches, curves, modes
 from .door import at_start
 from .maps import categories, classes, line, overview, planes
 from .runs import animation, friction, page, portrait, spectra
@@ -119,6 +119,12 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             ("quantity",),
         ),
         "multipliers": Picture("size of the multipliers", branches.multipliers),
+        "curves": Picture(
+            "its folds and Hopf points over two parameters (follow --second)",
+            curves.curve_page,
+            (),
+            ("curve_row_size",),
+        ),
     },
     "modes": {
         "overview": Picture(

@@ -35,7 +35,7 @@ _NUMBERS = {
 }
 _TEXTS = ("x", "y", "along", "quantity", "name", "regime", "title", "picture")
 _FLAGS = ("legend", "marks", "normalised", "force")
-_DATASETS = ("borders", "branch", "brute", "transient", "whole")
+_DATASETS = ("borders", "curves", "branch", "brute", "transient", "whole")
 MADE_BY = {
     "map": "a map (wiperjax.sweep)",
     "run": "a run (wiperjax.simulate)",

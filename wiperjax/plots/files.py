@@ -17,6 +17,7 @@ from ..store.whole import borders, open_map
 from ..vocabulary import checks
 from ..vocabulary.schema import SCHEMA
 from .catalogue import PICTURES, Drawn, draw, find
+from .curves import with_curves
 from .door import check_options
 from .maps.borders import with_borders
 from .runs import animation
@@ -30,6 +31,7 @@ def plot_file(
     output: str | Path,
     *,
     picture: str | None = None,
+    curves: str | Path | None = None,
     force: bool = False,
     dpi: int = 150,
     **options: Any,
@@ -41,6 +43,7 @@ def plot_file(
     - `path`: a map, a run, a branch, or the folder `MAP.h5.parts` of an unfinished sweep.
     - `output`: .png, .pdf, .svg; for an animation .gif, or .mp4 where ffmpeg is installed.
     - `picture`: a name in `PICTURES`; `overview` if None, `animation` for its endings.
+    - `curves`: a branch file with curves in two axes of the map, drawn over its classes.
     - `force`: replace `output`.
     - `dpi`: dots per inch.
     - `options`: those the picture takes, None for its own choice: `start`, `stop` (s), `quantity`,
@@ -58,12 +61,20 @@ def plot_file(
         chosen = find(kind, picture or "overview", path)
         _check_ending(output, picture == "animation")
         check_output(output, force, path)
+        if curves is not None:
+            ds = _with_curves(ds, kind, path, curves)
         drawn = draw(ds, kind, picture or "overview", chosen, path, options)
         _write(drawn, output, dpi, subject(picture or "overview", ds))
 
 
 def plot_all(
-    path: str | Path, output: str | Path, *, force: bool = False, dpi: int = 150, **options: Any
+    path: str | Path,
+    output: str | Path,
+    *,
+    curves: str | Path | None = None,
+    force: bool = False,
+    dpi: int = 150,
+    **options: Any,
 ) -> list[Path]:
     """Draws every picture that a file allows, as `NAME-picture.png` for `output` NAME.png.
 
@@ -87,6 +98,8 @@ def plot_all(
         }
         for target in targets.values():
             check_output(target, force, path)
+        if curves is not None:
+            ds = _with_curves(ds, kind, path, curves)
         for name, target in targets.items():
             chosen = PICTURES[kind][name]
             if any(variable not in ds for variable in chosen.needs):
@@ -101,6 +114,15 @@ def plot_all(
             _write(drawn, target, dpi)
             made.append(target)
     return made
+
+
+def _with_curves(ds: xr.Dataset, kind: str, path: Any, curves: str | Path) -> xr.Dataset:
+    """A map with the curves of another file."""
+    checks.path("curves", curves)
+    if kind != "map":
+        raise ValueError(f"curves are drawn over a map, and {path} is a {kind}")
+    with open_map(curves) as held:
+        return with_curves(ds, held.load())
 
 
 def _check(path: Any, output: Any, force: Any, dpi: Any, options: dict[str, Any]) -> None:

@@ -52,6 +52,22 @@ class Result(IntEnum):
     TOO_FEW_DIGITS = 9
 
 
+class CurveEnd(IntEnum):
+    """Why a curve in the plane of two parameters ends. FAILED alone is a failure."""
+
+    RANGE = 0  # a parameter left its range
+    CLOSED = 1  # it came back to where it began
+    BAUTIN = 2  # a curve of folds comes to the Hopf curve
+    DOUBLE_ZERO = 3  # the frequency of a Hopf point is zero
+    CONTACT_LOST = 4  # steady slip lifts off
+    STICK = 5  # steady slip comes to rest on the glass
+    CORNER = 6  # the forces have a corner at steady slip, where its linearisation jumps
+    OTHER_FOLD = 7  # the fold goes on as one of the other kind, smooth or at a corner
+    EVENTS = 8  # the order of events of the cycle changes
+    POINTS = 9  # as many points as were allowed
+    FAILED = 10  # no solution was found, even at the smallest step
+
+
 RUNNING = -1  # inside the loop only; never reported
 
 RESULTS = {result.name.lower(): int(result) for result in Result}

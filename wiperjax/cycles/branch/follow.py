@@ -34,6 +34,7 @@ class Branch:
     special: list[Special]
     ends: tuple[str, str]
     over: str
+    bounds: tuple[float, float]  # of the parameter
 
 
 def follow(
@@ -92,4 +93,5 @@ def follow(
         special=special,
         ends=(back.end, ahead.end),
         over=over,
+        bounds=(low, high),
     )

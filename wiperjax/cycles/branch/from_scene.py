@@ -10,13 +10,16 @@ import xarray as xr
 from ...blade import numbers
 from ...blade.steady_slip import steady_slip
 from ...contact.belts import SteadyBelt
-from ...datasets.branch_dataset import with_rest, with_simulations
+from ...contact.system import AbstractSystem
+from ...datasets.branch_dataset import with_curves, with_rest, with_simulations
 from ...machine import provenance
 from ...specs.scene import SceneSpec
 from ...systems.build import belt_of, build, start
 from ...vocabulary import cf
 from ...vocabulary.cf import units_text
 from ...vocabulary.wording import not_there
+from ..curve.dataset import curves_dataset
+from ..curve.follow import follow_curves
 from ..cycle import Found, find_cycle
 from .dataset import branch_dataset
 from .follow import follow
@@ -32,15 +35,22 @@ _ADVICE = {
 
 
 def follow_scene(
-    spec: SceneSpec, over: str, low: float, high: float, step: float = 0.03, simulate: int = 0
+    spec: SceneSpec,
+    over: str,
+    low: float,
+    high: float,
+    step: float = 0.03,
+    simulate: int = 0,
+    second: tuple[str, float, float] | None = None,
 ) -> xr.Dataset:
     """Return the branch through the motion that a scene settles on, as `branch_dataset`.
 
     **Arguments:** ``over``, a parameter of sweep files; ``low``, ``high``, its range in their units
     (degrees); ``step``, see `follow`; ``simulate``, number of values in the range at which motions
-    are simulated on the way up and on the way down (`up_and_down`; 0: none). The motion is taken
-    after ``run.duration`` of the scene. Of a wiper on a steady
-    belt, steady slip is added.
+    are simulated on the way up and on the way down (`up_and_down`; 0: none); ``second``, another
+    parameter and its range, in which the folds and Hopf points of the branch are followed as curves
+    (`follow_curves`). The motion is taken after ``run.duration`` of the scene. Of a wiper on a
+    steady belt, steady slip is added.
 
     Raises ValueError if there is no such parameter, no cycle at the scene's own value, or that
     value lies outside the range.
@@ -48,18 +58,11 @@ def follow_scene(
     begun = time.perf_counter()
     built, table = build(spec, spec.parameters()), spec.parameter_table
     system = built.system if built.wiper is None else built.wiper
-    entry = table.get(over)
-    if entry is None:
-        raise ValueError(f"--over: {not_there(over, 'system or its belt', table)}")
-    for end in (low, high):
-        if problem := entry.problem(end):
-            raise ValueError(f"{over}: {problem}")
-    own = float(entry.to_edge(numbers.value(system, over)))
-    if not low <= own <= high:
-        raise ValueError(
-            f"the range of {over} must hold the scene's own value {own:g}, "
-            f"but was {low:g} to {high:g}"
-        )
+    bounds = _bounds(spec, system, over, low, high, "--over")
+    if second is not None:
+        along = _bounds(spec, system, *second, "--second")
+        if second[0] == over:
+            raise ValueError(f"--second must not be that of --over, but both were {over}")
     period = None if isinstance(belt_of(system), SteadyBelt | None) else _stroke
     state = start(spec, built._replace(system=system))
     position, velocity = (tuple(np.asarray(x, float) for x in part) for part in state)
@@ -69,18 +72,30 @@ def follow_scene(
         initial_state=(position, velocity),
         period=period,
         over=over,
+        varied=() if second is None else second[:1],
     )
     if cycle.found != Found.FOUND:
         why = f" ({cycle.why})" if cycle.why else ""
         raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
-    branch = follow(cycle, float(entry.to_si(low)), float(entry.to_si(high)), step=step)
-    stated = {
-        name: float(table[name].to_edge(value))
-        for name, value in spec.parameters().items()
-        if name != over
-    }
+    branch = follow(cycle, *bounds, step=step)
+    stated = _stated(spec, over)
+    found = branch_dataset(branch)
+    if second is not None and (lines := follow_curves(branch, second[0], *along)):
+        fixed = {name: value for name, value in stated.items() if name != second[0]}
+        found = with_curves(found, curves_dataset(lines).assign_attrs(fixed=json.dumps(fixed)))
+    if simulate:
+        brute = up_and_down(
+            system,
+            over,
+            np.linspace(*bounds, simulate),
+            settle=spec.run.duration,
+            window=10 * cycle.period,
+            initial_state=(position, velocity),
+            period=period,
+        )
+        found = with_simulations(found, brute)
     attrs = {
-        "title": spec.title or f"cycles over {entry.long_name}",
+        "title": spec.title or f"cycles over {table[over].long_name}",
         "belt_kind": spec.belt_kind or "",
         "parameter_units": units_text({name: table[name].edge_unit for name in stated}),
         **stated,
@@ -88,24 +103,41 @@ def follow_scene(
         "specification": json.dumps(spec.document()),
         **provenance.record(None, time.perf_counter() - begun),
     }
-    found = branch_dataset(branch).assign_attrs(cf.plain_attributes(attrs))
-    if simulate:
-        brute = up_and_down(
-            system,
-            over,
-            np.linspace(entry.to_si(low), entry.to_si(high), simulate),
-            settle=spec.run.duration,
-            window=10 * cycle.period,
-            initial_state=(position, velocity),
-            period=period,
-        )
-        found = with_simulations(found, brute)
+    found = found.assign_attrs(cf.plain_attributes(attrs))
     if period is not None or built.wiper is None:
         return found
     fine = np.linspace(low, high, 200)
-    varied: Any = numbers.replaced(built.wiper, over, np.asarray(entry.to_si(fine)))
+    varied: Any = numbers.replaced(built.wiper, over, np.linspace(*bounds, len(fine)))
     slip = steady_slip(varied)
     return with_rest(found, fine, np.asarray(slip.x), np.asarray(slip.growth_rate) < 0)
+
+
+def _stated(spec: SceneSpec, over: str) -> dict[str, float]:
+    """Return the numbers of a scene but the one that is varied, in the units of files."""
+    return {
+        name: float(spec.parameter_table[name].to_edge(value))
+        for name, value in spec.parameters().items()
+        if name != over
+    }
+
+
+def _bounds(
+    spec: SceneSpec, system: AbstractSystem, name: str, low: float, high: float, option: str
+) -> tuple[float, float]:
+    """Return a range in SI. Raises ValueError if it is none of ``name``, or not the scene's."""
+    entry = spec.parameter_table.get(name)
+    if entry is None:
+        raise ValueError(f"{option}: {not_there(name, 'system or its belt', spec.parameter_table)}")
+    for end in (low, high):
+        if problem := entry.problem(end):
+            raise ValueError(f"{name}: {problem}")
+    own = float(entry.to_edge(numbers.value(system, name)))
+    if not low <= own <= high or low == high:
+        raise ValueError(
+            f"the range of {name} must hold the scene's own value {own:g}, "
+            f"but was {low:g} to {high:g}"
+        )
+    return float(entry.to_si(low)), float(entry.to_si(high))
 
 
 def _stroke(system):

@@ -16,6 +16,7 @@ from ...datasets.map_starts import hangs_on_start
 from ...noise.class_counts import class_table
 from ...vocabulary.cf import flag_names
 from ...vocabulary.codes import NOT_COMPUTED
+from ..curves import curve_legend, draw_curves
 from ..style.axes import edges, legend_below, long_name, page, set_axis, shown, value_text
 from ..style.caption import footnote, set_caption
 from ..style.palette import (
@@ -172,6 +173,8 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
     set_axis(ax, "x", ds[x])
     set_axis(ax, "y", ds[y])
     draw_borders(ds, ax, x, y, variable)
+    if "hopf" in draw_curves(ds, ax, x, y):
+        return False  # the same line
     return stability_boundary(ds, ax, x, y)
 
 
@@ -225,7 +228,7 @@ def category_legend(
     on = str(cells.attrs.get(PREFIX + "on", ""))
     if on == variable or "=" in on:
         handles.append(border_legend())
-    return handles
+    return handles + curve_legend(cells)
 
 
 def _colours(variable: xr.DataArray) -> dict[str, str]:

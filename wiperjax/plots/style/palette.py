@@ -60,6 +60,12 @@ NAMES = {
 UNKNOWN = "#999999"  # what has no name, and cells without a number
 BOUNDARY = "#000000"  # line at which steady slip loses its stability
 BORDER = "#FFFFFF"  # located border between the classes of a refined map
+HALO = "#FFFFFF"  # around curves, so that they are seen on every colour
+CURVES = {  # curves in two parameters: colour and line
+    "hopf": ("#882255", "-"),
+    "fold": ("#0072B2", "-"),
+    "grazing_sliding_fold": ("#0072B2", "--"),
+}
 BELT = "#009E73"  # velocity of the glass
 EVENTS = {  # marker of an event, in the order of rows from the top
     "belt_reversal": "D",

@@ -1,0 +1,296 @@
+"""Curves in two parameters: Hopf points and folds, against closed forms and independent codes."""
+
+import math
+from dataclasses import replace
+from itertools import permutations
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.optimize
+import xarray as xr
+from scipy.interpolate import CubicSpline
+from systems import STRIBECK_FOLD, STRIBECK_HOPF, Ring, StribeckOscillator
+
+import wiperjax
+from wiperjax import AbstractSystem, SteadyBelt, Stribeck, Wiper
+from wiperjax.cycles import curves_dataset, find_cycle, follow, follow_curves
+from wiperjax.cycles.chart import chart
+from wiperjax.cycles.curve.equations import solve
+from wiperjax.cycles.curve.hopf import Hopf, first_lyapunov, opposite_pair, pair_sums
+from wiperjax.cycles.curve.plane import Plane
+from wiperjax.cycles.curve.walk import Walk
+from wiperjax.datasets.branch_dataset import curves as curves_in
+from wiperjax.datasets.branch_dataset import with_curves
+from wiperjax.vocabulary.codes import CurveEnd
+
+
+def by_kind(curves):
+    return {curve.kind: curve for curve in curves}
+
+
+def codes(curve):
+    return {code for code, _ in curve.ends}
+
+
+@pytest.fixture(scope="module")
+def ring():
+    """The branch of circles over ``a``, and its curves over ``a`` and ``b``."""
+    cycle = find_cycle(Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a", varied=("b",))
+    branch = follow(cycle, -0.1, 0.3, step=0.1)
+    return branch, follow_curves(branch, "b", -1.05, 0.5, step=0.1)
+
+
+@pytest.mark.slow
+def test_fold_and_hopf_curve_of_circles_meet_where_the_onset_turns_soft(ring):
+    """a + b r^2 + c r^4 = 0: Hopf points at a = 0, folds at a = b^2 / 4c, b < 0."""
+    _, curves = ring
+    found = by_kind(curves)
+    assert set(found) == {"hopf", "fold"} and len(curves) == 2
+    hopf, fold = found["hopf"], found["fold"]
+    np.testing.assert_allclose(hopf.places[:, 0], 0.0, atol=1e-12)
+    assert hopf.places[[0, -1], 1] == pytest.approx([-1.05, 0.5], abs=1e-8)
+    assert codes(hopf) == {CurveEnd.RANGE}
+    lyapunov = np.array([facts.test["bautin"] for facts in hopf.facts])
+    np.testing.assert_allclose(lyapunov, -hopf.places[:, 1], atol=1e-9)
+    (bautin,) = hopf.special
+    assert bautin.kind == "bautin"
+    assert hopf.places[bautin.index] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+    a, b = fold.places.T
+    np.testing.assert_allclose(a, b**2 / 4, atol=2e-7)
+    assert np.all(b < 1e-6) and codes(fold) == {CurveEnd.RANGE, CurveEnd.BAUTIN}
+    end = fold.places[next(m.index for m in fold.special if m.kind == "bautin")]
+    assert end == pytest.approx([0.0, 0.0], abs=1e-6)
+    r = np.array([facts.amplitude for facts in fold.facts])
+    np.testing.assert_allclose(r**2, -b / 2, atol=2e-6)
+
+
+@pytest.mark.slow
+def test_curves_survive_a_file_and_lie_beside_a_branch(ring, tmp_path):
+    branch, curves = ring
+    ds = curves_dataset(curves)
+    assert ds.attrs["over"] == "a" and ds.attrs["second"] == "b"
+    assert ds.row_size.values.sum() == ds.sizes["point"]
+    assert list(ds.kind.values) == [curve.kind for curve in curves]
+    special = ds.isel(point=ds.special_point.values)
+    np.testing.assert_allclose(special["a"], 0.0, atol=1e-6)
+    both = with_curves(wiperjax.cycles.branch_dataset(branch), ds)
+    both.to_netcdf(tmp_path / "b.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "b.nc", engine="h5netcdf") as back:
+        again = curves_in(back.load())
+    assert again is not None and again.attrs == {"over": "a", "second": "b"}
+    xr.testing.assert_equal(again, ds)
+    with pytest.raises(ValueError, match="second must not be a, which the branch is over"):
+        follow_curves(branch, "a", -1.0, 1.0)
+    with pytest.raises(ValueError, match="must hold the system's own value -1 of b, but was 0 to"):
+        follow_curves(branch, "b", 0.0, 1.0)
+
+
+class TwoFolds(Ring):
+    """Circles with a + b s + s^3 = 0, s = r^2 - 1: a cusp of folds at a = b = 0."""
+
+    def free_acceleration(self, t, q, v):
+        s = q[0] ** 2 + v[0] ** 2 - 1
+        return (-(self.a + self.b * s + s**3) * v[0] - q[0],)
+
+
+@pytest.mark.slow
+def test_two_folds_meet_in_a_cusp():
+    system = TwoFolds(a=0.3, b=-0.4)
+    cycle = find_cycle(system, settle=60.0, initial_state=((1.0,), (0.0,)), over="a", varied=("b",))
+    branch = follow(cycle, -0.35, 0.35, step=0.1)
+    assert [s.kind for s in branch.special if s.kind == "fold"] == ["fold", "fold"]
+    (curve,) = [c for c in follow_curves(branch, "b", -0.5, 0.1, step=0.1) if c.kind == "fold"]
+    s = np.array([facts.amplitude for facts in curve.facts]) ** 2 - 1
+    a, b = curve.places.T
+    np.testing.assert_allclose(b, -3 * s**2, atol=1e-5)
+    np.testing.assert_allclose(a, 2 * s**3, atol=1e-5)
+    cusp = next(mark for mark in curve.special if mark.kind == "cusp")
+    assert curve.places[cusp.index] == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def touching_belt(damping: float) -> float:
+    """Belt speed at which the closed slip motion of the oscillator just comes to rest on the belt.
+
+    By an independent integration: begun at rest on the belt, with no acceleration, slip is to come
+    back there after a period.
+    """
+    one = StribeckOscillator(damping=damping)
+    law = one.law
+
+    def rates(_, y, belt):
+        friction = float(law.coefficient(belt - y[1]))
+        return [y[1], (friction - damping * y[1] - one.stiffness * y[0]) / one.mass]
+
+    def gain(belt):
+        x0 = (float(law.coefficient(0.0)) - damping * belt) / one.stiffness
+
+        def highest(t, y, belt):  # the acceleration falls through zero: the velocity is largest
+            return rates(t, y, belt)[1]
+
+        highest.terminal, highest.direction = True, -1
+        period = 2 * math.pi * math.sqrt(one.mass / one.stiffness)
+        start = scipy.integrate.solve_ivp(
+            rates, (0, 0.5 * period), [x0, belt], args=(belt,), rtol=1e-11, atol=1e-14
+        )
+        on = scipy.integrate.solve_ivp(
+            rates, (0, period), start.y[:, -1], args=(belt,), events=highest,
+            rtol=1e-11, atol=1e-14,
+        )  # fmt: skip
+        return on.y_events[0][0][1] - belt
+
+    guess = STRIBECK_FOLD * (5.746 / damping) ** 0.8
+    return scipy.optimize.brentq(gain, 0.8 * guess, 1.25 * guess, xtol=1e-11)
+
+
+@pytest.mark.slow
+def test_stick_slip_ends_where_an_independent_code_has_it():
+    """Over belt and damping: the grazing-sliding fold, and the Hopf point by hand."""
+    start = ((0.0,), (0.2,))
+    system = StribeckOscillator()
+    cycle = find_cycle(system, settle=1.0, initial_state=start, over="belt", varied=("damping",))
+    branch = follow(cycle, 0.1, 0.4, step=0.05)
+    found = by_kind(follow_curves(branch, "damping", 4.5, 7.5, step=0.1))
+    fold, hopf = found["grazing_sliding_fold"], found["hopf"]
+    assert codes(fold) == codes(hopf) == {CurveEnd.RANGE}
+    for at in (0, len(fold.places) // 2, len(fold.places) - 1):
+        belt, damping = fold.places[at]
+        assert belt == pytest.approx(touching_belt(damping), abs=1e-7)
+    assert _at(fold, 5.746) == pytest.approx(STRIBECK_FOLD, abs=2e-5)
+    slope = [float(_slope(system.law, belt)) for belt in hopf.places[:, 0]]
+    np.testing.assert_allclose(-np.array(slope), hopf.places[:, 1], rtol=1e-10)
+    assert _at(hopf, 5.746) == pytest.approx(STRIBECK_HOPF, abs=2e-5)
+
+
+def _slope(law: Stribeck, speed: float):
+    """Derivative of the friction coefficient by the slip speed."""
+    import jax
+
+    return jax.grad(lambda s: law.coefficient(s))(jnp.asarray(speed))
+
+
+class Chain(AbstractSystem):
+    """Two masses on springs, the first on a belt with friction F0 - b s + c s^2 of slip s < 0."""
+
+    unilateral: ClassVar[bool] = False
+    falling: float = 0.3
+    damping: float = 0.1
+    coupling: float = 0.7
+    belt: float = 1.0
+
+    def free_acceleration(self, t, q, v):
+        link = self.coupling * (q[1] - q[0]) + self.damping * (v[1] - v[0])
+        push = self.falling * v[0] * (1 - v[0] ** 2)
+        return (-q[0] + link + push, -2 * q[1] - link)
+
+    def directions(self, t, q):
+        return (1.0, 0.0), (0.0, 0.0)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0] - self.belt
+
+    def matrix(self, falling, coupling):
+        k, c, f = coupling, self.damping, falling
+        return np.array(
+            [[0, 0, 1, 0], [0, 0, 0, 1], [-1 - k, k, f - c, c], [k, -2 - k, c, -c]], float
+        )
+
+
+def test_hopf_curve_of_two_coordinates_has_an_imaginary_pair():
+    """The pair is told from the other one by no eigenvalue; against the matrix by hand."""
+    names, bounds = ("falling", "coupling"), np.array([[0.0, 0.4], [0.3, 1.2]])
+    system = Chain()
+    plane = Plane(
+        wiperjax.blade.numbers.traceable(system, *names), names, bounds[:, 0], bounds[:, 1]
+    )
+    where = chart(plane.system, np.zeros(4), 0.0, 2, np.ones(4))
+    equations = Hopf(plane, np.append(np.zeros(4), [0.1 / 0.4, 0.7 / 0.9]), where, (), 1.0)
+    first = solve(equations, equations.start, np.eye(6)[-1])
+    assert first is not None
+    spots = []
+    for sense in (1.0, -1.0):
+        walk = Walk(0.1, 100)
+        walk.run(replace(first, tangent=sense * first.tangent))
+        assert walk.end == CurveEnd.RANGE
+        spots += walk.spots
+    assert np.ptp([spot.place[1] for spot in spots]) == pytest.approx(0.9, abs=1e-6)
+    for spot in spots:
+        values = np.linalg.eigvals(system.matrix(*spot.place))
+        nearest = values[np.argmin(np.abs(values.real))]
+        assert abs(nearest.real) < 1e-9
+        assert 2 * math.pi / abs(nearest.imag) == pytest.approx(spot.facts.period, rel=1e-9)
+        assert spot.facts.test["bautin"] < 0  # the push falls with the speed: a soft onset
+
+
+def test_pair_sums_and_the_opposite_pair():
+    rng = np.random.default_rng(2)
+    for m in (2, 3, 4):
+        a = rng.normal(size=(m, m))
+        values = np.linalg.eigvals(a)
+        sums = [values[i] + values[j] for i in range(m) for j in range(i)]
+        assert float(pair_sums(jnp.asarray(a))) == pytest.approx(np.prod(sums).real, rel=1e-9)
+    assert opposite_pair(np.array([[0.0, 1, 0], [-9, 0, 0], [0, 0, -1]])) == pytest.approx(9.0)
+    assert opposite_pair(np.diag([2.0, -2.0, 5.0])) == pytest.approx(-4.0)
+
+
+def test_first_lyapunov_coefficient_is_that_of_guckenheimer_and_holmes():
+    """Their a (equation 3.4.11) of x' = -w y + f, y' = w x + g: r' = a r^3 near the point. Here
+    vectors have the length 1, r is sqrt(2) |z|, and the coefficient 2 a / w."""
+    w, rng = 3.0, np.random.default_rng(4)
+    matrix = np.array([[0.0, -w], [w, 0.0]])
+    second, third = rng.normal(size=(2, 2, 2)), rng.normal(size=(2, 2, 2, 2))
+    second = second + second.transpose(0, 2, 1)
+    third = sum(third.transpose(0, *p) for p in permutations((1, 2, 3)))
+    (f, g), (f3, g3) = second, third
+    a = f3[0, 0, 0] + f3[0, 1, 1] + g3[0, 0, 1] + g3[1, 1, 1]
+    a += f[0, 1] * (f[0, 0] + f[1, 1]) / w - g[0, 1] * (g[0, 0] + g[1, 1]) / w
+    a += (-f[0, 0] * g[0, 0] + f[1, 1] * g[1, 1]) / w
+    assert first_lyapunov(matrix, w, second, third) == pytest.approx(2 * a / 16 / w)
+
+
+@pytest.mark.slow
+def test_a_map_swept_up_and_down_has_its_borders_on_the_curves():
+    """At 0 degrees and 15 N/m squeal begins at 0.4511 m/s and lives on to 1.4302 m/s; at all loads
+    the noise of a map swept up ends, and of one swept down begins, within 0.025 m/s of the curves
+    (a step of the sweep throws it out of its thin basin, and growth near the onset takes long)."""
+    blade = Wiper(belt=SteadyBelt(0.3), attack_angle=0.0, normal_load=15.0)
+    cycle = find_cycle(blade, settle=0.1, over="belt_speed", varied=("normal_load",))
+    branch = follow(cycle, 0.2, 1.8, step=0.05)
+    found = by_kind(follow_curves(branch, "normal_load", 13.0, 17.0, step=0.1))
+    fold, hopf = found["grazing_sliding_fold"], found["hopf"]
+    assert codes(fold) == codes(hopf) == {CurveEnd.RANGE}
+    assert _at(hopf, 15.0) == pytest.approx(0.451052, abs=1e-5)
+    assert _at(fold, 15.0) == pytest.approx(1.430237, abs=1e-4)
+    assert all(facts.test["bautin"] > 0 for facts in hopf.facts)  # a hard onset: both are there
+    speeds = np.round(np.arange(0.4, 1.62, 0.01), 10)
+    ds = wiperjax.sweep(
+        {
+            "axes": {
+                "normal_load": {"values": [13.0, 15.0, 17.0]},
+                "belt_speed": {"values": [float(speed) for speed in speeds]},
+            },
+            "starts": {"names": ["up", "down"], "along": "belt_speed"},
+            "blade": {"attack_angle": 0.0},
+            "run": {"transient": 0.05, "window": 0.05},
+        }
+    )
+    loud = ds["label"] != 0
+    for load in (13.0, 15.0, 17.0):
+        for way, curve in (("up", fold), ("down", hopf)):
+            noisy = loud.sel(start=way, normal_load=load).values
+            last = int(np.flatnonzero(noisy)[-1])
+            assert noisy[: last + 1].all()  # one border
+            assert _at(curve, load) - 0.025 < speeds[last] < _at(curve, load)
+
+
+def _at(curve, second):
+    """The first parameter of a curve, between its points."""
+    order = np.argsort(curve.places[:, 1])
+    spline = CubicSpline(curve.places[order, 1], curve.places[order, 0])
+    return float(spline(second))

@@ -1,0 +1,209 @@
+"""From the special points of a branch to curves in the plane of two parameters."""
+
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...blade import numbers
+from ...contact.system import AbstractSystem
+from ...vocabulary import checks
+from ...vocabulary.codes import CurveEnd
+from ...vocabulary.ranges import FINITE, Range
+from ..branch.bifurcations import Special
+from ..branch.follow import MOST_POINTS, Branch
+from ..branch.step import chart_at
+from ..chart import chart
+from ..cycle import Cycle
+from ..return_map import Lost, Shooting
+from .equations import Equations, Facts, solve
+from .fold import Fold
+from .hopf import Hopf
+from .plane import Plane
+from .touch import AWAY, Touch
+from .walk import Mark, Walk
+
+KINDS = (Hopf.kind, Fold.kind, Touch.kind)
+SEEN = 1e-3  # of the ranges: how near to a curve a special point lies that is on it
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve in order: its points in the plane, special points, and why either end is one."""
+
+    kind: str
+    system: AbstractSystem
+    names: tuple[str, str]
+    places: np.ndarray  # (points, 2), SI
+    facts: list[Facts]  # at each point
+    special: list[Mark]
+    ends: tuple[tuple[CurveEnd, str], tuple[CurveEnd, str]]
+
+
+def follow_curves(
+    branch: Branch, second: str, low: float, high: float, *, step: float = 0.05, most: int = 200
+) -> list[Curve]:
+    """Return the curves on which the Hopf points and folds of ``branch`` lie in two parameters.
+
+    **Main arguments:** ``branch`` of `follow`; ``second``, name of another number of its system,
+    and the ends of its range (SI units, radians), which hold the system's own value. The first
+    parameter stays within the range of the branch.
+
+    **Other arguments:** ``step``, largest distance of neighbouring points (1 is a range, or the
+    size of the starting cycle, or its period); ``most``, points in either direction.
+
+    **Returns** one `Curve` for each ``hopf``, ``fold`` and ``..._fold`` in ``branch.special``; two
+    that lie on one curve give it once. Where one can not be followed, or not on, its ends say so.
+
+    Raises ValueError for arguments that cannot be meant.
+    """
+    checks.instance("branch", branch, Branch, "a branch of follow(...)")
+    low, high = (checks.number(n, x, FINITE) for n, x in (("low", low), ("high", high)))
+    step = checks.number("step", step, Range(1e-6, 1))
+    most = checks.whole("most", most, Range(1, MOST_POINTS, whole=True))
+    shooting = branch.cycles[0].shooting
+    assert shooting is not None
+    if numbers.path(shooting.system, second) == numbers.path(shooting.system, branch.over):
+        raise ValueError(f"second must not be {branch.over}, which the branch is over")
+    own = numbers.value(shooting.system, second)
+    if not low <= own <= high or low == high:
+        raise ValueError(
+            f"low to high must hold the system's own value {own:g} of {second}, "
+            f"but was {low:g} to {high:g}"
+        )
+    varied = tuple(dict.fromkeys((*shooting.varied, branch.over, second)))
+    system = numbers.traceable(shooting.system, branch.over, second)
+    shooting = replace(shooting, system=system, varied=varied)
+    bounds = np.array([branch.bounds, (low, high)])
+    plane = Plane(system, (branch.over, second), bounds[:, 0], bounds[:, 1])
+    found: list[Curve] = []
+    for special in branch.special:
+        if special.kind != Hopf.kind and not special.kind.endswith("fold"):
+            continue
+        place = np.array([special.parameter, own])
+        if not any(_on(curve, special.kind, place, plane) for curve in found):
+            found.append(_curve(branch, special, plane, shooting, place, step, most))
+    return found
+
+
+def _on(curve: Curve, kind: str, place: np.ndarray, plane: Plane) -> bool:
+    """Whether a special point lies on a curve that was followed from another one."""
+    if curve.kind != kind or len(curve.places) < 2:
+        return False
+    spots = curve.places / plane.scale
+    chords = np.diff(spots, axis=0)
+    offset = place / plane.scale - spots[:-1]
+    part = np.sum(offset * chords, axis=1) / np.maximum(np.sum(chords**2, axis=1), 1e-30)
+    aside = offset - np.clip(part, 0, 1)[:, None] * chords
+    return bool(np.min(np.linalg.norm(aside, axis=1)) < SEEN)
+
+
+def _curve(
+    branch: Branch,
+    special: Special,
+    plane: Plane,
+    shooting: Shooting,
+    place: np.ndarray,
+    step: float,
+    most: int,
+) -> Curve:
+    """Return the curve through one special point, both ways."""
+    first = None
+    try:
+        equations = _seed(branch, special, plane, shooting, place)
+        if equations is not None:
+            first = solve(equations, equations.start, np.eye(len(equations.start))[-1])
+    except Lost:
+        pass  # there is none: it is said below
+    if first is None:
+        words = special.kind.replace("_", " ")
+        detail = f"no solution of the {words} was found near the branch's"
+        if special.kind not in KINDS:
+            detail = f"curves of {words}s are not followed"
+        cycle = branch.cycles[special.index]
+        assert cycle.state is not None
+        facts = Facts(cycle.state, cycle.amplitude, cycle.period, {}, cycle)
+        ends = (CurveEnd.FAILED, detail)
+        return Curve(
+            special.kind, plane.system, plane.names, place[None], [facts], [], (ends, ends)
+        )
+    walks = []
+    for sense in (-1.0, 1.0):
+        walk = Walk(step, most)
+        walk.run(replace(first, tangent=sense * first.tangent, pinned=first.tangent))
+        walks.append(walk)
+        if walk.end == CurveEnd.CLOSED:  # the other way round is the same
+            break
+    back, ahead = walks[0], walks[-1]
+    size = len(back.spots) - 1
+    spots = [*reversed(back.spots), *(ahead.spots[1:] if ahead is not back else [])]
+    marks = [mark._replace(index=size - mark.index) for mark in reversed(back.marks)]
+    marks += [mark._replace(index=size + mark.index) for mark in ahead.marks if ahead is not back]
+    spots = [spot.meant for spot in spots]
+    return Curve(
+        special.kind,
+        plane.system,
+        plane.names,
+        np.array([spot.place for spot in spots]),
+        [spot.facts for spot in spots],
+        marks,
+        ((back.end, back.detail), (ahead.end, ahead.detail)),  # type: ignore[arg-type]
+    )
+
+
+def _seed(
+    branch: Branch, special: Special, plane: Plane, shooting: Shooting, place: np.ndarray
+) -> Equations | None:
+    """Return the equations around a special point of a branch, or None for other kinds."""
+    scale, cycle = plane.scale, branch.cycles[special.index]
+    assert cycle.motion is not None
+    if special.kind == Hopf.kind:
+        samples = cycle.motion.samples[:-1]
+        state = np.mean(samples, axis=0)
+        state[len(state) // 2 :] = 0.0
+        typical = np.concatenate(plane.system.scales(len(state) // 2))
+        where = chart(plane.at(place), state, 0.0, cycle.regime, typical)
+        start = np.concatenate([np.zeros(where.basis.shape[1]), place / scale])
+        sides = _sides(plane.at(place), state)
+        return Hopf(plane, start, where, sides, 2 * np.pi / cycle.period)
+    if special.kind not in KINDS:
+        return None
+    if special.kind == Touch.kind:
+        cycle = _slipping(branch, special.index)
+        place = np.array([numbers.value(cycle.system, branch.over), place[1]])
+    state, period, phase = cycle.state, cycle.period, cycle.phase
+    where = chart_at(shooting, plane.at(place), state, phase, period, cycle.regime)
+    start = np.zeros(where.basis.shape[1])
+    if shooting.clock is None:
+        start = np.append(start, period / shooting.period_scale)
+    start = np.concatenate([start, place / scale])
+    around = plane, start, shooting, where, phase
+    if special.kind == Fold.kind:
+        none = np.empty(0)
+        return Fold(*around, none, none, none).bordered()
+    assert cycle.motion is not None
+    return Touch(*around, speed=float(np.max(np.abs(cycle.motion.slip_speed))))
+
+
+def _slipping(branch: Branch, index: int) -> Cycle:
+    """Return the cycle near a corner in whose slip the tip rests as nearly as `Touch` wants it."""
+    near = branch.cycles[max(0, index - 8) : index + 9]
+    fewest = min(cycle.word.count("capture") for cycle in near)
+
+    def off(cycle: Cycle) -> float:
+        assert cycle.motion is not None
+        if cycle.word.count("capture") > fewest or not cycle.slip_margin > 0:
+            return np.inf
+        part = cycle.slip_margin / np.max(np.abs(cycle.motion.slip_speed))
+        return abs(float(np.log(part / AWAY)))
+
+    return min(near, key=off)
+
+
+def _sides(system: AbstractSystem, state: np.ndarray) -> tuple[float, ...]:
+    """Return the signs of the system's switches at a state (2n,)."""
+    n, time = len(state) // 2, jnp.zeros(())
+    local = system.prepared().on_piece(system.first_piece(time))
+    q = tuple(jnp.asarray(state[:n]))
+    v = local.from_rates(time, q, tuple(jnp.asarray(state[n:])))
+    return tuple(1.0 if float(switch) >= 0 else -1.0 for switch in local.switches(time, q, v))

@@ -1,0 +1,119 @@
+"""What the curves of cycles have in common: the return map, and derivatives by two parameters."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from ...vocabulary.codes import CurveEnd
+from ..branch.bifurcations import change, corner_kind
+from ..branch.step import chart_at
+from ..chart import Chart
+from ..cycle import Cycle, cycle_at, same_word
+from ..orbit import event_margin, far_from_events, smooth_intervals, words
+from ..return_map import Lost, Point, Shooting
+from ..shooting import Arc
+from .equations import Equations, Facts, Spot
+
+LOOKED = (1e-5, 1e-4, 1e-3, 1e-2)  # how far ahead it is looked for what stops a curve
+NEAR = 0.05  # of the largest distance from an event: too near for the start of a cycle
+
+
+@dataclass(frozen=True)
+class OfCycles(Equations):
+    """Unknowns: coordinates of a start in ``where``, the period if it is free, two parameters."""
+
+    enough: ClassVar[float] = 1e-10
+    shooting: Shooting
+    where: Chart
+    phase: float
+
+    def pair(self, place) -> tuple[Shooting, Shooting]:
+        """Return the family of systems through ``place``, varied over either parameter."""
+        names, scale = self.plane.names, self.plane.scale
+        others = [name for name in self.shooting.varied if name not in names]
+        return tuple(  # type: ignore[return-value]
+            replace(
+                self.shooting,
+                system=self.plane.at(place),
+                over=names[k],
+                varied=(names[1 - k], *others),
+                parameter_scale=scale[k],
+            )
+            for k in (0, 1)
+        )
+
+    def period(self, u: np.ndarray) -> float:
+        """Return the period among the unknowns; NaN where a clock sets it."""
+        d = self.where.basis.shape[1]
+        return float(u[d]) * self.shooting.period_scale if self.shooting.clock is None else math.nan
+
+    def returned(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, Arc]:
+        """Return (residual (m,), its derivatives (m, m + 2), motion). Raises `Lost`."""
+        place, d, period = self.place(u), self.where.basis.shape[1], self.period(u)
+        one, two = self.pair(place)
+        residual, by_one, motion = one.returned(self.where, self.phase, u[:d], period, place[0])
+        _, by_two, _ = two.returned(self.where, self.phase, u[:d], period, place[1])
+        return residual, np.hstack([by_one, by_two[:, -1:]]), motion
+
+    def cycle(self, u: np.ndarray, residual, jacobian, motion: Arc) -> Cycle:
+        """Return the cycle of a solution."""
+        place, size = self.place(u), float(np.max(np.abs(residual)))
+        period = float(motion.times[-1] - motion.times[0])
+        point = Point(
+            self.where, self.phase, u[:-1], jacobian[:, :-1], size, motion, period, place[0]
+        )
+        return cycle_at(self.pair(place)[0], point)
+
+    def known(self, cycle: Cycle, test: dict[str, float]) -> Facts:
+        """Return the facts of a cycle."""
+        assert cycle.state is not None
+        size = 1.0
+        if self.shooting.clock is None:  # no longer than a part of the amplitude, which may vanish
+            size = 0.3 * cycle.amplitude / self.shooting.scale[0]
+        return Facts(cycle.state, cycle.amplitude, cycle.period, test, cycle, size)
+
+    def moved(self, facts: Facts, place: np.ndarray):
+        """Return these equations around the cycle of ``facts``, away from its events."""
+        cycle, shooting = facts.cycle, self.shooting
+        state, phase, regime = cycle.state, cycle.phase, cycle.regime
+        if shooting.clock is not None:
+            motion = cycle.motion
+            free, margin = smooth_intervals(motion), event_margin(motion)
+            near = max(2, len(free) // 50)
+            if not (free[:near].all() and free[-near:].all()) or margin[0] < NEAR * margin.max():
+                k = far_from_events(motion.regimes[:-1], free, margin)
+                state, regime = motion.samples[k], int(motion.regimes[k])
+                phase = (phase + k / len(free)) % 1.0
+        where = chart_at(shooting, self.plane.at(place), state, phase, cycle.period, regime)
+        start = np.zeros(where.basis.shape[1])
+        if shooting.clock is None:
+            start = np.append(start, cycle.period / shooting.period_scale)
+        start = np.concatenate([start, place / self.plane.scale])
+        return replace(self, where=where, phase=phase, start=start)
+
+    @property
+    def sizes(self):
+        return float(self.shooting.scale[0]), self.shooting.period_scale
+
+    def spread(self, tangent):
+        d = self.where.basis.shape[1]
+        state = self.where.basis @ tangent[:d] / self.where.scale
+        return np.concatenate([state, tangent[d:]])
+
+    def same(self, one: Spot, two: Spot) -> bool:
+        a, b = one.facts.cycle, two.facts.cycle
+        return same_word(a, b) or corner_kind(a, b) == "shoulder"
+
+    def stuck(self, here: Spot) -> tuple[CurveEnd, str]:
+        cycle = here.facts.cycle
+        for length in LOOKED:
+            try:
+                motion = self.values(here.unknowns + length * here.tangent)[2][2]
+            except Lost as lost:
+                return CurveEnd.EVENTS, str(lost)
+            word, regimes = words(motion)
+            if not same_word(cycle, replace(cycle, word=word, regimes=regimes)):
+                return CurveEnd.EVENTS, f"the events change: {change(cycle, word)}"
+        return super().stuck(here)

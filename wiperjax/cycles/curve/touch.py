@@ -1,0 +1,154 @@
+"""The curve of grazing-sliding folds: cycles in whose slip the tip comes to rest on the glass.
+
+There the branch turns back at a corner, so the place is come to from the side without that stick,
+where all is smooth: the smallest slip speed within slip is held at a small part of the largest,
+then at a tenth of that, and continued to zero at each point.
+"""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from ...contact.regimes import vector_field
+from ...contact.space import contact
+from ...vocabulary.codes import CurveEnd
+from ..orbit import slip_minimum
+from ..return_map import Lost, Shooting
+from ..shooting import Arc, shoot
+from .equations import Spot, Test, solve
+from .of_cycles import OfCycles
+from .plane import placed
+
+AWAY = 5e-3  # of the largest slip speed: what is left of it where the curve is walked
+SMALL = 1e-10  # of the largest slip speed: how well its smallest value is told
+CENTRED = 4  # motions to where it is
+GONE = "slip nowhere slows down and speeds up again"
+NEARER = 5e-4  # and nearer to its limit
+
+
+@dataclass(frozen=True)
+class Touch(OfCycles):
+    """Cycles whose smallest slip speed inside slip is ``left`` times ``speed``."""
+
+    kind: ClassVar[str] = "grazing_sliding_fold"
+    tests: ClassVar[tuple[Test, ...]] = (
+        Test("smooth", "a multiplier is 1 before stick begins", CurveEnd.OTHER_FOLD),
+    )
+    speed: float = 1.0  # [m/s]
+    left: float = AWAY
+
+    def values(self, u):
+        residual, jacobian, motion = self.returned(u)
+        lowest, row = self._lowest(u, motion)
+        more = residual, jacobian, motion
+        values = np.append(residual, lowest / self.speed - self.left)
+        return values, np.vstack([jacobian, row / self.speed]), more
+
+    def _lowest(self, u, motion: Arc) -> tuple[float, np.ndarray]:
+        """Return the smallest slip speed inside slip and its derivatives by the unknowns.
+
+        Where it is smallest its derivative by time is zero: the derivatives at a fixed share of the
+        period are all.
+        """
+        found = slip_minimum(motion)
+        if found is None:
+            raise Lost(GONE)
+        (part, regime), width = found, 1 / (len(motion.times) - 1)
+        place, d, period = self.place(u), self.where.basis.shape[1], self.period(u)
+        pair, slopes = self.pair(place), (0.0, 0.0)
+        if self.shooting.clock is not None:
+            period = pair[0].driven_period(place[0])[0]
+            slopes = tuple(p.driven_period(x)[1] for p, x in zip(pair, place, strict=True))
+        start = self.where.state(u[:d])
+
+        def moved(shooting: Shooting) -> Arc:
+            return shoot(
+                shooting.system, shooting.along(), start, period,
+                phase=self.phase, part=part, regime=self.where.regime, rtol=shooting.rtol,
+            )  # fmt: skip
+
+        for _ in range(CENTRED):
+            arc = moved(pair[0])
+            time = jnp.asarray((self.phase + part) * period)
+            numbers = jnp.asarray(place), jnp.asarray(arc.state), time, jnp.asarray(regime)
+            out = _slip(self.plane.system, self.plane.names, *numbers)
+            speed, by, rate, jerk = (np.asarray(x) for x in out)
+            if rate**2 < 2 * SMALL * self.speed * abs(jerk):
+                break
+            part -= float(rate / jerk) / period
+            if not abs(part - found[0]) < width:
+                raise Lost(GONE)
+        by_place, by_state, by_time = by[:2], by[2:-1], by[-1]
+        by_period = by_state @ arc.by_period + by_time * (self.phase + part)
+        row = [by_state @ (arc.by_state @ self.where.basis)]
+        if self.shooting.clock is None:
+            row.append(by_period * self.shooting.period_scale)
+        for k, each in enumerate((arc, moved(pair[1]))):
+            by_number = by_state @ each.by_parameter + by_place[k] + slopes[k] * by_period
+            row.append(by_number * self.plane.scale[k])
+        sign = np.sign(speed)
+        return float(sign * (speed - rate**2 / (2 * jerk))), sign * np.hstack(row)
+
+    def facts(self, u, more):
+        cycle = self.cycle(u, *more)
+        assert cycle.multipliers is not None
+        return self.known(cycle, {"smooth": float(np.real(np.prod(1 - cycle.multipliers)))})
+
+    def centred(self, facts, place):
+        return self.moved(facts, place)
+
+    def limit(self, spot: Spot) -> Spot:
+        equations = replace(spot.equations, left=NEARER)
+        guess = spot.unknowns + self._slope(spot) * (NEARER - AWAY)
+        nearer = solve(equations, guess, spot.pinned, float(spot.pinned @ spot.unknowns))
+        if nearer is None or not self.same(spot, nearer):
+            return replace(spot, unknowns=spot.unknowns - self._slope(spot) * AWAY)
+        ends = [spot.unknowns, nearer.unknowns]
+        slopes = [self._slope(spot), self._slope(nearer)]
+        way = CubicHermiteSpline([-AWAY, -NEARER], ends, -np.array(slopes))
+        return replace(nearer, unknowns=way(0.0))
+
+    @staticmethod
+    def _slope(spot: Spot) -> np.ndarray:
+        """Return the derivative of the unknowns by the share of slip speed that is left."""
+        square = np.vstack([spot.jacobian, spot.pinned])
+        return np.linalg.solve(square, np.eye(len(square))[-2])
+
+
+@eqx.filter_jit
+def _slip(system, names, place, state, time, regime):
+    """Slip speed, its derivatives by (place, state, time), and its first two derivatives by time
+    along the motion within ``regime``."""
+    n = state.shape[0] // 2
+
+    def local(place):
+        found = placed(system, names, place)
+        return found.prepared().on_piece(found.first_piece(time))
+
+    def speed(place, state, time):
+        here = local(place)
+        q = tuple(state[:n])
+        v = here.from_rates(time, q, tuple(state[n:]))
+        return contact(here, time, q, v).slip_speed
+
+    def motion(state, time):
+        here = local(place)
+        q = tuple(state[:n])
+        v = here.from_rates(time, q, tuple(state[n:]))
+        rates, slope = vector_field(time, (q, v), (here, regime))
+        moved = jax.jvp(here.rates, (time, q, v), (jnp.ones(()), rates, slope))[1]
+        return jnp.stack([*rates, *moved])
+
+    def rate(state, time):
+        change = motion(state, time), jnp.ones(())
+        return jax.jvp(lambda s, t: speed(place, s, t), (state, time), change)[1]
+
+    change = motion(state, time), jnp.ones(())
+    first, second = jax.jvp(rate, (state, time), change)
+    by = jax.grad(speed, argnums=(0, 1, 2))(place, state, time)
+    return speed(place, state, time), jnp.concatenate([by[0], by[1], by[2][None]]), first, second
