@@ -101,7 +101,11 @@ def toml_of(scene: dict[str, Any]) -> str:
     lines = [f"{key} = {_value(value)}" for key, value in scene.items() if not _is_table(value)]
     for table, keys in scene.items():
         if _is_table(keys) and keys:
-            lines += ["", f"[{table}]", *(f"{key} = {_value(value)}" for key, value in keys.items())]
+            lines += [
+                "",
+                f"[{table}]",
+                *(f"{key} = {_value(value)}" for key, value in keys.items()),
+            ]
     return "\n".join(lines) + "\n"
 
 

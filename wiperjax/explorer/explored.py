@@ -52,7 +52,7 @@ class Explored:
 
     @property
     def variables(self) -> dict[str, str]:
-        """Variable -> what it is in words, of those with a value for each cell; usual ones first."""
+        """Variable -> its words, of those with a value for each cell; usual ones first."""
         held = [
             str(name)
             for name, variable in self.ds.data_vars.items()
