@@ -54,17 +54,17 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
         "model": spec.model,
         "blade": blade,
         "belt": belt,
-        "start": _start(explored, place, start, document),
+        "start": start_of(explored, place, start),
         "run": {key: value for key, value in run.items() if value is not None},
         "classes": spec.classes.model_dump(mode="json"),
     }
 
 
-def _start(explored: Explored, place: dict[str, int], start: Any, document: Any) -> dict[str, Any]:
+def start_of(explored: Explored, place: dict[str, int], start: Any) -> dict[str, Any]:
     """The table `[start]` of a cell that begins at `start`, if the map has several."""
     starts = explored.spec.starts
     if starts is None:
-        return dict(document.get("start", {}))
+        return dict(explored.spec.document().get("start", {}))
     ds, start = explored.ds, explored.starts[0] if start is None else start
     if starts.random is not None:
         chosen = ds.isel(start=int(start))

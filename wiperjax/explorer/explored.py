@@ -3,6 +3,7 @@
 import html
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -89,11 +90,14 @@ class Explored:
         plane = self.ds[held].isel({dim: place for dim, place in at.items() if dim not in (x, y)})
         return from_start(plane.load(), start).transpose(y, x, ...)
 
-    def cell(self, place: dict[str, int], start: Any = None) -> dict[str, float]:
-        """Every number that the map has of one cell."""
-        wanted = [*self.variables, *(n for n in ("class_share", "class_set") if n in self.ds)]
-        one = from_start(self.ds[wanted].isel(place).load(), start)
-        return {name: float(one[name]) for name in self.variables if not one[name].ndim}
+    def cell(
+        self, place: dict[str, int], names: Iterable[str], start: Any = None
+    ) -> dict[str, float]:
+        """The numbers `names` of one cell, as far as the map has them."""
+        held = [name for name in names if name in self.variables]
+        wanted = {*held, "label", *(n for n in ("class_share", "class_set") if n in self.ds)}
+        one = from_start(self.ds[sorted(wanted)].isel(place).load(), start)
+        return {name: float(one[name]) for name in held}
 
 
 def open_explored(path: str | Path) -> tuple[Explored, Any]:

@@ -11,12 +11,9 @@ import numpy as np
 from bokeh.events import DocumentReady, MouseLeave, MouseMove, Tap
 from bokeh.models import (
     BoxSelectTool,
-    ColumnDataSource,
     CustomJS,
-    Div,
     FixedTicker,
     LinearColorMapper,
-    Range1d,
 )
 from bokeh.plotting import figure
 from matplotlib.ticker import LogLocator, MaxNLocator
@@ -30,7 +27,8 @@ from ..plots.style.palette import BORDER, BOUNDARY, HATCHES, SEVERAL, UNKNOWN
 from ..vocabulary.cf import flag_names
 from .explored import Explored
 from .scale import painted
-from .style import SHEET, titled
+from .style import titled
+from .widgets import source, span, words
 
 WIDTH = 520
 MOST_HATCHED = 4000  # pieces: beyond, cells are finer than the pattern
@@ -89,27 +87,19 @@ class MapPanel:
     """
 
     def __init__(self) -> None:
-        self.plane = ColumnDataSource(
-            {"image": [], "values": [], "x": [], "y": [], "w": [], "h": []}
-        )
-        self.axes = ColumnDataSource({"x": [[]], "y": [[]]})
-        self.names = ColumnDataSource({"code": [], "name": []})
-        self.cursor = ColumnDataSource({"x": [0], "y": [0]})
-        self.held = ColumnDataSource({"x": [], "y": []})
-        self.lines = {
-            name: ColumnDataSource({"x": [], "y": []}) for name in ("boundary", "border", "dots")
-        }
+        self.plane = source(image=[], values=[], x=[], y=[], w=[], h=[])
+        self.axes = source(x=[[]], y=[[]])
+        self.names = source(code=[], name=[])
+        self.cursor = source(x=[0], y=[0])
+        self.held = source(x=[], y=[])
+        self.lines = {name: source(x=[], y=[]) for name in ("boundary", "border", "dots")}
         self.hatched = {
-            pattern: ColumnDataSource({"left": [], "right": [], "bottom": [], "top": []})
-            for pattern in PATTERNS
+            pattern: source(left=[], right=[], bottom=[], top=[]) for pattern in PATTERNS
         }
         self.mapper = LinearColorMapper(low=-0.5, high=0.5, palette=[UNKNOWN], high_color=UNKNOWN)
         self.picture = self._figure()
-        self.legend = Div(text="", width=WIDTH, disable_math=True, stylesheets=[SHEET])
-        self.readout = Div(
-            text="", width=WIDTH, disable_math=True, render_as_text=True, stylesheets=[SHEET],
-            css_classes=["readout"],
-        )  # fmt: skip
+        self.legend = words(WIDTH)
+        self.readout = words(WIDTH, render_as_text=True, css_classes=["readout"])
         given = {"axes": self.axes, "plane": self.plane, "names": self.names}
         move = CustomJS(args=given | {"readout": self.readout}, code=MOVE)
         self.picture.js_on_event(MouseMove, move)
@@ -129,13 +119,13 @@ class MapPanel:
         """Shows a `plane` (`Explored.plane`) by one of its variables."""
         paint = painted(plane, variable)
         rows, columns = paint.shades.shape
-        words = {name: explored.axis_words(name) for name in (x, y)}
+        named = {name: explored.axis_words(name) for name in (x, y)}
         self.mapper.update(palette=paint.palette, low=-0.5, high=len(paint.palette) - 0.5)
         self.names.update(
             data={"code": list(paint.names), "name": list(paint.names.values())},
-            tags=["", paint.unit, bool(paint.names), words[x][0], words[y][0]],
+            tags=["", paint.unit, bool(paint.names), named[x][0], named[y][0]],
         )
-        self.axes.data = {"x": [words[x][2]], "y": [words[y][2]]}
+        self.axes.data = {"x": [named[x][2]], "y": [named[y][2]]}
         self.plane.data = {
             "image": [paint.shades], "values": [paint.values.ravel()], "x": [-0.5], "y": [-0.5],
             "w": [columns], "h": [rows],
@@ -149,13 +139,13 @@ class MapPanel:
             ends = (-0.5, count - 0.5)
             range_.update(start=ends[fall], end=ends[not fall])
         for name, axis in ((x, self.picture.xaxis), (y, self.picture.yaxis)):
-            _mark(axis[0], plane[name], words[name])
+            _mark(axis[0], plane[name], named[name])
         self._draw_lines(plane, x, y, variable)
         self._hatch(plane, variable)
 
     def _figure(self) -> Any:
-        picture = figure(
-            width=WIDTH, height=440, x_range=Range1d(-0.5, 0.5), y_range=Range1d(-0.5, 0.5),
+        picture: Any = figure(
+            width=WIDTH, height=440, x_range=span(-0.5, 0.5), y_range=span(-0.5, 0.5),
             tools=[BoxSelectTool(renderers=[])], toolbar_location=None, **titled(),
         )  # fmt: skip
         picture.grid.visible = False
@@ -163,10 +153,10 @@ class MapPanel:
             image="image", x="x", y="y", dw="w", dh="h", color_mapper=self.mapper,
             source=self.plane,
         )  # fmt: skip
-        for pattern, source in self.hatched.items():
+        for pattern, one in self.hatched.items():
             colour = dict(HATCHES.values()) | {SEVERAL[0]: SEVERAL[1]}
             picture.quad(
-                left="left", right="right", bottom="bottom", top="top", source=source,
+                left="left", right="right", bottom="bottom", top="top", source=one,
                 fill_alpha=0, line_width=0, hatch_pattern=PATTERNS[pattern], hatch_scale=8,
                 hatch_color=colour[pattern], hatch_weight=1.2,
             )  # fmt: skip
@@ -177,20 +167,19 @@ class MapPanel:
         for colour, width in (("white", 4.5), (BOUNDARY, 2)):
             picture.multi_line("x", "y", source=self.lines["boundary"], color=colour,
                                line_width=width, line_dash="solid")  # fmt: skip
-        for source, dash in ((self.held, "dashed"), (self.cursor, "solid")):
+        for one, dash in ((self.held, "dashed"), (self.cursor, "solid")):
             for colour, width in (("white", 6), ("black", 2.6)):
-                picture.rect("x", "y", width=1, height=1, source=source, fill_alpha=0,
+                picture.rect("x", "y", width=1, height=1, source=one, fill_alpha=0,
                              line_color=colour, line_width=width, line_dash=dash)  # fmt: skip
-        picture.scatter("x", "y", source=self.cursor, marker="cross", size=22, line_color="white",
-                        line_width=4)  # fmt: skip
-        picture.scatter("x", "y", source=self.cursor, marker="cross", size=20, line_color="black",
-                        line_width=1.6)  # fmt: skip
+        for colour, width in (("white", 4), ("black", 1.8)):
+            picture.scatter("x", "y", source=self.cursor, marker="circle", size=26,
+                            fill_alpha=0, line_color=colour, line_width=width)  # fmt: skip
         return picture
 
     def _draw_lines(self, plane: Any, x: str, y: str, variable: str) -> None:
         """The border of linear stability, and the borders that were located."""
         bent = bent_growth(plane, x, y)
-        found = [] if bent is None else contourpy.contour_generator(z=bent).lines(0.0)
+        found: Any = [] if bent is None else contourpy.contour_generator(z=bent).lines(0.0)
         keys = ""
         if found:
             keys += _line(BOUNDARY, "steady slip loses stability (linear)")
@@ -214,11 +203,11 @@ class MapPanel:
                     masks[HATCHES[name][0]] = plane[variable].values == code
         if variable == "label" and (several := hangs_on_start(plane)) is not None:
             masks[SEVERAL[0]] = several.values
-        for pattern, source in self.hatched.items():
+        for pattern, one in self.hatched.items():
             row, start, stop = row_runs(masks.get(pattern, np.zeros((1, 1), bool)))
             if len(row) > MOST_HATCHED:
                 row = start = stop = row[:0]
-            source.data = {
+            one.data = {
                 "left": start - 0.5, "right": stop - 0.5, "bottom": row - 0.5, "top": row + 0.5,
             }  # fmt: skip
 
@@ -227,9 +216,9 @@ def _line(colour: str, text: str) -> str:
     return f'<span class="key"><i class="line" style="border-color:{colour}"></i>{text}</span>'
 
 
-def _mark(axis: Any, coordinate: Any, words: tuple[str, str, list[str]]) -> None:
+def _mark(axis: Any, coordinate: Any, named: tuple[str, str, list[str]]) -> None:
     """Marks of round values along an axis that counts cells."""
-    name, unit, _ = words
+    name, unit, _ = named
     values = shown(coordinate)[0]
     low, high = float(values.min()), float(values.max())
     geometric = is_geometric(values)

@@ -1,30 +1,28 @@
 """Where a motion is shown: figures that are built once, and filled by each `Content`."""
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from bokeh.models import (
     Column,
-    ColumnDataSource,
     CustomJS,
-    Div,
     FactorRange,
     LinearScale,
-    Range1d,
     Row,
-    Slider,
     TextAreaInput,
-    Toggle,
 )
 from bokeh.plotting import figure
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-from ..plots.style.palette import BELT, REGIMES, readable
+from ..plots.style.palette import BELT
 from .content import SHADES, Content
+from .slow_motion import drawn_sources, slow_motion
 from .style import SHEET, titled
+from .widgets import source, span, toggle, words
 
-WIDTH, HEIGHT = 348, 216  # of a picture
+WIDTH, HEIGHT = 322, 208  # of a picture
 SOURCES = {  # source -> its columns
     "velocity": ("t", "v"), "glass": ("t", "v"), "marks": ("t", "shape"),
     "bands": ("left", "right", "bottom", "top", "colour"),
@@ -40,42 +38,11 @@ RANGES = (
     *("time", "velocity", "position", "speed", "frequency", "amplitude", "whole", "pitch"),
     *("slip", "mu", "along", "height"),
 )
-DRAWN = {  # of one frame of the animation
-    "rod": {"x": [], "y": [], "colour": []}, "joint": {"x": [], "y": []},
-    "glass": {"x": [], "y": []}, "push": {"x": [], "y": []}, "tip": {"x": [], "y": []},
-    "now": {"t": [], "v": []}, "here": {"x": [], "v": []},
-}  # fmt: skip
 
-FRAME = """
-const f = frames.data; const n = f.x.length; if (!n) return;
-const k = Math.min(slider.value, n - 1), L = f.length[k];
-const set = (source, data) => { source.data = data };
-set(rod, {x: [[0, f.x[k]]], y: [[f.hinge[k], f.y[k]]], colour: [f.colour[k]]});
-set(joint, {x: [0], y: [f.hinge[k]]});
-const marks = [];
-for (let i = -4; i < 4; i++) {
-  const place = i * 0.5 * L + f.travel[k] + 2 * L;
-  marks.push(place - 4 * L * Math.floor(place / (4 * L)) - 2 * L);
+FIRST = {  # what a person looks at first
+    *("velocity", "glass", "bands", "marks", "orbit", "glass_speed", "heading"),
+    *("time", "position", "speed"),
 }
-set(glass, {x: marks, y: marks.map(() => -0.05 * L)});
-const far = Math.hypot(f.px[k] - f.x[k], f.py[k] - f.y[k]) > 0.02 * L;
-set(push, far ? {x: [[f.x[k], f.px[k]]], y: [[f.y[k], f.py[k]]]} : {x: [], y: []});
-set(tip, far ? {x: [f.px[k]], y: [f.py[k]]} : {x: [], y: []});
-set(now, {t: [f.t[k]], v: [f.v[k]]});
-set(here, {x: [f.at[k]], v: [f.v[k]]});
-picture.title.text = `The lip at ${f.t[k].toFixed(2)} ms: ${f.regime[k]}`;
-"""
-PLAY = """
-if (!toggle.active) { toggle.label = '▶ slow motion'; return }
-toggle.label = '❚❚ pause';
-const step = () => {
-  if (!toggle.active) return;
-  const n = frames.data.x.length;
-  if (n) slider.value = (slider.value + 1) % n;
-  setTimeout(step, 50);
-};
-step();
-"""
 
 
 class MotionPanel:
@@ -90,21 +57,25 @@ class MotionPanel:
 
     def __init__(self, title: str):
         self.sources = {
-            name: ColumnDataSource({column: [] for column in columns}, name=name)
-            for name, columns in SOURCES.items()
+            name: source(**{column: [] for column in columns}) for name, columns in SOURCES.items()
         }
-        drawn = {n: ColumnDataSource(data, syncable=False) for n, data in DRAWN.items()}
-        self.ranges: dict[str, Any] = {name: Range1d(0, 1) for name in RANGES}
+        drawn = drawn_sources()
+        self.ranges: dict[str, Any] = {name: span(0, 1) for name in RANGES}
         self.ranges["row"] = FactorRange()
         self.texts = {
-            name: Div(text="", disable_math=True, stylesheets=[SHEET], css_classes=[name])
-            for name in ("heading", "table", "audio")
+            name: words(None, css_classes=[name]) for name in ("heading", "table", "audio")
         }
         self.scene = TextAreaInput(
             title="The scene of this cell (wiperjax simulate SCENE.toml -o RUN.h5)",
             rows=9, width=WIDTH, max_length=100_000, stylesheets=[SHEET],
         )  # fmt: skip
-        lip = self._lip(drawn)
+        lip = slow_motion(
+            self._figure(
+                "The lip", "along the glass (mm)", "height (mm)", height=226,
+                x_range=self.ranges["along"], y_range=self.ranges["height"],
+            ),
+            self.sources["frames"], drawn,
+        )  # fmt: skip
         self.pictures = {"friction": self._friction(), "lip": lip}
         numbers = Column(children=[self.texts["table"]], width=WIDTH)
         flow = [
@@ -113,7 +84,7 @@ class MotionPanel:
         ]  # fmt: skip
         self.view = Column(
             children=[
-                Div(text=f"<h2>{title}</h2>", stylesheets=[SHEET]),
+                words(None, f"<h2>{title}</h2>"),
                 self.texts["heading"],
                 self.texts["audio"],
                 Row(children=flow, styles={"flex-wrap": "wrap", "gap": "8px"}),
@@ -123,17 +94,23 @@ class MotionPanel:
             styles={"min-width": f"{WIDTH + 8}px", "flex": "1 1 0"},
         )
 
-    def show(self, content: Content) -> None:
-        """Fills the panel."""
-        for name, source in self.sources.items():
+    def show(self, content: Content, only: Collection[str] = ()) -> None:
+        """Fills the panel; of it `only` what bears one of these names, if any are given."""
+        for name, one in self.sources.items():
+            if only and name not in only:
+                continue
             given = content.columns[name]
-            source.data = {column: given.get(column, []) for column in SOURCES[name]}
-        self.ranges["row"].factors = content.columns["rows"]["row"]
+            one.data = {column: given.get(column, []) for column in SOURCES[name]}
+        if not only:
+            self.ranges["row"].factors = content.columns["rows"]["row"]
         for name, (start, end) in content.ranges.items():
-            self.ranges[name].update(start=start, end=end)
+            if not only or name in only:
+                self.ranges[name].update(start=start, end=end)
         for name, picture in self.pictures.items():
             picture.visible = name not in content.hidden
         for name, text in content.texts.items():
+            if only and name not in only:
+                continue
             if name == "scene":
                 self.scene.value = text
             else:
@@ -150,7 +127,7 @@ class MotionPanel:
             "Velocity of the tip, regimes behind it", "time (ms)", "velocity (m/s)",
             x_range=self.ranges["time"], y_range=self.ranges["velocity"],
         )  # fmt: skip
-        picture.extra_y_ranges = {"share": Range1d(0, 1)}
+        picture.extra_y_ranges = {"share": span(0, 1)}
         picture.quad(
             left="left", right="right", bottom="bottom", top="top", color="colour", alpha=0.4,
             line_width=0, source=self.sources["bands"], y_range_name="share",
@@ -189,7 +166,7 @@ class MotionPanel:
             x_axis_type="log", y_axis_type="log", x_range=self.ranges["frequency"],
             y_range=self.ranges["amplitude"],
         )  # fmt: skip
-        picture.extra_y_ranges = {"share": Range1d(0, 1)}
+        picture.extra_y_ranges = {"share": span(0, 1)}
         picture.extra_y_scales = {"share": LinearScale()}
         bands = self.sources["classes"]
         picture.quad(
@@ -243,45 +220,9 @@ class MotionPanel:
         )
         return picture
 
-    def _lip(self, drawn: Any) -> Any:
-        """The lip in slow motion; it plays in the browser, also without a server."""
-        picture = self._figure(
-            "The lip", "along the glass (mm)", "height (mm)", height=236,
-            x_range=self.ranges["along"], y_range=self.ranges["height"],
-        )  # fmt: skip
-        picture.hspan(y=0, line_color=BELT, line_width=2)
-        picture.scatter("x", "y", marker="dash", angle=np.pi / 2, size=12, color=BELT,
-                        line_width=2, source=drawn["glass"])  # fmt: skip
-        picture.multi_line("x", "y", color="colour", line_width=7, line_cap="round",
-                           source=drawn["rod"])  # fmt: skip
-        picture.multi_line("x", "y", color="black", line_width=2, source=drawn["push"])
-        picture.scatter("x", "y", size=6, color="black", source=drawn["tip"])
-        picture.scatter("x", "y", size=9, color="black", source=drawn["joint"])
-        slider = Slider(
-            start=0, end=149, step=1, value=0, title="frame", show_value=False, syncable=False,
-            width=WIDTH - 150, stylesheets=[SHEET],
-        )  # fmt: skip
-        toggle = Toggle(label="▶ slow motion", width=120, syncable=False, stylesheets=[SHEET])
-        given = {"frames": self.sources["frames"], "slider": slider, "picture": picture, **drawn}
-        draw = CustomJS(args=given, code=FRAME)
-        slider.js_on_change("value", draw)
-        self.sources["frames"].js_on_change("data", draw)
-        toggle.js_on_change(
-            "active",
-            CustomJS(args={"toggle": toggle, "slider": slider, "frames": given["frames"]},
-                     code=PLAY),
-        )  # fmt: skip
-        row = Row(children=[toggle, slider], styles={"gap": "8px"})
-        legend = "".join(
-            f'<span class="key"><i style="background:{colour}"></i>{readable(name)}</span>'
-            for name, colour in REGIMES.items()
-        )
-        key = Div(text=f'<div class="keys">{legend}</div>', width=WIDTH, stylesheets=[SHEET])
-        return Column(children=[picture, row, key], width=WIDTH)
-
     def _scene_box(self) -> Any:
         """The scene as text, with a button that saves it as a file."""
-        save = Toggle(label="save as scene.toml", width=150, syncable=False, stylesheets=[SHEET])
+        save = toggle("save as scene.toml", 150)
         save.js_on_change("active", CustomJS(args={"scene": self.scene}, code=SAVE))
         return Column(children=[self.scene, save], width=WIDTH)
 

@@ -26,6 +26,7 @@ ROWS = (  # column of a map, what it is called here, factor, unit
     ("impact_count", "impacts in the window", 1.0, ""),
 )
 CODED = (("mechanism", "mechanism"), ("band", "band"), ("settled", "settled"))
+COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, beside the run
 
 
 def heading(run: xr.Dataset, told: dict[str, float], title: str) -> str:
@@ -99,7 +100,7 @@ def audio(run: xr.Dataset, reference: float) -> str:
     level = heard.describe().partition("full scale")[2]
     return (
         f'<audio controls loop preload="auto" src="data:audio/wav;base64,{data}"></audio>'
-        f'<p class="note">tip velocity, full scale{escaped(level)}{warning}. '
+        f'<p class="note">tip velocity, full scale {escaped(level)}{warning}. '
         "Not a sound pressure: radiation is not modelled.</p>"
     )
 

@@ -5,40 +5,43 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from bokeh.document import Document
-from bokeh.models import Button, Column, Div, Row, Select, Slider
+from bokeh.events import SelectionGeometry
+from bokeh.models import Column, Row
 
 from ..machine.files import StoreError
 from ..plots.maps.planes import choose_plane
+from .box import Boxes
 from .cells import scene_of, simulated, toml_of
 from .content import Content, content_of
 from .explored import Explored, escaped, plain
+from .finer_part import FinerPart
 from .map_panel import WIDTH, MapPanel
-from .motion_panel import MotionPanel
-from .numbers import audio, heading, table
-from .style import PAGE, SHEET
+from .motion_panel import FIRST, MotionPanel
+from .numbers import COMPARED, audio, heading, table
+from .style import PAGE
+from .widgets import LIVE, button, choice, slider, words
 from .worker import Worker
 
 FULL_SCALES = {"1": "1 m/s", "0.3": "0.3 m/s", "0.1": "0.1 m/s", "0.03": "0.03 m/s"}
 
 
 class Page:
-    """What one window shows of a map, in a `Document` of its own."""
+    """What one window shows of a map, in a Bokeh document of its own."""
 
-    def __init__(self, document: Document, explored: Explored, worker: Worker):
+    def __init__(self, document: Any, explored: Explored, worker: Worker, boxes: Boxes):
         self.document, self.explored, self.worker = document, explored, worker
+        self.finer = FinerPart(self, boxes)
         self.map, self.motion, self.other = MapPanel(), MotionPanel("Cell"), MotionPanel("Held")
         self.other.view.visible = False
         self.last: tuple[Any, Content] | None = None
         self.quiet = False  # whether widgets change by themselves
-        self.status = Div(text="", width=WIDTH, disable_math=True, stylesheets=[SHEET],
-                          html_attributes={"role": "status", "aria-live": "polite"})  # fmt: skip
+        self.status = words(WIDTH, html_attributes=LIVE, css_classes=["state"])
         self.above = Column(children=[], width=WIDTH)
-        self.hold = Button(label="hold this cell beside", width=170, stylesheets=[SHEET])
+        self.hold = button("hold this cell beside")
         self.hold.on_click(self._hold)
-        self.reference = Select(title="full scale of the sound", value="1", width=170,
-                                options=list(FULL_SCALES.items()), stylesheets=[SHEET])  # fmt: skip
+        self.reference = choice("full scale of the sound", "1", FULL_SCALES.items(), 170)
         self.reference.on_change("value", lambda attr, old, new: self._look())
+        self.map.picture.on_event(SelectionGeometry, self.finer.dragged)
         self.map.cursor.on_change("data", lambda attr, old, new: self._look())
         self.below = Column(children=[], width=WIDTH)
         help_ = (
@@ -46,12 +49,13 @@ class Page:
             "<kbd>&uarr;</kbd> <kbd>&darr;</kbd>: its motion is computed on the spot. "
             "Drag a box to compute that part again, finer.</p>"
         )
-        self.title = Div(text="", width=WIDTH, disable_math=True, stylesheets=[SHEET])
+        self.title = words(WIDTH)
         left = Column(
             children=[
                 self.title, self.above, self.map.picture, self.map.readout, self.map.legend,
-                self.below, Row(children=[self.hold, self.reference]), self.status,
-                Div(text=help_, width=WIDTH, stylesheets=[SHEET]),
+                self.below, self.finer.view, Row(children=[self.hold, self.reference]),
+                self.status,
+                words(WIDTH, help_),
             ],
             width=WIDTH,
         )  # fmt: skip
@@ -65,31 +69,39 @@ class Page:
         self.map.listen(document)
         self.open(explored)
 
-    def open(self, explored: Explored, x: str | None = None, y: str | None = None) -> None:
-        """Shows another map (a part of the first one, finer), at its middle."""
+    def open(
+        self,
+        explored: Explored,
+        x: str | None = None,
+        y: str | None = None,
+        place: dict[str, int] | None = None,
+        start: Any = None,
+    ) -> None:
+        """Shows a map (the first one, or a part of it, finer), at `place` or its middle."""
         self.explored = explored
-        self.x, self.y = x or "", y or ""
-        if not x or not y:
-            self.x, self.y = choose_plane(explored.ds, None, None)
+        self.x, self.y = choose_plane(explored.ds, None, None) if x is None else (x, y or "")
         name = escaped(explored.ds.attrs.get("title") or explored.name)
         self.title.text = f"<h1>{name}</h1><p class='note'>{escaped(explored.name)}</p>"
-        self.at = {dim: explored.ds.sizes[dim] // 2 for dim in explored.dims}
-        self._widgets()
+        self.at = place or {dim: _off_zero(explored.ds[dim].values) for dim in explored.dims}
+        chosen = str(self.variable.value) if self.above.children else ""
+        self._widgets(chosen, start)
         self._plane()
-        middle = {dim: _off_zero(explored.ds[dim].values) for dim in (self.x, self.y)}
-        self.map.cursor.data = {"x": [middle[self.x]], "y": [middle[self.y]]}
+        self.map.held.data = {"x": [], "y": []}
+        self.quiet = True
+        self.map.cursor.data = {"x": [self.at[self.x]], "y": [self.at[self.y]]}
+        self.quiet = False
         self._look()
 
-    def _widgets(self) -> None:
+    def _widgets(self, chosen: str, start: Any) -> None:
         """Choices above the map, a slider for each other axis below."""
-        explored, sheet = self.explored, {"stylesheets": [SHEET]}
+        explored = self.explored
         long = [dim for dim in explored.dims if explored.ds.sizes[dim] > 1]
-        options = [(dim, explored.axis_words(dim)[0]) for dim in long]
-        variables = list(explored.variables.items())
-        self.variable = Select(title="shown", value=variables[0][0], options=variables, width=200,
-                               **sheet)  # fmt: skip
-        self.across = Select(title="across", value=self.x, options=options, width=145, **sheet)
-        self.up = Select(title="up", value=self.y, options=options, width=145, **sheet)
+        axes = [(dim, explored.axis_words(dim)[0]) for dim in long]
+        variables = explored.variables
+        chosen = chosen if chosen in variables else next(iter(variables))
+        self.variable = choice("shown", chosen, variables.items(), 200)
+        self.across = choice("across", self.x, axes, 145)
+        self.up = choice("up", self.y, axes, 145)
         self.variable.on_change("value", lambda attr, old, new: self._plane())
         self.across.on_change("value", partial(self._turn, "x"))
         self.up.on_change("value", partial(self._turn, "y"))
@@ -97,8 +109,8 @@ class Page:
         self.start = None
         if explored.starts:
             names = [("", "the usual one"), *((str(s), plain(str(s))) for s in explored.starts)]
-            self.start = Select(title="start", value="", options=names, width=200, **sheet)
-            self.start.on_change("value", lambda attr, old, new: (self._plane(), self._look()))
+            self.start = choice("start", "" if start is None else str(start), names, 200)
+            self.start.on_change("value", self._other_start)
             children.append(self.start)
         self.above.children = children
         self._sliders()
@@ -109,21 +121,20 @@ class Page:
             if dim in (self.x, self.y) or self.explored.ds.sizes[dim] < 2:
                 continue
             name, _, texts = self.explored.axis_words(dim)
-            slider = Slider(
-                start=0, end=len(texts) - 1, step=1, value=self.at[dim], show_value=False,
-                title=f"{name}: {texts[self.at[dim]]}", width=WIDTH - 20, stylesheets=[SHEET],
-                name=dim,
-            )  # fmt: skip
-            slider.on_change("value", partial(self._slide, dim, slider, texts))
-            slider.on_change("value_throttled", lambda attr, old, new: self._look())
-            sliders.append(slider)
+            place = self.at[dim]
+            one = slider(f"{name} {texts[place]}", len(texts), place, WIDTH - 20, name=dim)
+            one.on_change("value", partial(self._slide, dim, one, texts))
+            one.on_change("value_throttled", lambda attr, old, new: self._look())
+            sliders.append(one)
         self.below.children = sliders
 
-    def _slide(
-        self, dim: str, slider: Any, texts: list[str], attr: str, old: Any, new: Any
-    ) -> None:
-        self.at[dim] = int(slider.value)
-        slider.title = f"{self.explored.axis_words(dim)[0]}: {texts[self.at[dim]]}"
+    def _other_start(self, attr: str, old: str, new: str) -> None:
+        self._plane()
+        self._look()
+
+    def _slide(self, dim: str, one: Any, texts: list[str], attr: str, old: Any, new: Any) -> None:
+        self.at[dim] = int(one.value)
+        one.title = f"{self.explored.axis_words(dim)[0]} {texts[self.at[dim]]}"
         self._plane()
 
     def _turn(self, which: str, attr: str, old: str, new: str) -> None:
@@ -138,12 +149,12 @@ class Page:
             self.y, self.x = new, old if new == self.x else self.x
         self.quiet = True
         self.across.value, self.up.value = self.x, self.y
-        self.quiet = False
         self._sliders()
         self._plane()
         self.map.cursor.data = {"x": [self.at[self.x]], "y": [self.at[self.y]]}
+        self.quiet = False
 
-    def _begin(self) -> Any:
+    def begin(self) -> Any:
         """The start that is chosen, as the map names it."""
         chosen = "" if self.start is None else self.start.value
         return next((s for s in self.explored.starts if str(s) == chosen), None)
@@ -153,7 +164,7 @@ class Page:
         if variable not in self.explored.variables:
             return
         try:
-            plane = self.explored.plane(self.x, self.y, self.at, self._begin(), {variable})
+            plane = self.explored.plane(self.x, self.y, self.at, self.begin(), {variable})
         except (ValueError, OSError, StoreError) as error:
             self.say(str(error), fault=True)
             return
@@ -168,24 +179,34 @@ class Page:
 
     def _look(self) -> None:
         """Has the motion of the cell of the cursor computed, and shows it."""
+        if self.quiet:
+            return
         if self.explored.spec is None:
             self.say(f"Cells of this map cannot be simulated: {self.explored.unable}.", fault=True)
             return
-        explored, place, start = self.explored, self.place(), self._begin()
+        explored, place, start = self.explored, self.place(), self.begin()
         reference = float(self.reference.value) if self.reference.value in FULL_SCALES else 1.0
         self.say("computing ...")
         what = (id(explored), tuple(place.items()), str(start), reference)
         begun = time.perf_counter()
         self.worker.wish(
             self, what, partial(motion_of, explored, place, start, reference),
-            lambda found: self.document.add_next_tick_callback(partial(self._show, begun, found)),
+            partial(self._later, begun),
         )  # fmt: skip
+
+    def _later(self, begun: float, found: Any) -> None:
+        """Shows what the worker found, in the thread of the server."""
+        self.document.add_next_tick_callback(partial(self._show, begun, found))
 
     def _show(self, begun: float, found: Any) -> None:
         if isinstance(found, Exception):
             self.say(f"This cell cannot be computed: {found}", fault=True)
             return
         self.last = (dict(self.map.cursor.data), found)
+        self.motion.show(found, FIRST)  # one message after the other: these are drawn meanwhile
+        self.document.add_next_tick_callback(partial(self._show_rest, begun, found))
+
+    def _show_rest(self, begun: float, found: Content) -> None:
         self.motion.show(found)
         self.say(f"computed and shown in {1e3 * (time.perf_counter() - begun):.0f} ms")
 
@@ -214,7 +235,7 @@ def motion_of(explored: Explored, place: dict[str, int], start: Any, reference: 
     content = content_of(run)
     content.texts = {
         "heading": heading(run, told, scene["title"]),
-        "table": table(run, told, explored.cell(place, start), explored.ds),
+        "table": table(run, told, explored.cell(place, COMPARED, start), explored.ds),
         "audio": audio(run, reference),
         "scene": toml_of(scene),
     }

@@ -127,7 +127,7 @@ def _bar(norm: Any, palette: list[str], unit: str) -> str:
     """The colours with their numbers."""
     low, high = float(norm.vmin), float(norm.vmax)
     if isinstance(norm, LogNorm):
-        ticks = LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(low, high)
+        ticks = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(low, high))
         ticks = (
             ticks
             if 3 <= ((ticks >= low) & (ticks <= high)).sum() <= 8

@@ -15,6 +15,7 @@ from bokeh.server.util import bind_sockets
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
 
+from .box import Boxes
 from .explored import Explored
 from .page import Page
 from .worker import Worker
@@ -31,19 +32,20 @@ def serve(explored: Explored, host: str = "127.0.0.1", port: int = 0) -> tuple[B
 
     Raises: `OSError` where the port is taken.
     """
-    worker, windows = Worker(), set()
+    worker, boxes, windows = Worker(), Boxes(), set()
 
     def window(document: Document) -> None:
         if len(windows) >= MOST_WINDOWS:
             words = f"{MOST_WINDOWS} windows are open; close one and load this page again."
             document.add_root(Div(text=words))
             return
-        page = Page(document, explored, worker)
+        page = Page(document, explored, worker, boxes)
         windows.add(page)
 
         def gone(_: Any) -> None:
             windows.discard(page)
             worker.forget(page)
+            page.finer.stop()
 
         document.on_session_destroyed(gone)
 

@@ -2,16 +2,13 @@
 
 from typing import Any
 
-from bokeh.models import InlineStyleSheet
-
-SHEET = InlineStyleSheet(
-    css="""
+SHEET = """
 :host { font-family: system-ui, 'DejaVu Sans', sans-serif; font-size: 13px; color: #1b1f24; }
 h1 { font-size: 19px; margin: 0 0 2px 0; } h2 { font-size: 14px; margin: 0; color: #57606a; }
 p { margin: 3px 0; } .note, .where { color: #57606a; } .fault { color: #9a3412; font-weight: 600; }
 .noise { font-size: 19px; } .chip { display: inline-block; width: 15px; height: 15px;
   border: 1px solid #444; border-radius: 3px; margin-right: 7px; vertical-align: -1px; }
-table.numbers { border-collapse: collapse; width: 340px; font-variant-numeric: tabular-nums; }
+table.numbers { border-collapse: collapse; width: 316px; font-variant-numeric: tabular-nums; }
 table.numbers th { font-weight: 400; text-align: left; color: #57606a; padding: 1px 6px 1px 0; }
 table.numbers td { text-align: right; padding: 1px 6px; } td.unit { color: #57606a; }
 table.numbers td.unit { text-align: left; } td.here { font-weight: 600; }
@@ -24,13 +21,14 @@ table.numbers tr + tr { border-top: 1px solid #eaeef2; }
 .bar { position: relative; height: 36px; margin: 2px 26px 0 8px; }
 .bar .shades { height: 14px; border: 1px solid #888; }
 .bar .tick { position: absolute; top: 17px; transform: translateX(-50%); font-size: 12px; }
-audio { height: 34px; width: 340px; }
+.progress { width: 320px; height: 10px; border: 1px solid #8c959f; border-radius: 5px;
+  overflow: hidden; margin-top: 8px; } .progress div { height: 100%; background: #0072B2; }
+audio { height: 34px; width: 316px; }
 textarea { font-family: ui-monospace, 'DejaVu Sans Mono', monospace; font-size: 12px; }
 .readout { min-height: 34px; font-variant-numeric: tabular-nums; }
 kbd { border: 1px solid #bbb; border-radius: 3px; padding: 0 4px; background: #f6f8fa; }
 :focus-visible { outline: 2px solid #0072B2; outline-offset: 1px; }
 """
-)
 
 PAGE = """
 {% block postamble %}
