@@ -88,9 +88,12 @@ def compute(
 
 
 class Boxes:
-    """Computes boxes of all windows, one after another, in the background."""
+    """Computes boxes of all windows, one after another, in the background; `evaluate` as in
+    `sweep`.
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, evaluate: Evaluate | None = None) -> None:
+        self._evaluate = evaluate
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="box")
 
     def begin(
@@ -103,7 +106,9 @@ class Boxes:
 
         def work() -> None:
             try:
-                found: Any = compute(spec, report, stop) if not stop.is_set() else None
+                found: Any = (
+                    compute(spec, report, stop, self._evaluate) if not stop.is_set() else None
+                )
             except Stopped:
                 return
             except Exception as error:  # shown where it was wished

@@ -15,6 +15,7 @@ from bokeh.server.util import bind_sockets
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
 
+from ..maps.block import Evaluate
 from .box import Boxes
 from .explored import Explored
 from .page import Page
@@ -25,14 +26,17 @@ MOST_WINDOWS = 16  # at once: each holds what it shows in memory
 MESSAGE = 2**20  # bytes that a window may send at once; it sends clicks
 
 
-def serve(explored: Explored, host: str = "127.0.0.1", port: int = 0) -> tuple[BaseServer, str]:
-    """A server that shows a map, started, and its address; port 0: any that is free.
+def serve(
+    explored: Explored, host: str = "127.0.0.1", port: int = 0, evaluate: Evaluate | None = None
+) -> tuple[BaseServer, str]:
+    """A server that shows a map, started, and its address; port 0: any that is free. `evaluate` is
+    what computes boxes, as in `sweep`.
 
     Bokeh's own scripts come from this server: the page asks no other machine for anything.
 
     Raises: `OSError` where the port is taken.
     """
-    worker, boxes, windows = Worker(), Boxes(), set()
+    worker, boxes, windows = Worker(), Boxes(evaluate), set()
 
     def window(document: Document) -> None:
         if len(windows) >= MOST_WINDOWS:
