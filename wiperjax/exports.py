@@ -11,7 +11,7 @@ import scipy.io
 import xarray as xr
 
 from .datasets.run_dataset import is_run, sample_interval
-from .machine.files import StoreError, check_output, replacing
+from .machine.files import check_output, replacing
 from .vocabulary import checks
 
 QUANTITIES = ("position", "velocity", "normal_force", "friction_force", "belt_velocity", "regime")
@@ -79,7 +79,10 @@ def _mat(run: xr.Dataset, path: Path) -> None:
 
 
 def _uff(run: xr.Dataset, path: Path) -> None:
-    import pyuff  # the format has its own kept writer; needed for this ending only
+    try:
+        import pyuff  # the format has its own kept writer; needed for this ending only
+    except ImportError:
+        raise ValueError("universal files need pyuff: pip install 'wiperjax[uff]'") from None
 
     step, found = sample_interval(run), columns(run)
     time = found.pop("time")[0]
@@ -113,5 +116,3 @@ def _line(text: str, length: int = 80) -> str:
 FORMATS: dict[str, Callable[[xr.Dataset, Path], None]] = {
     ".csv": _csv, ".mat": _mat, ".uff": _uff, ".unv": _uff,
 }  # fmt: skip
-
-__all__ = ["FORMATS", "StoreError", "columns", "export"]

@@ -17,6 +17,7 @@ import typer
 from .compute import sweep, verify
 from .example import example
 from .explore import explore
+from .export import export
 from .motion import follow, ladder, simulate
 from .options import INTERRUPTED
 from .refine import refine
@@ -33,7 +34,7 @@ for command in (sweep, refine, simulate, follow):
     app.command()(command)
 app.command(help=PLOT_HELP)(plot)
 app.command(help=LISTEN_HELP)(listen)
-for command in (explore, info, ladder, verify):
+for command in (export, explore, info, ladder, verify):
     app.command()(command)
 app.command()(example)
 for extra in sorted(importlib.metadata.entry_points(group="wiperjax.commands")):

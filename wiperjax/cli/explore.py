@@ -27,6 +27,10 @@ def explore(
     """Look into a map in a browser: click on a cell, see and hear its motion."""
     check_input(file)
     configure(None)
+    try:
+        import bokeh  # noqa: F401
+    except ImportError:
+        raise ValueError("the page needs bokeh: pip install 'wiperjax[explore]'") from None
     from ..explorer import server
     from ..explorer.explored import open_explored
 
