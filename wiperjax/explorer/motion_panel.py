@@ -126,6 +126,7 @@ class MotionPanel:
         picture = self._figure(
             "Velocity of the tip, regimes behind it", "time (ms)", "velocity (m/s)",
             x_range=self.ranges["time"], y_range=self.ranges["velocity"],
+            height=262,  # as the table beside it
         )  # fmt: skip
         picture.extra_y_ranges = {"share": span(0, 1)}
         picture.quad(
