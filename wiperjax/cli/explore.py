@@ -15,6 +15,13 @@ def explore(
         int, typer.Option(min=0, max=65535, help="Port to serve on.", show_default="a free one")
     ] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
+    trust: Annotated[
+        bool,
+        typer.Option(
+            "--trust",
+            help="Import the module of a system of your own that the map names: that runs it.",
+        ),
+    ] = False,
     host: Annotated[
         str,
         typer.Option(
@@ -34,7 +41,7 @@ def explore(
     from ..explorer import server
     from ..explorer.explored import open_explored
 
-    explored, ds = open_explored(file)
+    explored, ds = open_explored(file, trust)
     with ds:
         if host not in server.LOCAL:
             print(

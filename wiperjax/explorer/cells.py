@@ -11,7 +11,6 @@ from ..plots.style.axes import value_text
 from ..runs.scene import run_scene
 from ..specs.load import parse_scene
 from ..vocabulary.kinds import BELTS, WAYS
-from ..vocabulary.parameters import PARAMETERS
 from .explored import Explored
 
 RATE = 50_000  # samples a second: what is heard, and every corner of a squeal
@@ -31,14 +30,11 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
     duration = settings.transient + settings.window
     interval = max(1 / RATE, duration / MOST_SAMPLES)
     document = spec.document()
-    blade, belt = dict(document.get("blade", {})), dict(document.get("belt", {}))
-    keys = {name: key for key, name in BELTS[spec.belt.kind].items()}
+    tables = {name: dict(document.get(name, {})) for name in ("blade", "parameters", "belt")}
+    keys = {name: key for key, name in BELTS.get(spec.belt_kind or "", {}).items()}
     for name, number in place.items():
-        value = float(ds[name].values[number])
-        if PARAMETERS[name].table == "blade":
-            blade[name] = value
-        else:
-            belt[keys[name]] = value
+        table = spec.parameter_table[name].table
+        tables[table][keys[name] if table == "belt" else name] = float(ds[name].values[number])
     run = {
         "duration": duration,
         "sample_interval": interval,
@@ -51,12 +47,11 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
     where = ", ".join(value_text(ds[name][number]) for name, number in place.items())
     return {
         "title": where[:400],
-        "model": spec.model,
-        "blade": blade,
-        "belt": belt,
+        **{name: document[name] for name in ("system", "model") if name in document},
+        **{name: table for name, table in tables.items() if table},
         "start": start_of(explored, place, start),
         "run": {key: value for key, value in run.items() if value is not None},
-        "classes": spec.classes.model_dump(mode="json"),
+        "classes": spec.classes.model_dump(mode="json", exclude_none=True),
     }
 
 

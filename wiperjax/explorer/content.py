@@ -14,9 +14,10 @@ from ..plots.runs.friction import coefficient, has_law
 from ..plots.runs.history import MARKED
 from ..plots.runs.levels import levels, lines
 from ..plots.runs.portrait import orbit
-from ..plots.style.axes import shown
+from ..plots.style.axes import label, long_name, shown
 from ..plots.style.palette import CLASSES, EVENT_NAMES, EVENTS, REGIMES, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
+from .explored import plain
 
 MOST_POINTS = 3000  # of a curve: more than a screen is wide
 MOST_TICKS = 2000  # of one kind of event
@@ -37,12 +38,14 @@ class Content:
         ranges: axis -> its two ends.
         texts: place -> HTML or plain text.
         hidden: pictures that this motion has not.
+        labels: picture -> what is across and what is up.
     """
 
     columns: dict[str, Columns] = field(default_factory=dict)
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
     hidden: set[str] = field(default_factory=set)
+    labels: dict[str, tuple[str, str]] = field(default_factory=dict)
 
 
 def content_of(run: xr.Dataset) -> Content:
@@ -56,7 +59,20 @@ def content_of(run: xr.Dataset) -> Content:
     _spectrogram(content, run)
     _friction(content, part)
     _lip(content, part)
+    place, speed = (
+        label(_words(run[name]), shown(run[name])[1]) for name in ("position", "velocity")
+    )
+    strength = label(f"{_words(run['velocity'])}, rms of line", shown(run["velocity"])[1])
+    content.labels = {
+        "history": ("time (ms)", speed),
+        "portrait": (place, speed),
+        "spectrum": ("frequency (Hz)", strength),
+    }
     return content
+
+
+def _words(values: xr.DataArray) -> str:
+    return plain(long_name(values).removesuffix(" of the tip"), 60)
 
 
 def thinned(*curves: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:

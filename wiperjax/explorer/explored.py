@@ -16,6 +16,7 @@ from ..machine.files import StoreError
 from ..plots.maps.borders import PREFIX, with_borders
 from ..plots.maps.planes import map_dims
 from ..plots.style.axes import long_name, number, shown
+from ..specs.imported import findable, is_path
 from ..specs.load import SpecError, parse_sweep
 from ..store.levels import is_refined
 from ..store.whole import borders, open_map
@@ -100,8 +101,8 @@ class Explored:
         return {name: float(one[name]) for name in held}
 
 
-def open_explored(path: str | Path) -> tuple[Explored, Any]:
-    """A map from its file, and the file, to be closed.
+def open_explored(path: str | Path, trusted: bool = False) -> tuple[Explored, Any]:
+    """A map from its file, and the file, to be closed; `trusted` as in `explored`.
 
     Raises: `StoreError`, one line, for what cannot be read or is no map that can be shown.
     """
@@ -109,7 +110,9 @@ def open_explored(path: str | Path) -> tuple[Explored, Any]:
         raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
     ds = open_map(path)
     try:
-        found = explored(ds, Path(path).name)
+        if trusted:
+            findable(Path(path).parent)
+        found = explored(ds, Path(path).name, trusted)
         if is_refined(path):
             found = replace(found, ds=with_borders(found.ds, borders(path)))
         return found, ds
@@ -121,8 +124,12 @@ def open_explored(path: str | Path) -> tuple[Explored, Any]:
         raise StoreError(f"{path}: cannot be explored: {plain(str(error))}") from None
 
 
-def explored(ds: xr.Dataset, name: str = "") -> Explored:
-    """A dataset as a map to explore. Raises: `StoreError` for one that cannot be shown."""
+def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
+    """A dataset as a map to explore. Only if it is `trusted` are modules imported that it names (of
+    a system or a friction law of one's own): importing runs them.
+
+    Raises: `StoreError` for one that cannot be shown.
+    """
     if "label" not in ds:
         raise StoreError("is not a map (it has no variable 'label')")
     dims = tuple(dim for dim in map_dims(ds) if dim != "start")
@@ -130,11 +137,13 @@ def explored(ds: xr.Dataset, name: str = "") -> Explored:
         raise StoreError(f"must have 1 to {MOST_AXES} axes, but has {len(dims)}")
     for dim in dims:
         _check_axis(ds, dim)
+    if sum(ds.sizes[dim] > 1 for dim in dims) < 2:
+        raise StoreError("has no two axes to show; 'wiperjax plot -p line' draws one")
     if "flag_values" not in ds["label"].attrs:
         raise StoreError("has classes without names ('label' has no flag_values)")
     for variable in ds.data_vars.values():
         _check_variable(variable)
-    spec, unable = _specification(ds, dims)
+    spec, unable = _specification(ds, dims, trusted)
     starts = tuple(ds["start"].values.tolist()) if "start" in ds["label"].dims else ()
     return Explored(plain(name), ds, spec, unable, dims, starts)
 
@@ -164,13 +173,16 @@ def _check_variable(variable: xr.DataArray) -> None:
             raise StoreError(f"has codes whose names do not fit ({name})") from None
 
 
-def _specification(ds: xr.Dataset, dims: tuple[str, ...]) -> tuple[Any, str]:
+def _specification(ds: xr.Dataset, dims: tuple[str, ...], trusted: bool) -> tuple[Any, str]:
     """The sweep that a map was made from, or None and why its cells cannot be simulated."""
     text = ds.attrs.get("specification")
     if not isinstance(text, str):
         return None, "the map does not say what it was made from"
     try:
-        spec = parse_sweep(json.loads(text), "the specification in the map")
+        data = json.loads(text)
+        if not trusted and (named := sorted(_modules(data))):
+            return None, plain(f"it names a module ({named[0]}), which only --trust imports")
+        spec = parse_sweep(data, "the specification in the map")
     except (SpecError, ValueError, RecursionError) as error:
         return None, plain(str(error))
     axes = spec.axes_values()
@@ -179,6 +191,15 @@ def _specification(ds: xr.Dataset, dims: tuple[str, ...]) -> tuple[Any, str]:
         for dim in dims
     )
     return (spec, "") if same else (None, "the axes of the map are not those it was made from")
+
+
+def _modules(data: Any) -> set[str]:
+    """Import paths that a specification names."""
+    blade = data.get("blade", {}) if isinstance(data, dict) else {}
+    given = data.get("parameters", {}) if isinstance(data, dict) else {}
+    names = [data.get("system")] if isinstance(data, dict) else []
+    names += [table.get("friction") for table in (blade, given) if isinstance(table, dict)]
+    return {name for name in names if isinstance(name, str) and is_path(name)}
 
 
 def plain(text: str, length: int = 200) -> str:

@@ -76,10 +76,13 @@ class MotionPanel:
             ),
             self.sources["frames"], drawn,
         )  # fmt: skip
-        self.pictures = {"friction": self._friction(), "lip": lip}
+        self.pictures = {
+            "friction": self._friction(), "lip": lip, "history": self._history(drawn),
+            "portrait": self._portrait(drawn), "spectrum": self._spectrum(),
+        }  # fmt: skip
         numbers = Column(children=[self.texts["table"]], width=WIDTH)
         flow = [
-            numbers, self._history(drawn), self._portrait(drawn), self._spectrum(),
+            numbers, *(self.pictures[name] for name in ("history", "portrait", "spectrum")),
             self._spectrogram(), self.pictures["friction"], lip, self._scene_box(),
         ]  # fmt: skip
         self.view = Column(
@@ -108,6 +111,8 @@ class MotionPanel:
                 self.ranges[name].update(start=start, end=end)
         for name, picture in self.pictures.items():
             picture.visible = name not in content.hidden
+            if name in content.labels:
+                picture.xaxis.axis_label, picture.yaxis.axis_label = content.labels[name]
         for name, text in content.texts.items():
             if only and name not in only:
                 continue
