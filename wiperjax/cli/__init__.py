@@ -16,6 +16,8 @@ import typer
 
 from .compute import sweep, verify
 from .example import example
+from .explore import explore
+from .export import export
 from .modes import modes
 from .motion import follow, ladder, simulate
 from .options import INTERRUPTED
@@ -33,7 +35,7 @@ for command in (sweep, refine, simulate, follow, modes):
     app.command()(command)
 app.command(help=PLOT_HELP)(plot)
 app.command(help=LISTEN_HELP)(listen)
-for command in (info, ladder, verify):
+for command in (export, explore, info, ladder, verify):
     app.command()(command)
 app.command()(example)
 for extra in sorted(importlib.metadata.entry_points(group="wiperjax.commands")):

@@ -40,23 +40,29 @@ def with_borders(ds: xr.Dataset, borders: xr.Dataset) -> xr.Dataset:
 
 def draw_borders(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str) -> bool:
     """Draws the borders of `variable` in a plane of a map; returns whether there are any."""
-    on = str(ds.attrs.get(PREFIX + "on", ""))
-    if PREFIX + "axis" not in ds or ("=" not in on and on != variable):
+    pieces, dots = border_pieces(ds, x, y, variable)
+    if not len(pieces) + len(dots):
         return False
-    place, pair, rough = _in_plane(ds, x, y)
-    if not len(place):
-        return False
-    last = np.array([ds.sizes[x], ds.sizes[y]]) - 2
-    pieces = [
-        piece for cell in _cells((place[~rough], pair[~rough]), last) for piece in _joined(*cell)
-    ]
     lines = [_values(ds, x, y, np.array(piece)) for piece in pieces]
     for colour, width in ((BOUNDARY, 2.0), (BORDER, 1.0)):  # seen on dark and on bright cells
         curves = LineCollection(lines, colors=colour, linewidths=width, capstyle="round")
         ax.add_collection(curves, autolim=False)
-    dots = _values(ds, x, y, place[rough])
+    dots = _values(ds, x, y, dots)
     ax.plot(dots[:, 0], dots[:, 1], ".", color=BORDER, markersize=1.5)
     return True
+
+
+def border_pieces(ds: xr.Dataset, x: str, y: str, variable: str) -> tuple[list, np.ndarray]:
+    """Borders of `variable` in a plane of a map, in cells from its first one along `x` and `y`:
+    straight pieces, each a pair of points (2,), and the points that no curve joins, (points, 2).
+    """
+    on = str(ds.attrs.get(PREFIX + "on", ""))
+    if PREFIX + "axis" not in ds or ("=" not in on and on != variable):
+        return [], np.zeros((0, 2))
+    place, pair, rough = _in_plane(ds, x, y)
+    last = np.array([ds.sizes[x], ds.sizes[y]]) - 2
+    cells = _cells((place[~rough], pair[~rough]), last)
+    return [piece for cell in cells for piece in _joined(*cell)], place[rough]
 
 
 def border_legend() -> Line2D:

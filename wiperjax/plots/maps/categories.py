@@ -161,7 +161,7 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
     across, up = edges(shown(ds[x])[0]), edges(shown(ds[y])[0])
     names = flag_names(ds[variable])
     values = sorted(names)
-    colours = ListedColormap(list(_colours(ds[variable]).values()))
+    colours = ListedColormap(list(colours_of(ds[variable]).values()))
     borders = BoundaryNorm([value - 0.5 for value in values] + [values[-1] + 0.5], len(values))
     ax.pcolormesh(across, up, codes, cmap=colours, norm=borders, rasterized=True)
     for value, name in names.items():
@@ -180,9 +180,7 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
 
 def _hatch(ax: Axes, across, up, mask: np.ndarray, hatch: str, colour: str) -> None:
     """Hatches the cells of a mask, each row's neighbours as one polygon."""
-    steps = np.diff(np.pad(mask.astype(np.int8), ((0, 0), (1, 1))), axis=1)
-    row, start = np.nonzero(steps == 1)
-    stop = np.nonzero(steps == -1)[1]
+    row, start, stop = row_runs(mask)
     if len(row) > MOST_HATCHED:
         return
     x0, x1, y0, y1 = across[start], across[stop], up[row], up[row + 1]
@@ -200,6 +198,13 @@ def _hatch(ax: Axes, across, up, mask: np.ndarray, hatch: str, colour: str) -> N
     )
 
 
+def row_runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Neighbours in the rows of a mask (rows, columns): row, first column, one after the last."""
+    steps = np.diff(np.pad(mask.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    row, start = np.nonzero(steps == 1)
+    return row, start, np.nonzero(steps == -1)[1]
+
+
 def category_legend(
     cells: xr.Dataset, variable: str = "label", boundary: bool = False, shares: bool = True
 ) -> list[Any]:
@@ -207,7 +212,7 @@ def category_legend(
     the stability `boundary` if it is drawn.
     """
     handles: list[Any] = []
-    colours = _colours(cells[variable])
+    colours = colours_of(cells[variable])
     for name, count, share in class_table(cells, variable):
         if count:
             part = f"{share:.1%}" if share >= 0.001 else "<0.1%"  # one cell of many is not none
@@ -231,7 +236,7 @@ def category_legend(
     return handles + curve_legend(cells)
 
 
-def _colours(variable: xr.DataArray) -> dict[str, str]:
+def colours_of(variable: xr.DataArray) -> dict[str, str]:
     """Colour of each name of a categorical variable, in the order of its codes: its own, or a spare
     one.
     """

@@ -97,19 +97,25 @@ def cut(ds: xr.Dataset, keep: tuple[str, ...], at: At | None = None) -> tuple[xr
 
 def stability_boundary(ds: xr.Dataset, ax: Axes, x: str, y: str) -> bool:
     """Draws the line growth_rate = 0 over a plane; returns whether there is one."""
-    if "growth_rate" not in ds or min(ds.sizes[x], ds.sizes[y]) < 2:
+    lines = bent_growth(ds, x, y)
+    if lines is None:
         return False
-    growth = np.ma.masked_invalid(ds["growth_rate"].transpose(y, x).values.astype(float))
-    if growth.count() == 0 or not (growth.min() < 0 < growth.max()):
-        return False
-    # Growth rates span decades; an odd compression keeps the zero line in place and interpolates it
-    # smoothly.
-    scale = np.median(np.abs(growth.compressed())) or 1.0
-    lines = np.arcsinh(growth / scale)
     across, up = shown(ds[x])[0], shown(ds[y])[0]
     ax.contour(across, up, lines, levels=[0.0], colors="white", linewidths=3.2)
     ax.contour(across, up, lines, levels=[0.0], colors=BOUNDARY, linewidths=1.4)
     return True
+
+
+def bent_growth(ds: xr.Dataset, x: str, y: str) -> np.ma.MaskedArray | None:
+    """Growth rates of a plane, (y, x), compressed so that their zero line is interpolated smoothly
+    (they span decades; an odd function keeps it in place); None where nothing crosses zero.
+    """
+    if "growth_rate" not in ds or min(ds.sizes[x], ds.sizes[y]) < 2:
+        return None
+    growth = np.ma.masked_invalid(ds["growth_rate"].transpose(y, x).values.astype(float))
+    if growth.count() == 0 or not (growth.min() < 0 < growth.max()):
+        return None
+    return np.ma.arcsinh(growth / (np.median(np.abs(growth.compressed())) or 1.0))
 
 
 def value_map(

@@ -38,7 +38,7 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
     """
     if ds.attrs.get("system") not in ("Wiper", "Bar") or "lip_length" not in ds.attrs:
         raise ValueError("the run must be of a Wiper: only its lip can be drawn")
-    length, time, tip, hinge, belt, travel, force, regimes = _scene_of(ds)
+    length, time, tip, hinge, belt, travel, force, regimes = lip_scene(ds)
     frames = int(min(max(2, round(seconds * FRAMES_PER_SECOND)), time.size))
     chosen = np.linspace(0, time.size - 1, frames).round().astype(int)
     largest = float(np.linalg.norm(force, axis=1).max(initial=0.0)) or 1.0
@@ -91,7 +91,7 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
     return FuncAnimation(figure, draw, frames=frames, interval=1000 / FRAMES_PER_SECOND)
 
 
-class _Scene(NamedTuple):
+class LipScene(NamedTuple):
     """What is drawn of a run, over its samples; lengths in mm."""
 
     length: float
@@ -104,7 +104,7 @@ class _Scene(NamedTuple):
     regimes: list[str]
 
 
-def _scene_of(ds: xr.Dataset) -> _Scene:
+def lip_scene(ds: xr.Dataset) -> LipScene:
     """What is drawn of a run."""
     length = 1e3 * float(ds.attrs["lip_length"])
     time = np.asarray(ds["time"], dtype=float)
@@ -116,7 +116,7 @@ def _scene_of(ds: xr.Dataset) -> _Scene:
     force = np.column_stack([ds["friction_force"], ds["normal_force"]])
     names = {code: name.lower() for code, name in flag_names(ds["regime"]).items()}
     regimes = [names[int(code)] for code in np.asarray(ds["regime"])]
-    return _Scene(length, time, tip, hinge, belt, travel, force, regimes)
+    return LipScene(length, time, tip, hinge, belt, travel, force, regimes)
 
 
 def _velocities(ax, ds: xr.Dataset, time: np.ndarray, belt: np.ndarray):

@@ -47,8 +47,8 @@ def phase_portrait(
     if ax is None:
         ax = page((6.0, 5.4)).subplots()
     if transient is not None:
-        ax.plot(*_orbit(transient, component), color="#AAAAAA", linewidth=0.5, zorder=1)
-    x, v = _orbit(ds, component)
+        ax.plot(*orbit(transient, component), color="#AAAAAA", linewidth=0.5, zorder=1)
+    x, v = orbit(ds, component)
     points = np.column_stack([x, v])
     pieces = np.stack([points[:-1], points[1:]], axis=1)
     for name, mask in regime_masks(ds):
@@ -87,7 +87,7 @@ def phase_portrait(
     return ax
 
 
-def _orbit(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray]:
+def orbit(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray]:
     """Position and velocity of one coordinate in the units of pictures."""
     columns = (shown(ds[name].transpose("time", ...))[0] for name in ("position", "velocity"))
     x, v = (values[:, component] if values.ndim > 1 else values for values in columns)

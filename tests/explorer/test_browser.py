@@ -1,0 +1,138 @@
+"""The explorer in a real browser: what is clicked is what is shown, and nothing else happens."""
+
+import base64
+import io
+
+import numpy as np
+import pytest
+import scipy.io.wavfile
+from explorer_pages import Window, browser, servers, sixteen  # noqa: F401
+
+from wiperjax.explorer.explored import explored
+from wiperjax.vocabulary.cf import flag_names
+
+pytestmark = pytest.mark.slow
+EVIL = "<script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">"
+
+
+@pytest.fixture(scope="module")
+def cells():
+    """The map, in memory."""
+    return sixteen()
+
+
+@pytest.fixture(scope="module")
+def address(servers, cells):  # noqa: F811
+    return servers(explored(cells, "sixteen.h5"))
+
+
+@pytest.fixture
+def window(browser, address):  # noqa: F811
+    found = Window(browser, address)
+    found.until(lambda: found.text(".noise"))
+    yield found
+    assert found.faults == []
+    found.page.close()
+
+
+def told(cells, place):
+    """Class and frequency of a cell in the map, as the page writes them."""
+    cell = cells.isel(place)
+    return flag_names(cells["label"])[int(cell["label"])], float(cell["dominant_frequency"])
+
+
+def agrees(window, cells, place):
+    """Whether the page shows this cell, computed, as the map has it."""
+    name, frequency = told(cells, place)
+    if window.number("label") != name or window.number("label", "map") != name:
+        return False
+    shown = window.number("dominant_frequency")
+    return shown not in ("", "-") and np.isclose(float(shown), frequency, rtol=1e-3)
+
+
+def test_cells_clicked_moved_to_and_slid_to_are_those_of_the_map(window, cells):
+    window.click(2, 1, 4, 2)
+    place = {"attack_angle": 2, "belt_speed": 1, "normal_load": 1}
+    assert told(cells, place)[0] == "squeal"
+    window.until(lambda: agrees(window, cells, place))
+    assert "attack angle 5°" in window.text(".where")
+    for key, change in (("ArrowDown", {"belt_speed": 0}), ("ArrowLeft", {"attack_angle": 1})):
+        window.page.keyboard.press(key)
+        place |= change
+        window.until(lambda: agrees(window, cells, place))  # noqa: B023
+    assert "attack angle -5°" in window.text(".where")
+    slider = window.page.locator(".noUi-handle").first
+    slider.focus()
+    slider.press("ArrowLeft")  # the slider's, not the map's
+    window.until(lambda: "normal load 12 N/m" in window.text(".where"))
+    window.until(lambda: agrees(window, cells, place | {"normal_load": 0}))
+
+
+def test_the_sound_is_that_of_the_motion(window):
+    window.click(2, 1, 4, 2)
+    window.until(lambda: "belt speed 0.3" in window.text(".where") and window.text(".audio p"))
+    sound = window.page.locator("audio").first
+    window.until(lambda: sound.evaluate("audio => audio.duration > 1.9"))
+    assert sound.evaluate("audio => audio.loop && audio.controls")
+    data = sound.get_attribute("src").partition("base64,")[2]
+    _, samples = scipy.io.wavfile.read(io.BytesIO(base64.b64decode(data)))
+    assert np.abs(samples).max() > 0.01
+    before = len(data), np.abs(samples).max()
+    window.page.get_by_label("full scale of the sound").select_option(label="0.1 m/s")
+
+    def louder():
+        now = sound.get_attribute("src").partition("base64,")[2]
+        _, samples = scipy.io.wavfile.read(io.BytesIO(base64.b64decode(now)))
+        return np.isclose(np.abs(samples).max(), 10 * before[1], rtol=1e-3)
+
+    window.until(louder)
+    assert "full scale = 0.1 m/s" in window.text(".audio p")
+
+
+def test_a_box_is_computed_again_finer_and_left_again(window):
+    (x0, y0), (x1, y1) = window.point(0, 0, 4, 2), window.point(2, 1, 4, 2)
+    window.page.mouse.move(x0, y0)
+    window.page.mouse.down()
+    window.page.mouse.move(0.5 * (x0 + x1), 0.5 * (y0 + y1))
+    window.page.mouse.move(x1, y1)
+    window.page.mouse.up()
+    back = window.page.get_by_role("button", name="back to the whole map")
+    window.until(lambda: back.is_visible())
+    window.until(lambda: window.says("a part, computed again and finer"))
+    window.click(47, 47, 48, 48)
+    window.until(lambda: "attack angle 5°" in window.text(".where"))
+    back.click()
+    window.until(lambda: window.says("sixteen.h5"))
+    assert not back.is_visible()
+
+
+def test_two_windows_do_not_disturb_each_other_and_cells_are_held(window, browser, address, cells):  # noqa: F811
+    other = Window(browser, address)
+    other.until(lambda: other.text(".noise"))
+    window.click(0, 0, 4, 2)
+    other.click(3, 1, 4, 2)
+    window.until(lambda: "attack angle -20°" in window.text(".where"))
+    other.until(lambda: "attack angle 20°" in other.text(".where"))
+    other.until(lambda: "computed" in other.text(".state p"))
+    other.page.get_by_role("button", name="hold this cell beside").click()
+    other.until(lambda: other.page.locator(".where").count() == 2 and other.text(".where", 1))
+    other.click(0, 1, 4, 2)
+    other.until(lambda: "attack angle -20°" in other.text(".where"))
+    assert "attack angle 20°" in other.text(".where", 1)
+    assert "belt speed 0.2" in window.text(".where")
+    assert other.faults == []
+    other.page.close()
+
+
+def test_words_in_a_map_are_words_on_the_page(browser, servers, cells):  # noqa: F811
+    evil = cells.assign_attrs(title=EVIL)
+    evil["attack_angle"].attrs["long_name"] = EVIL + "$$x^2$$"
+    evil["label"].attrs["long_name"] = EVIL
+    for hostile, says in ((evil, "squeal"), (evil.assign_attrs(specification="[]"), "cannot be")):
+        window = Window(browser, servers(explored(hostile, EVIL)))
+        window.until(lambda: window.says(says))  # noqa: B023
+        assert "<script>" in window.page.locator("h1").first.inner_text()
+        assert "owned" not in window.page.title().replace(EVIL, "").replace("title='owned'", "")
+        assert window.page.evaluate("document.querySelectorAll('img').length") == 0
+        assert window.faults == []
+        window.page.close()

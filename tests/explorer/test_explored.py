@@ -1,0 +1,151 @@
+"""Maps that are explored: read plane by plane, and refused where they are none."""
+
+import tomllib
+
+import numpy as np
+import pytest
+import xarray as xr
+from stub_sweep import evaluate, make_spec
+
+from wiperjax.cli import main
+from wiperjax.explorer.box import box_spec
+from wiperjax.explorer.cells import scene_of, toml_of
+from wiperjax.explorer.content import thinned
+from wiperjax.explorer.explored import explored, open_explored, plain
+from wiperjax.explorer.scale import NOTHING, painted
+from wiperjax.machine.files import StoreError
+from wiperjax.maps import driver
+from wiperjax.specs.load import parse_scene
+from wiperjax.store.whole import write_dataset
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return explored(driver.sweep(make_spec(), evaluate=evaluate, progress=False), "stub.h5")
+
+
+def test_a_plane_holds_what_is_shown_and_no_more(whole):
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 3}, None, {"velocity_rms"})
+    assert plane["velocity_rms"].dims == ("belt_speed", "attack_angle")
+    expected = whole.ds["velocity_rms"].isel(normal_load=3).transpose("belt_speed", "attack_angle")
+    np.testing.assert_array_equal(plane["velocity_rms"], expected)
+    assert set(plane.data_vars) == {"velocity_rms", "label"}
+
+
+def test_colours_stand_for_the_classes_and_numbers_of_a_plane(whole):
+    names = {"label", "normal_force_max"}
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, names)
+    paint = painted(plane, "label")
+    assert paint.palette[0] == "#E3EAF0"  # quiet, as in every picture
+    codes = np.array(list(paint.names))[paint.shades]
+    np.testing.assert_array_equal(codes, plane["label"])
+    numbers = painted(plane, "normal_force_max")
+    order = np.argsort(plane["normal_force_max"].values.ravel())
+    assert (np.diff(numbers.shades.ravel()[order].astype(int)) >= 0).all()
+    lost = plane.assign(normal_force_max=plane["normal_force_max"] * np.nan)
+    assert (painted(lost, "normal_force_max").shades == NOTHING).all()
+
+
+def test_the_scene_of_a_cell_is_a_scene_file_of_its_parameters(whole):
+    place = {"attack_angle": 1, "normal_load": 4, "belt_speed": 7}
+    scene = tomllib.loads(toml_of(scene_of(whole, place)))
+    cell = whole.spec.cells(np.ravel_multi_index(tuple(place.values()), whole.spec.shape))
+    stated = parse_scene(scene).parameters()
+    assert {name: float(value) for name, value in cell.items()} == pytest.approx(stated, rel=1e-15)
+    assert parse_scene(scene).run.solver == whole.spec.settings.solver
+
+
+def test_a_box_is_finer_and_lies_where_it_was_dragged(whole):
+    ends = {"attack_angle": (0.5, 2.0), "belt_speed": (-3.0, 4.0)}
+    spec = box_spec(whole, ends, {"normal_load": 2}, None)
+    axes = spec.axes_values()
+    assert len(axes["attack_angle"]) == len(axes["belt_speed"]) == 48
+    np.testing.assert_allclose(axes["attack_angle"][[0, -1]], [-40 + 0.5 * 80 / 6, -40 + 160 / 6])
+    assert axes["belt_speed"][0] == pytest.approx(0.02)  # the map ends there
+    np.testing.assert_allclose(np.diff(np.log(axes["belt_speed"])), np.log(2.5) / 47, rtol=1)
+    assert axes["normal_load"].tolist() == [whole.ds["normal_load"].values[2]]
+    with pytest.raises(ValueError, match="more than one cell"):
+        box_spec(whole, ends | {"attack_angle": (1.0, 1.0)}, {"normal_load": 2}, None)
+
+
+def test_a_thinned_curve_keeps_its_peaks():
+    curve = np.sin(np.linspace(0, 300, 100_000))
+    curve[54_321] = 7.0
+    chosen = thinned(curve, most=500)
+    assert len(chosen) <= 500 and curve[chosen].max() == 7.0 and curve[chosen].min() == curve.min()
+    assert chosen[0] == 0 and chosen[-1] == 99_999
+
+
+def broken(ds, how):
+    """A map of which one thing is wrong."""
+    if how == "no classes":
+        return ds.drop_vars("label")
+    if how == "no names":
+        bad = ds.copy()
+        bad["label"].attrs["flag_meanings"] = "quiet"
+        return bad
+    if how == "axis of nan":
+        return ds.assign_coords(belt_speed=np.full(ds.sizes["belt_speed"], np.nan))
+    if how == "axis without values":
+        return ds.drop_vars("belt_speed")
+    return ds.isel(belt_speed=[0, 2, 1])
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        ("no classes", "no variable 'label'"),
+        ("no names", "names do not fit (label)"),
+        ("axis of nan", "no finite numbers (belt_speed)"),
+        ("axis without values", "without values (belt_speed)"),
+        ("axis to and fro", "neither rise nor fall (belt_speed)"),
+    ],
+)
+def test_a_broken_map_is_refused_in_one_line(whole, how, says, tmp_path, capsys):
+    path = tmp_path / "bad.h5"
+    write_dataset(broken(whole.ds, how), path)
+    assert main(["explore", str(path), "--no-browser"]) == 1
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1 and str(path) in line and says in line
+
+
+def test_what_would_fill_the_memory_is_refused_unread(tmp_path):
+    path = tmp_path / "large.h5"
+    h5py = pytest.importorskip("h5py")
+    count = 30_000
+    label = xr.Dataset(
+        {"label": (("x", "y"), np.zeros((2, 2), np.int8),
+                   {"flag_values": np.array([0], np.int8), "flag_meanings": "quiet"})},
+        coords={"x": np.arange(2.0), "y": np.arange(2.0)},
+    )  # fmt: skip
+    label.to_netcdf(path, engine="h5netcdf")
+    with h5py.File(path, "r+") as file:
+        attrs = dict(file["label"].attrs)
+        for name in ("x", "y", "label"):
+            del file[name]
+        for name in ("x", "y"):
+            file[name] = np.arange(count, dtype=float)
+            file[name].make_scale(name)
+        found = file.create_dataset("label", (count, count), "i1", chunks=(100, 100))
+        for key in ("flag_values", "flag_meanings"):
+            found.attrs[key] = attrs[key]
+        for k, name in enumerate(("x", "y")):
+            found.dims[k].attach_scale(file[name])
+    huge, ds = open_explored(path)
+    with ds, pytest.raises(ValueError, match="30,000 x 30,000 cells cannot be shown"):
+        huge.plane("x", "y", {}, None, set())
+
+
+def test_a_map_that_does_not_say_what_it_was_made_from_is_shown_only(whole):
+    for attrs in ({}, {"specification": "[" * 5000}, {"specification": '{"axes": 3}'}):
+        bare = explored(whole.ds.drop_attrs(deep=False).assign_attrs(attrs))
+        assert bare.spec is None and bare.unable
+        with pytest.raises(ValueError, match="cannot be simulated"):
+            scene_of(bare, {"attack_angle": 0, "normal_load": 0, "belt_speed": 0})
+    with pytest.raises(StoreError, match="no variable 'label'"):
+        explored(xr.Dataset())
+
+
+def test_words_are_one_plain_line():
+    assert plain("a\n\x1b[31mb $$x$$ \\(y\\)") == "a [31mb  x   y\\)"
+    assert len(plain("x" * 10_000)) == 200

@@ -1,0 +1,64 @@
+"""A run as other programs read it."""
+
+import numpy as np
+import pytest
+import pyuff
+import scipy.io
+
+from wiperjax.cli import main
+from wiperjax.exports import columns, export
+from wiperjax.store.whole import write_dataset
+
+
+def test_a_table_holds_every_sample_with_its_unit(squeal, tmp_path):
+    path = tmp_path / "run.csv"
+    export(squeal, path)
+    head, *lines = path.read_text().splitlines()
+    assert head.startswith("time (s),position_x (m),position_y (m),velocity_x (m/s)")
+    table = np.loadtxt(lines, delimiter=",")
+    for column, (values, _) in zip(table.T, columns(squeal).values(), strict=True):
+        np.testing.assert_array_equal(column, values)
+
+
+def test_matlab_finds_samples_events_and_units(squeal, tmp_path):
+    path = tmp_path / "run.mat"
+    export(squeal, path)
+    found = scipy.io.loadmat(path, squeeze_me=True)
+    np.testing.assert_array_equal(found["velocity_x"], squeal["velocity"].sel(axis="x"))
+    np.testing.assert_array_equal(found["event_time"], squeal["event_time"])
+    assert found["units"]["normal_force"] == "N/m"
+
+
+def test_test_software_finds_a_response_for_each_quantity(squeal, tmp_path):
+    path = tmp_path / "run.uff"
+    export(squeal, path)
+    sets = {one["id1"]: one for one in pyuff.UFF(str(path)).read_sets()}
+    expected = columns(squeal)
+    assert set(sets) == set(expected) - {"time", "regime"}
+    for name, one in sets.items():
+        values, unit = expected[name]
+        np.testing.assert_allclose(one["data"], values, rtol=1e-11, atol=1e-300)
+        np.testing.assert_allclose(one["x"], expected["time"][0], rtol=1e-5, atol=1e-9)
+        assert one["type"] == 58 and one["ordinate_axis_units_lab"] == unit
+    assert sets["velocity_x"]["ordinate_spec_data_type"] == 11
+
+
+def test_the_command_writes_runs_only_and_nothing_over_a_file(squeal, tmp_path, capsys):
+    run, table = tmp_path / "run.h5", tmp_path / "run.csv"
+    write_dataset(squeal, run)
+    assert main(["export", str(run), "-o", str(table)]) == 0
+    assert table.exists()
+    assert main(["export", str(run), "-o", str(table)]) == 1
+    assert "exists" in capsys.readouterr().err
+    assert main(["export", str(run), "-o", str(tmp_path / "run.xls")]) == 1
+    assert ".csv or .mat" in capsys.readouterr().err
+    write_dataset(squeal.drop_vars("regime"), tmp_path / "other.h5")
+    assert main(["export", str(tmp_path / "other.h5"), "-o", str(tmp_path / "o.mat")]) == 1
+    assert "only a run" in capsys.readouterr().err
+
+
+def test_uneven_samples_are_no_universal_file(squeal, tmp_path):
+    uneven = squeal.isel(time=[0, 1, 2, 4, 8, 16, 32, 64, 128])
+    with pytest.raises(ValueError, match="evenly spaced"):
+        export(uneven, tmp_path / "run.uff")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,53 @@
+"""The command that shows a map as a page."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import check_input, configure
+
+
+def explore(
+    file: Annotated[Path, typer.Argument(metavar="MAP.h5", help="A finished map.")],
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to serve on.", show_default="a free one")
+    ] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
+    trust: Annotated[
+        bool,
+        typer.Option(
+            "--trust",
+            help="Import the module of a system of your own that the map names: that runs it.",
+        ),
+    ] = False,
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address to listen on. Any but 127.0.0.1 lets other computers see the map and "
+            "have cells computed on this one, without a password.",
+        ),
+    ] = "127.0.0.1",
+) -> None:
+    """Look into a map in a browser: click on a cell, see and hear its motion."""
+    check_input(file)
+    configure(None)
+    try:
+        import bokeh  # noqa: F401
+    except ImportError:
+        raise ValueError("the page needs bokeh: pip install 'wiperjax[explore]'") from None
+    from ..explorer import server
+    from ..explorer.explored import open_explored
+
+    explored, ds = open_explored(file, trust)
+    with ds:
+        if host not in server.LOCAL:
+            print(
+                f"note: on {host} every computer that reaches this one can see the map and have "
+                "cells computed here; there is no password and no encryption",
+                file=sys.stderr,
+            )
+        served, address = server.serve(explored, host, port)
+        server.run(served, address, browser, lambda text: print(text, flush=True))

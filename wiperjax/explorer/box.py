@@ -1,0 +1,124 @@
+"""A part of a map, computed again and finer, in memory: nothing is written."""
+
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from ..datasets.map_dataset import assemble
+from ..maps.block import Evaluate
+from ..maps.driver import computing
+from ..plots.style.axes import is_geometric
+from ..specs.load import parse_sweep
+from ..vocabulary.kinds import WAYS
+from .cells import start_of
+from .explored import Explored, explored
+
+FEWEST, MOST = 48, 128  # cells along each side: a multiple of `PARTS` each
+PARTS = 8  # blocks, so that there is progress to tell
+
+
+class Stopped(Exception):
+    """The window has another wish."""
+
+
+def box_spec(
+    whole: Explored, ends: Mapping[str, tuple[float, float]], at: Mapping[str, int], start: Any
+) -> Any:
+    """The sweep of a box: its two axes at twice the density of the map or better, all others at
+    one value.
+
+    Arguments: axis -> the first and the last cell of the box (with parts of one); axis -> place of
+    each other one; the start, of a map of several.
+
+    Raises: `ValueError` where the map does not say what it was made from, its cells go on from
+    each other, or the box is empty.
+    """
+    if whole.spec is None:
+        raise ValueError(f"cells of this map cannot be simulated: {whole.unable}")
+    several = whole.spec.starts
+    if several is not None and (start or whole.starts[0]) in WAYS:
+        raise ValueError("choose another start: with up and down a cell needs its whole line")
+    document = whole.spec.document()
+    for table in ("starts", "refine", "sensitivities"):
+        document.pop(table, None)
+    place = {dim: int(at.get(dim, 0)) for dim in whole.dims}
+    document["start"] = start_of(whole, place, start)
+    document["axes"] = {
+        dim: {"values": _finer(whole.ds[dim].values, *ends[dim]).tolist()}
+        if dim in ends
+        else {"values": [float(whole.ds[dim].values[at[dim]])]}
+        for dim in whole.dims
+    }
+    title = str(whole.ds.attrs.get("title", ""))[:400]
+    return parse_sweep(document | {"title": title}, "the box")
+
+
+def _finer(values: np.ndarray, first: float, last: float) -> np.ndarray:
+    """Values between two places of an axis, (n,), spaced as the axis is."""
+    first, last = (float(np.clip(place, 0, len(values) - 1)) for place in sorted((first, last)))
+    if last - first < 1e-3:
+        raise ValueError("the box must reach over more than one cell, in both directions")
+    count = int(np.clip(PARTS * round(2 * (last - first) / PARTS), FEWEST, MOST))
+    places, cells = np.linspace(first, last, count), np.arange(len(values))
+    if is_geometric(values):
+        return np.exp(np.interp(places, cells, np.log(values)))
+    return np.interp(places, cells, values)
+
+
+def compute(
+    spec: Any, report: Callable[[int, int], None], stop: threading.Event,
+    evaluate: Evaluate | None = None,
+) -> Explored:  # fmt: skip
+    """The map of a box; `report` is told cells done and cells in all. Raises: `Stopped`."""
+    block = -(-spec.size // PARTS)
+    spans = {k: (k * block, min(spec.size, (k + 1) * block)) for k in range(PARTS)}
+    blocks, _ = computing(spec, evaluate, None)
+    pieces = []
+    report(0, spec.size)
+    for piece in blocks(spec, spans):
+        if stop.is_set():
+            raise Stopped
+        pieces.append(piece.columns)
+        report(spans[piece.number][1], spec.size)
+    columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    return explored(assemble(spec, columns), "a part, computed again and finer")
+
+
+class Boxes:
+    """Computes boxes of all windows, one after another, in the background; `evaluate` as in
+    `sweep`.
+    """
+
+    def __init__(self, evaluate: Evaluate | None = None) -> None:
+        self._evaluate = evaluate
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="box")
+
+    def begin(
+        self, spec: Any, report: Callable[[int, int], None], done: Callable[[Any], None]
+    ) -> threading.Event:
+        """Has a box computed; `done` is called from another thread, with the map or the exception
+        raised, unless the event that is returned was set before.
+        """
+        stop = threading.Event()
+
+        def work() -> None:
+            try:
+                found: Any = (
+                    compute(spec, report, stop, self._evaluate) if not stop.is_set() else None
+                )
+            except Stopped:
+                return
+            except Exception as error:  # shown where it was wished
+                found = error
+            if not stop.is_set():
+                done(found)
+
+        self._pool.submit(work)
+        return stop
+
+    def stop(self) -> None:
+        """Drops all boxes that are not begun."""
+        self._pool.shutdown(wait=False, cancel_futures=True)

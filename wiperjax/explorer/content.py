@@ -1,0 +1,258 @@
+"""What is shown of a motion, as numbers: curves, ranges and frames. Nothing is drawn here."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..datasets.run_dataset import event_times, is_steady, last_periods, settled
+from ..noise.classes import stored
+from ..plots.runs.animation import lip_scene
+from ..plots.runs.bands import pieces
+from ..plots.runs.friction import coefficient, has_law
+from ..plots.runs.history import MARKED
+from ..plots.runs.levels import levels, lines
+from ..plots.runs.portrait import orbit
+from ..plots.style.axes import label, long_name, shown
+from ..plots.style.palette import CLASSES, EVENT_NAMES, EVENTS, REGIMES, UNKNOWN, readable
+from ..vocabulary.cf import flag_names
+from .explored import plain
+
+MOST_POINTS = 3000  # of a curve: more than a screen is wide
+MOST_TICKS = 2000  # of one kind of event
+FRAMES = 150  # of the animation
+DECADES = 4  # of the spectrum
+LEVELS = 60.0  # dB of the spectrogram
+SHADES = 250  # steps of its colours
+
+Columns = dict[str, Any]
+
+
+@dataclass
+class Content:
+    """What a panel shows of one motion.
+
+    Attributes:
+        columns: source -> name -> values.
+        ranges: axis -> its two ends.
+        texts: place -> HTML or plain text.
+        hidden: pictures that this motion has not.
+        labels: picture -> what is across and what is up.
+    """
+
+    columns: dict[str, Columns] = field(default_factory=dict)
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
+    hidden: set[str] = field(default_factory=set)
+    labels: dict[str, tuple[str, str]] = field(default_factory=dict)
+
+
+def content_of(run: xr.Dataset) -> Content:
+    """Curves of a run: its last periods over time and in phase, its settled part over frequency,
+    all of it as a spectrogram.
+    """
+    content, part = Content(), last_periods(run)
+    _history(content, part)
+    _portrait(content, part)
+    _spectrum(content, settled(run))
+    _spectrogram(content, run)
+    _friction(content, part)
+    _lip(content, part)
+    place, speed = (
+        label(_words(run[name]), shown(run[name])[1]) for name in ("position", "velocity")
+    )
+    strength = label(f"{_words(run['velocity'])}, rms of line", shown(run["velocity"])[1])
+    content.labels = {
+        "history": ("time (ms)", speed),
+        "portrait": (place, speed),
+        "spectrum": ("frequency (Hz)", strength),
+    }
+    return content
+
+
+def _words(values: xr.DataArray) -> str:
+    return plain(long_name(values).removesuffix(" of the tip"), 60)
+
+
+def thinned(*curves: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
+    """Places of the samples that are drawn: of each stretch the least and the greatest of every
+    curve, so that no peak is lost.
+    """
+    count = len(curves[0])
+    if count <= most:
+        return np.arange(count)
+    stretches = np.array_split(np.arange(count), max(1, most // (2 * len(curves))))
+    ends = [s[[0, -1]] for s in (stretches[0], stretches[-1])]
+    chosen = [s[[np.argmin(c[s]), np.argmax(c[s])]] for s in stretches for c in curves]
+    return np.unique(np.concatenate([*ends, *chosen]))
+
+
+def _with_room(values: np.ndarray, share: float = 0.08) -> tuple[float, float]:
+    low, high = float(np.min(values)), float(np.max(values))
+    room = share * (high - low) or 0.5 * abs(high) or 1.0
+    return low - room, high + room
+
+
+def _history(content: Content, part: xr.Dataset) -> None:
+    """Velocity over time (ms), the glass, bands of regime, marks of events."""
+    time = 1e3 * np.asarray(part["time"], dtype=float)
+    speed = orbit(part, 0)[1]
+    chosen = thinned(speed)
+    content.columns["velocity"] = {"t": time[chosen], "v": speed[chosen]}
+    glass = shown(part["belt_velocity"])[0][chosen] if "belt_velocity" in part else speed[:0]
+    content.columns["glass"] = {"t": time[chosen][: glass.size], "v": glass}
+    boxes: dict[str, list] = {"left": [], "right": [], "bottom": [], "top": [], "colour": []}
+    for start, stop, shares in pieces(part):
+        low = 0.0
+        for name in sorted(shares, key=lambda n: [*REGIMES, n].index(n)):
+            row = (1e3 * start, 1e3 * stop, low, low + shares[name], REGIMES.get(name, UNKNOWN))
+            for key, value in zip(boxes, row, strict=True):
+                boxes[key].append(value)
+            low += shares[name]
+    content.columns["bands"] = boxes
+    marks = {name: times for name, times in event_times(part).items() if name in MARKED}
+    shape = {"v": "inverted_triangle", "^": "triangle", "*": "star", "D": "diamond"}
+    content.columns["marks"] = {
+        "t": np.concatenate([1e3 * times[:400] for times in marks.values()] or [[]]),
+        "shape": [shape[EVENTS[name]] for name, times in marks.items() for _ in times[:400]],
+    }
+    content.ranges["time"] = (float(time[0]), float(time[-1]))
+    content.ranges["velocity"] = _with_room(np.concatenate([speed, glass]))
+
+
+def _portrait(content: Content, part: xr.Dataset) -> None:
+    """Velocity over position, a curve for each stretch in one regime."""
+    x, v = orbit(part, 0)
+    chosen = thinned(x, v)
+    x, v = x[chosen], v[chosen]
+    codes = np.asarray(part["regime"], dtype=int)[chosen]
+    names = {code: name.lower() for code, name in flag_names(part["regime"]).items()}
+    cuts = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
+    spans = [(a, min(b + 1, len(codes))) for a, b in zip(cuts, cuts[1:], strict=False)]
+    content.columns["orbit"] = {
+        "x": [x[a:b] for a, b in spans],
+        "v": [v[a:b] for a, b in spans],
+        "colour": [REGIMES.get(names.get(int(codes[a]), ""), UNKNOWN) for a, _ in spans],
+    }
+    glass = float(part["belt_velocity"][0]) if "belt_velocity" in part else np.nan
+    steady = "belt_velocity" in part and is_steady(part)
+    content.ranges["position"], content.ranges["speed"] = _with_room(x), _with_room(v)
+    ends = np.array(content.ranges["position"]) if steady else np.zeros(0)
+    content.columns["glass_speed"] = {"x": ends, "v": np.full(ends.size, glass)}
+
+
+def _spectrum(content: Content, part: xr.Dataset) -> None:
+    """Lines of the tip velocity, the bands of the classes, what counts as quiet."""
+    found = lines(part)
+    peak = max(float(found.amplitude.max(initial=0.0)), found.quiet) or 1.0
+    floor = peak * 10.0**-DECADES
+    heights = np.maximum(found.amplitude, 0.1 * floor)
+    chosen = thinned(np.log(heights))
+    content.columns["lines"] = {"f": found.frequency[chosen], "a": heights[chosen]}
+    low, high = float(found.frequency[0]), float(found.frequency[-1])
+    bands = stored(part.attrs)
+    rows = [("squeal", *bands.squeal_band), ("chattering", *bands.chatter_band)]
+    rows = [(name, max(a, low), min(b, high)) for name, a, b in rows if max(a, low) < min(b, high)]
+    content.columns["classes"] = {
+        "left": [a for _, a, _ in rows],
+        "right": [b for *_, b in rows],
+        "middle": [float(np.sqrt(a * b)) for _, a, b in rows],
+        "colour": [CLASSES[name] for name, *_ in rows],
+        "name": [name for name, *_ in rows],
+    }
+    tone = found.strongest
+    seen = bool(np.isfinite(tone) and low <= tone <= high)
+    near = int(np.argmin(np.abs(found.frequency - tone))) if seen else 0
+    content.columns["tone"] = {
+        "f": [tone] * seen,
+        "a": [float(found.amplitude[near])] * seen,
+        "text": [f"{tone:.4g} Hz"] * seen,
+    }
+    steady = is_steady(part) and found.quiet > 0
+    content.columns["quiet"] = {"f": [low, high] * steady, "a": [found.quiet] * 2 * steady}
+    content.ranges["frequency"] = (low, high)
+    content.ranges["amplitude"] = (floor, peak * 20)
+
+
+def _spectrogram(content: Content, run: xr.Dataset) -> None:
+    """Level over time and frequency as shades, and ticks of the events below."""
+    found = levels(run)
+    chosen = np.linspace(0, found.frequency.size - 1, min(found.frequency.size, 256)).astype(int)
+    columns = np.linspace(0, found.time.size - 2, min(found.time.size - 1, 400)).astype(int)
+    share = (found.decibels[np.ix_(chosen, columns)] - found.peak) / LEVELS + 1
+    image = np.clip(SHADES * share, 0, SHADES - 1).astype(np.uint8)
+    top, start, stop = float(found.frequency[-1]), float(found.time[0]), float(found.time[-1])
+    content.columns["levels"] = {
+        "image": [image], "t": [start], "f": [0.0], "width": [stop - start], "height": [top],
+    }  # fmt: skip
+    rows = event_times(run)
+    order = [name for name in EVENTS if name in rows][::-1]
+    content.columns["ticks"] = {
+        "t": np.concatenate([rows[name][:MOST_TICKS] for name in order] or [[]]),
+        "row": [
+            f"{EVENT_NAMES[name]} ({rows[name].size})"
+            for name in order
+            for _ in rows[name][:MOST_TICKS]
+        ],
+    }
+    content.columns["rows"] = {"row": list(dict.fromkeys(content.columns["ticks"]["row"]))}
+    content.ranges["whole"], content.ranges["pitch"] = (start, stop), (0.0, top)
+
+
+def _friction(content: Content, part: xr.Dataset) -> None:
+    """Friction over normal force by slip speed, on its law."""
+    empty = {"slip": [], "mu": []}
+    content.columns |= {"law": empty, "force": empty | {"colour": []}}
+    if not has_law(part):
+        content.hidden.add("friction")
+        return
+    slip = orbit(part, 0)[1] - np.asarray(part["belt_velocity"], dtype=float)
+    normal = np.asarray(part["normal_force"], dtype=float)
+    touching = np.flatnonzero(normal > 1e-6 * normal.max(initial=0.0))
+    if not touching.size:
+        content.hidden.add("friction")
+        return
+    slip, share = slip[touching], np.asarray(part["friction_force"])[touching] / normal[touching]
+    least = 1e-3 * max(float(np.abs(slip).max()), 1e-6)
+    reach = 1.08 * max(float(np.abs(slip).max()), float(part.attrs.get("stribeck_speed", 1e-6)))
+    low, high = (reach if (sign * slip > least).any() else 0.15 * reach for sign in (-1, 1))
+    speed = np.linspace(-low, high, 401)
+    speed = np.insert(speed, np.searchsorted(speed, 0.0), [-1e-12, 1e-12])
+    law = -np.sign(speed) * coefficient(part, np.abs(speed))
+    content.columns["law"] = {"slip": speed, "mu": law}
+    names = {code: name.lower() for code, name in flag_names(part["regime"]).items()}
+    chosen = thinned(slip, share, most=1500)
+    codes = np.asarray(part["regime"], dtype=int)[touching][chosen]
+    content.columns["force"] = {
+        "slip": slip[chosen],
+        "mu": share[chosen],
+        "colour": [REGIMES.get(names.get(int(code), ""), UNKNOWN) for code in codes],
+    }
+    content.ranges["slip"] = (float(speed[0]), float(speed[-1]))
+    content.ranges["mu"] = _with_room(np.concatenate([law, share]))
+
+
+def _lip(content: Content, part: xr.Dataset) -> None:
+    """Frames of the lip in slow motion: of a wiper only."""
+    content.columns["frames"] = {"x": []}
+    if part.attrs.get("system") not in ("Wiper", "Bar") or "lip_length" not in part.attrs:
+        content.hidden.add("lip")
+        return
+    scene = lip_scene(part)
+    count = min(FRAMES, scene.time.size)
+    k = np.linspace(0, scene.time.size - 1, count).round().astype(int)
+    largest = float(np.linalg.norm(scene.force, axis=1).max(initial=0.0)) or 1.0
+    push = 0.6 * scene.length / largest * scene.force[k]
+    x, y = scene.tip[k].T
+    content.columns["frames"] = {
+        "x": x, "y": y, "hinge": scene.hinge[k], "travel": scene.travel[k],
+        "px": x + push[:, 0], "py": y + push[:, 1], "t": 1e3 * scene.time[k],
+        "v": orbit(part, 0)[1][k], "at": orbit(part, 0)[0][k],
+        "colour": [REGIMES.get(scene.regimes[i], UNKNOWN) for i in k],
+        "regime": [readable(scene.regimes[i]) for i in k],
+        "length": np.full(count, scene.length),
+    }  # fmt: skip
+    reach = max(1.35 * scene.length, 1.1 * float(np.abs(scene.tip[:, 0]).max()))
+    content.ranges["along"] = (-reach, reach)
+    content.ranges["height"] = (-0.2 * scene.length, 2 * reach * 0.62 - 0.2 * scene.length)

@@ -1,0 +1,215 @@
+"""A map that is explored: checked once, then read plane by plane, so that memory stays bounded."""
+
+import html
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..datasets.map_starts import from_start
+from ..machine.files import StoreError
+from ..plots.maps.borders import PREFIX, with_borders
+from ..plots.maps.planes import map_dims
+from ..plots.style.axes import long_name, number, shown
+from ..specs.imported import findable, is_path
+from ..specs.load import SpecError, parse_sweep
+from ..store.levels import is_refined
+from ..store.whole import borders, open_map
+from ..vocabulary.cf import flag_names
+from ..vocabulary.wording import shorten
+
+MOST_PLANE = 4_000_000  # cells of a plane: more than a screen has points
+MOST_CHUNK = 2**26  # cells that are unpacked at once: a file may claim any number
+MOST_AXES = 12
+USUAL = (  # variables that are offered first, as far as a map has them
+    *("label", "mechanism", "dominant_frequency", "stick_fraction", "flight_fraction"),
+    *("velocity_rms", "normal_force_max", "growth_rate", "settled", "band"),
+)
+
+
+@dataclass(frozen=True)
+class Explored:
+    """A map whose planes are read when they are shown.
+
+    Attributes:
+        name: of the file, for a person.
+        ds: the map; its variables are read when used.
+        spec: the sweep it was made from, None if its cells cannot be simulated.
+        unable: why they cannot; empty if they can.
+        dims: its axes.
+        starts: names or numbers of the starts of a cell; empty if it has but one.
+    """
+
+    name: str
+    ds: xr.Dataset
+    spec: Any
+    unable: str
+    dims: tuple[str, ...]
+    starts: tuple[Any, ...] = ()
+
+    @property
+    def variables(self) -> dict[str, str]:
+        """Variable -> its words, of those with a value for each cell; usual ones first."""
+        held = [
+            str(name)
+            for name, variable in self.ds.data_vars.items()
+            if set(variable.dims) - {"start"} == set(self.dims)
+            and variable.dtype.kind in "iuf"
+            and "flag_masks" not in variable.attrs
+        ]
+        order = [name for name in USUAL if name in held]
+        order += [name for name in held if name not in order]
+        return {name: plain(long_name(self.ds[name])) for name in order}
+
+    def axis_words(self, name: str) -> tuple[str, str, list[str]]:
+        """What an axis is, its unit, and its values, all as text."""
+        values, unit = shown(self.ds[name])
+        texts = [f"{number(value)} {unit}".strip() for value in values.tolist()]
+        return plain(long_name(self.ds[name])), plain(unit), texts
+
+    def plane(self, x: str, y: str, at: dict[str, int], start: Any, names: set[str]) -> xr.Dataset:
+        """The variables `names` of one plane, in memory; what else a plane needs is read too.
+
+        Arguments: axes across and up; axis -> place of each other one; start, None: the usual one.
+
+        Raises: `ValueError` for a plane that no screen could show.
+        """
+        if self.ds.sizes[x] * self.ds.sizes[y] > MOST_PLANE:
+            size = f"{self.ds.sizes[x]:,} x {self.ds.sizes[y]:,}"
+            raise ValueError(f"a plane of {size} cells cannot be shown; at most {MOST_PLANE:,} can")
+        wanted = names | {"label", "growth_rate", "class_set", "class_share"}
+        held = [
+            str(name)
+            for name in self.ds.data_vars
+            if name in wanted or str(name).startswith(PREFIX)
+        ]
+        plane = self.ds[held].isel({dim: place for dim, place in at.items() if dim not in (x, y)})
+        return from_start(plane.load(), start).transpose(y, x, ...)
+
+    def cell(
+        self, place: dict[str, int], names: Iterable[str], start: Any = None
+    ) -> dict[str, float]:
+        """The numbers `names` of one cell, as far as the map has them."""
+        held = [name for name in names if name in self.variables]
+        wanted = {*held, "label", *(n for n in ("class_share", "class_set") if n in self.ds)}
+        one = from_start(self.ds[sorted(wanted)].isel(place).load(), start)
+        return {name: float(one[name]) for name in held}
+
+
+def open_explored(path: str | Path, trusted: bool = False) -> tuple[Explored, Any]:
+    """A map from its file, and the file, to be closed; `trusted` as in `explored`.
+
+    Raises: `StoreError`, one line, for what cannot be read or is no map that can be shown.
+    """
+    if Path(path).is_dir():
+        raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
+    ds = open_map(path)
+    try:
+        if trusted:
+            findable(Path(path).parent)
+        found = explored(ds, Path(path).name, trusted)
+        if is_refined(path):
+            found = replace(found, ds=with_borders(found.ds, borders(path)))
+        return found, ds
+    except StoreError as error:
+        ds.close()
+        raise StoreError(f"{path}: {error}") from None
+    except Exception as error:  # a file may hold anything under any name
+        ds.close()
+        raise StoreError(f"{path}: cannot be explored: {plain(str(error))}") from None
+
+
+def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
+    """A dataset as a map to explore. Only if it is `trusted` are modules imported that it names (of
+    a system or a friction law of one's own): importing runs them.
+
+    Raises: `StoreError` for one that cannot be shown.
+    """
+    if "label" not in ds:
+        raise StoreError("is not a map (it has no variable 'label')")
+    dims = tuple(dim for dim in map_dims(ds) if dim != "start")
+    if not 1 <= len(dims) <= MOST_AXES:
+        raise StoreError(f"must have 1 to {MOST_AXES} axes, but has {len(dims)}")
+    for dim in dims:
+        _check_axis(ds, dim)
+    if sum(ds.sizes[dim] > 1 for dim in dims) < 2:
+        raise StoreError("has no two axes to show; 'wiperjax plot -p line' draws one")
+    if "flag_values" not in ds["label"].attrs:
+        raise StoreError("has classes without names ('label' has no flag_values)")
+    for variable in ds.data_vars.values():
+        _check_variable(variable)
+    spec, unable = _specification(ds, dims, trusted)
+    starts = tuple(ds["start"].values.tolist()) if "start" in ds["label"].dims else ()
+    return Explored(plain(name), ds, spec, unable, dims, starts)
+
+
+def _check_axis(ds: xr.Dataset, dim: str) -> None:
+    """Raises StoreError for an axis that has no sensible values."""
+    if dim not in ds.coords:
+        raise StoreError(f"has an axis without values ({plain(dim)})")
+    values = ds[dim].values
+    if values.dtype.kind not in "iuf" or not np.isfinite(values.astype(float)).all():
+        raise StoreError(f"has an axis whose values are no finite numbers ({plain(dim)})")
+    steps = np.diff(values.astype(float))
+    if not ((steps > 0).all() or (steps < 0).all()):
+        raise StoreError(f"has an axis whose values neither rise nor fall ({plain(dim)})")
+
+
+def _check_variable(variable: xr.DataArray) -> None:
+    """Raises StoreError for a variable that would fill the memory, or whose names do not fit."""
+    name = plain(str(variable.name))
+    chunk = variable.encoding.get("chunksizes") or (1,)
+    if math.prod(int(n) for n in chunk) > MOST_CHUNK:
+        raise StoreError(f"has a variable in pieces too large to be read ({name})")
+    if "flag_values" in variable.attrs:
+        try:
+            flag_names(variable)
+        except (KeyError, ValueError, TypeError):
+            raise StoreError(f"has codes whose names do not fit ({name})") from None
+
+
+def _specification(ds: xr.Dataset, dims: tuple[str, ...], trusted: bool) -> tuple[Any, str]:
+    """The sweep that a map was made from, or None and why its cells cannot be simulated."""
+    text = ds.attrs.get("specification")
+    if not isinstance(text, str):
+        return None, "the map does not say what it was made from"
+    try:
+        data = json.loads(text)
+        if not trusted and (named := sorted(_modules(data))):
+            return None, plain(f"it names a module ({named[0]}), which only --trust imports")
+        spec = parse_sweep(data, "the specification in the map")
+    except (SpecError, ValueError, RecursionError) as error:
+        return None, plain(str(error))
+    axes = spec.axes_values()
+    same = tuple(axes) == dims and all(
+        len(axes[dim]) == ds.sizes[dim] and np.allclose(axes[dim], ds[dim], rtol=1e-12, atol=0)
+        for dim in dims
+    )
+    return (spec, "") if same else (None, "the axes of the map are not those it was made from")
+
+
+def _modules(data: Any) -> set[str]:
+    """Import paths that a specification names."""
+    blade = data.get("blade", {}) if isinstance(data, dict) else {}
+    given = data.get("parameters", {}) if isinstance(data, dict) else {}
+    names = [data.get("system")] if isinstance(data, dict) else []
+    names += [table.get("friction") for table in (blade, given) if isinstance(table, dict)]
+    return {name for name in names if isinstance(name, str) and is_path(name)}
+
+
+def plain(text: str, length: int = 200) -> str:
+    """Words of a file as text on one line: nothing in them is read as mark-up or mathematics."""
+    text = " ".join("".join(c if c.isprintable() else " " for c in str(text)).split())
+    for mark in ("$$", "\\(", "\\["):
+        text = text.replace(mark, " ")
+    return shorten(text, length)
+
+
+def escaped(text: Any) -> str:
+    """`plain` text for use in HTML."""
+    return html.escape(plain(str(text)))

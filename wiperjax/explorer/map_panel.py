@@ -1,0 +1,236 @@
+"""Where the map is shown: one plane of it, in cells, with its cursor, lines and legend.
+
+Axes count cells, so that every cell is as large as every other and an image can show them; their
+marks are the values. What a pointer or a key does to the cursor happens in the browser.
+"""
+
+from typing import Any
+
+import contourpy
+import numpy as np
+from bokeh.events import DocumentReady, MouseLeave, MouseMove, Tap
+from bokeh.models import (
+    BoxSelectTool,
+    CustomJS,
+    FixedTicker,
+    LinearColorMapper,
+)
+from bokeh.plotting import figure
+from matplotlib.ticker import LogLocator, MaxNLocator
+
+from ..datasets.map_starts import hangs_on_start
+from ..plots.maps.borders import border_pieces
+from ..plots.maps.categories import row_runs
+from ..plots.maps.planes import bent_growth
+from ..plots.style.axes import is_geometric, number, shown
+from ..plots.style.palette import BORDER, BOUNDARY, HATCHES, SEVERAL, UNKNOWN
+from ..vocabulary.cf import flag_names
+from .explored import Explored
+from .scale import painted
+from .style import titled
+from .widgets import source, span, words
+
+WIDTH = 520
+MOST_HATCHED = 4000  # pieces: beyond, cells are finer than the pattern
+PATTERNS = {
+    "////": "right_diagonal_line",
+    "xxxx": "cross",
+    "....": "dot",
+    "\\\\\\\\": "left_diagonal_line",
+}
+
+TAP = """
+const nx = axes.data.x[0].length, ny = axes.data.y[0].length;
+const i = Math.round(cb_obj.x), j = Math.round(cb_obj.y);
+if (i >= 0 && j >= 0 && i < nx && j < ny) cursor.data = {x: [i], y: [j]};
+"""
+MOVE = """
+const a = {x: axes.data.x[0], y: axes.data.y[0]}, p = plane.data;
+const spot = (i, j) => {
+  const k = j * a.x.length + i, v = p.values[0][k];
+  const name = names.data.code.indexOf(v);
+  const number = Number.isFinite(v) ? Number(v.toPrecision(4)) + ' ' + names.tags[1] : 'no number';
+  const word = names.tags[2] ? (name < 0 ? 'not computed' : names.data.name[name]) : number;
+  return `${names.tags[3]} ${a.x[i]}, ${names.tags[4]} ${a.y[j]}: ${word}`;
+};
+const i = Math.round(cb_obj.x), j = Math.round(cb_obj.y);
+if (i >= 0 && j >= 0 && i < a.x.length && j < a.y.length) readout.text = spot(i, j);
+else readout.text = '';
+"""
+KEYS = """
+const steps = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]};
+document.addEventListener('keydown', (event) => {
+  const step = steps[event.key];
+  const tag = (event.composedPath()[0].tagName || '').toLowerCase();
+  const busy = ['input', 'select', 'textarea', 'audio', 'option'].includes(tag);
+  const slides = event.composedPath().some(e => e.classList && e.classList.contains('noUi-handle'));
+  if (!step || busy || slides || event.ctrlKey || event.altKey || event.metaKey) return;
+  event.preventDefault();
+  const [i, j] = [cursor.data.x[0], cursor.data.y[0]];
+  const nx = axes.data.x[0].length, ny = axes.data.y[0].length;
+  const [sx, sy] = [flip.tags[0], flip.tags[1]];
+  const k = Math.min(Math.max(i + sx * step[0], 0), nx - 1);
+  const l = Math.min(Math.max(j + sy * step[1], 0), ny - 1);
+  if (k !== i || l !== j) cursor.data = {x: [k], y: [l]};
+});
+"""
+
+
+class MapPanel:
+    """The plane of a map.
+
+    Attributes:
+        picture: the figure.
+        legend, readout: HTML beside it.
+        cursor: the cell that is shown, `x` and `y` of one place.
+        held: the cell that is held beside it, if any.
+    """
+
+    def __init__(self) -> None:
+        self.plane = source(image=[], values=[], x=[], y=[], w=[], h=[])
+        self.axes = source(x=[[]], y=[[]])
+        self.names = source(code=[], name=[])
+        self.cursor = source(x=[0], y=[0])
+        self.held = source(x=[], y=[])
+        self.lines = {name: source(x=[], y=[]) for name in ("boundary", "border", "dots")}
+        self.hatched = {
+            pattern: source(left=[], right=[], bottom=[], top=[]) for pattern in PATTERNS
+        }
+        self.mapper = LinearColorMapper(low=-0.5, high=0.5, palette=[UNKNOWN], high_color=UNKNOWN)
+        self.picture = self._figure()
+        self.legend = words(WIDTH)
+        self.readout = words(WIDTH, render_as_text=True, css_classes=["readout"])
+        given = {"axes": self.axes, "plane": self.plane, "names": self.names}
+        move = CustomJS(args=given | {"readout": self.readout}, code=MOVE)
+        self.picture.js_on_event(MouseMove, move)
+        self.picture.js_on_event(
+            MouseLeave, CustomJS(args={"readout": self.readout}, code="readout.text = ''")
+        )
+        self.picture.js_on_event(
+            Tap, CustomJS(args={"axes": self.axes, "cursor": self.cursor}, code=TAP)
+        )
+
+    def listen(self, document: Any) -> None:
+        """Lets the arrow keys of a document move the cursor."""
+        given = {"axes": self.axes, "cursor": self.cursor, "flip": self.cursor}
+        document.js_on_event(DocumentReady, CustomJS(args=given, code=KEYS))
+
+    def show(self, explored: Explored, plane: Any, x: str, y: str, variable: str) -> None:
+        """Shows a `plane` (`Explored.plane`) by one of its variables."""
+        paint = painted(plane, variable)
+        rows, columns = paint.shades.shape
+        named = {name: explored.axis_words(name) for name in (x, y)}
+        self.mapper.update(palette=paint.palette, low=-0.5, high=len(paint.palette) - 0.5)
+        self.names.update(
+            data={"code": list(paint.names), "name": list(paint.names.values())},
+            tags=["", paint.unit, bool(paint.names), named[x][0], named[y][0]],
+        )
+        self.axes.data = {"x": [named[x][2]], "y": [named[y][2]]}
+        self.plane.data = {
+            "image": [paint.shades], "values": [paint.values.ravel()], "x": [-0.5], "y": [-0.5],
+            "w": [columns], "h": [rows],
+        }  # fmt: skip
+        self.legend.text = paint.legend
+        falls = [bool(np.diff(plane[name].values[[0, -1]])[0] < 0) for name in (x, y)]
+        self.cursor.tags = [-1 if fall else 1 for fall in falls]
+        for fall, count, range_ in zip(
+            falls, (columns, rows), (self.picture.x_range, self.picture.y_range), strict=True
+        ):
+            ends = (-0.5, count - 0.5)
+            range_.update(start=ends[fall], end=ends[not fall])
+        for name, axis in ((x, self.picture.xaxis), (y, self.picture.yaxis)):
+            _mark(axis[0], plane[name], named[name])
+        self._draw_lines(plane, x, y, variable)
+        self._hatch(plane, variable)
+
+    def _figure(self) -> Any:
+        picture: Any = figure(
+            width=WIDTH, height=440, x_range=span(-0.5, 0.5), y_range=span(-0.5, 0.5),
+            tools=[BoxSelectTool(renderers=[])], toolbar_location=None, **titled(),
+        )  # fmt: skip
+        picture.grid.visible = False
+        picture.image(
+            image="image", x="x", y="y", dw="w", dh="h", color_mapper=self.mapper,
+            source=self.plane,
+        )  # fmt: skip
+        for pattern, one in self.hatched.items():
+            colour = dict(HATCHES.values()) | {SEVERAL[0]: SEVERAL[1]}
+            picture.quad(
+                left="left", right="right", bottom="bottom", top="top", source=one,
+                fill_alpha=0, line_width=0, hatch_pattern=PATTERNS[pattern], hatch_scale=8,
+                hatch_color=colour[pattern], hatch_weight=1.2,
+            )  # fmt: skip
+        for colour, width in ((BOUNDARY, 3), (BORDER, 1.4)):
+            picture.multi_line("x", "y", source=self.lines["border"], color=colour,
+                               line_width=width, line_cap="round")  # fmt: skip
+        picture.scatter("x", "y", source=self.lines["dots"], size=2, color=BORDER)
+        for colour, width in (("white", 4.5), (BOUNDARY, 2)):
+            picture.multi_line("x", "y", source=self.lines["boundary"], color=colour,
+                               line_width=width, line_dash="solid")  # fmt: skip
+        for one, dash in ((self.held, "dashed"), (self.cursor, "solid")):
+            for colour, width in (("white", 6), ("black", 2.6)):
+                picture.rect("x", "y", width=1, height=1, source=one, fill_alpha=0,
+                             line_color=colour, line_width=width, line_dash=dash)  # fmt: skip
+        for colour, width in (("white", 4), ("black", 1.8)):
+            picture.scatter("x", "y", source=self.cursor, marker="circle", size=26,
+                            fill_alpha=0, line_color=colour, line_width=width)  # fmt: skip
+        return picture
+
+    def _draw_lines(self, plane: Any, x: str, y: str, variable: str) -> None:
+        """The border of linear stability, and the borders that were located."""
+        bent = bent_growth(plane, x, y)
+        found: Any = [] if bent is None else contourpy.contour_generator(z=bent).lines(0.0)
+        keys = ""
+        if found:
+            keys += _line(BOUNDARY, "steady slip loses stability (linear)")
+        self.lines["boundary"].data = {"x": [c[:, 0] for c in found], "y": [c[:, 1] for c in found]}
+        pieces, dots = border_pieces(plane, x, y, variable)
+        self.lines["border"].data = {
+            "x": [np.array([a[0], b[0]]) for a, b in pieces],
+            "y": [np.array([a[1], b[1]]) for a, b in pieces],
+        }
+        self.lines["dots"].data = {"x": dots[:, 0], "y": dots[:, 1]}
+        if pieces:
+            keys += _line("#ffffff;outline:1px solid #000", "border (located)")
+        self.legend.text += f'<div class="keys">{keys}</div>' if keys else ""
+
+    def _hatch(self, plane: Any, variable: str) -> None:
+        """Patterns over classes that have one, and where the class hangs on the start."""
+        masks = {}
+        if "flag_values" in plane[variable].attrs:
+            for code, name in flag_names(plane[variable]).items():
+                if name in HATCHES:
+                    masks[HATCHES[name][0]] = plane[variable].values == code
+        if variable == "label" and (several := hangs_on_start(plane)) is not None:
+            masks[SEVERAL[0]] = several.values
+        for pattern, one in self.hatched.items():
+            row, start, stop = row_runs(masks.get(pattern, np.zeros((1, 1), bool)))
+            if len(row) > MOST_HATCHED:
+                row = start = stop = row[:0]
+            one.data = {
+                "left": start - 0.5, "right": stop - 0.5, "bottom": row - 0.5, "top": row + 0.5,
+            }  # fmt: skip
+
+
+def _line(colour: str, text: str) -> str:
+    return f'<span class="key"><i class="line" style="border-color:{colour}"></i>{text}</span>'
+
+
+def _mark(axis: Any, coordinate: Any, named: tuple[str, str, list[str]]) -> None:
+    """Marks of round values along an axis that counts cells."""
+    name, unit, _ = named
+    values = shown(coordinate)[0]
+    low, high = float(values.min()), float(values.max())
+    geometric = is_geometric(values)
+    locator = LogLocator(subs=(1.0, 2.0, 5.0)) if geometric else MaxNLocator(6)
+    ticks = np.asarray(locator.tick_values(low, high)) if high > low else values
+    room = 1e-9 * (high - low)
+    ticks = ticks[(ticks >= low - room) & (ticks <= high + room)]
+    scale = np.log if geometric else np.asarray
+    order = np.argsort(values)
+    places = np.interp(scale(ticks), scale(values)[order], order.astype(float))
+    axis.ticker = FixedTicker(ticks=places.tolist())
+    axis.major_label_overrides = {
+        float(place): number(float(tick)) for place, tick in zip(places, ticks, strict=True)
+    }
+    axis.axis_label = f"{name} ({unit})" if unit else name

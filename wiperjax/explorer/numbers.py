@@ -1,0 +1,111 @@
+"""Numbers and sound of a motion as HTML: every word that comes from a file is escaped."""
+
+import base64
+import io
+from typing import Any
+
+import numpy as np
+import scipy.io.wavfile
+import xarray as xr
+
+from ..noise.run_class import words
+from ..plots.style.palette import CLASSES, UNKNOWN, readable
+from ..sound import RATE, sound
+from ..vocabulary.cf import flag_names
+from ..vocabulary.codes import Result
+from ..vocabulary.schema import SCHEMA
+from .explored import escaped
+
+SECONDS = 2.0  # of sound, played again and again
+ROWS = (  # column of a map, what it is called here, factor, unit
+    ("dominant_frequency", "frequency", 1.0, "Hz"),
+    ("velocity_rms", "tip velocity, rms", 1.0, "m/s"),
+    ("stick_fraction", "share in stick", 100.0, "%"),
+    ("flight_fraction", "share in flight", 100.0, "%"),
+    ("normal_force_max", "largest normal force", 1.0, "N/m"),
+    ("impact_count", "impacts in the window", 1.0, ""),
+)
+CODED = (("mechanism", "mechanism"), ("band", "band"), ("settled", "settled"))
+COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, beside the run
+
+
+def heading(run: xr.Dataset, told: dict[str, float], title: str) -> str:
+    """Class of a motion with its colour, its tone, and the parameters of the cell."""
+    name = words(told)["label"] if told else Result(int(run["result"])).name.lower()
+    text = readable(name)
+    tone = told.get("dominant_frequency", float("nan"))
+    if name not in ("quiet", "collapsed", "failed") and np.isfinite(tone):
+        text += f", {tone:.4g} Hz"
+    colour = CLASSES.get(name, UNKNOWN)
+    return (
+        f'<div class="head"><span class="chip" style="background:{colour}"></span>'
+        f'<b class="noise">{escaped(text)}</b><br>'
+        f'<span class="where">{escaped(title)}</span></div>'
+    )
+
+
+def table(run: xr.Dataset, told: dict[str, float], stored: dict[str, float], ds: Any) -> str:
+    """What is told of a run beside what the map `ds` has `stored` of its cell."""
+    rows = []
+    named = words(told) if told else {}
+    for name, label in (("label", "class"), *CODED):
+        here = readable(named[name]) if name in named else "-"
+        rows.append((name, label, here, _stored_name(ds, name, stored), ""))
+    for name, label, factor, unit in ROWS:
+        here, there = (source.get(name, float("nan")) for source in (told, stored))
+        rows.append((name, label, _number(factor * here), _number(factor * there), unit))
+    attrs = run.attrs
+    rows += [
+        ("events", "events, whole run", f"{run.sizes.get('event', 0):,}", "", ""),
+        ("steps", "steps (rejected)", f"{attrs['steps']:,} ({attrs['rejected_steps']:,})", "", ""),
+        ("result", "result", Result(int(run["result"])).name.lower().replace("_", " "), "", ""),
+    ]
+    body = "".join(
+        f'<tr data-name="{name}"><th scope="row">{label}</th><td class="here">{escaped(here)}</td>'
+        f'<td class="map">{escaped(there)}</td><td class="unit">{unit}</td></tr>'
+        for name, label, here, there, unit in rows
+        if here != "-" or there
+    )
+    message = ""
+    if int(run["result"]) != Result.FINISHED:
+        message = f'<p class="fault">{escaped(attrs["result_message"])}</p>'
+    head = '<tr><th></th><th scope="col">here</th><th scope="col">map</th><th></th></tr>'
+    return f'<table class="numbers">{head}{body}</table>{message}'
+
+
+def _stored_name(ds: Any, name: str, stored: dict[str, float]) -> str:
+    """Meaning of a code of the map."""
+    if name not in stored or "flag_values" not in ds[name].attrs:
+        return ""
+    return readable(flag_names(ds[name]).get(int(stored[name]), "not_computed"))
+
+
+def _number(value: float) -> str:
+    return f"{value:.5g}" if np.isfinite(value) else "-"
+
+
+def audio(run: xr.Dataset, reference: float) -> str:
+    """An audio element with the sound of a run, as it is; full scale is `reference` (m/s)."""
+    try:
+        heard = sound(run, reference=reference, seconds=SECONDS)
+    except ValueError:  # no whole period in the settled half
+        try:
+            heard = sound(run, reference=reference)
+        except ValueError as error:
+            return f'<p class="fault">no sound: {escaped(error)}</p>'
+    buffer = io.BytesIO()
+    scipy.io.wavfile.write(buffer, RATE, heard.samples.astype(np.float32))
+    data = base64.b64encode(buffer.getvalue()).decode()
+    warning = "; peaks beyond full scale are clipped" if heard.peak > heard.reference else ""
+    level = heard.describe().partition("full scale")[2]
+    return (
+        f'<audio controls loop preload="auto" src="data:audio/wav;base64,{data}"></audio>'
+        f'<p class="note">tip velocity, full scale {escaped(level)}{warning}. '
+        "Not a sound pressure: radiation is not modelled.</p>"
+    )
+
+
+def units_of(name: str) -> str:
+    """Unit of a column of a map; empty of one that has none, or is not known."""
+    column = SCHEMA.get(name)
+    return column.units if column is not None and column.units != "1" else ""

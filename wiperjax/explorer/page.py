@@ -1,0 +1,248 @@
+"""One window: a map beside the motion of a cell, or of two, and what a click does."""
+
+import time
+from functools import partial
+from typing import Any
+
+import numpy as np
+from bokeh.events import SelectionGeometry
+from bokeh.models import Column, Row
+
+from ..machine.files import StoreError
+from ..plots.maps.planes import choose_plane
+from .box import Boxes
+from .cells import scene_of, simulated, toml_of
+from .content import Content, content_of
+from .explored import Explored, escaped, plain
+from .finer_part import FinerPart
+from .map_panel import WIDTH, MapPanel
+from .motion_panel import FIRST, MotionPanel
+from .numbers import COMPARED, audio, heading, table
+from .style import PAGE
+from .widgets import LIVE, button, choice, slider, words
+from .worker import Worker
+
+FULL_SCALES = {"1": "1 m/s", "0.3": "0.3 m/s", "0.1": "0.1 m/s", "0.03": "0.03 m/s"}
+
+
+class Page:
+    """What one window shows of a map, in a Bokeh document of its own."""
+
+    def __init__(self, document: Any, explored: Explored, worker: Worker, boxes: Boxes):
+        self.document, self.explored, self.worker = document, explored, worker
+        self.finer = FinerPart(self, boxes)
+        self.map, self.motion, self.other = MapPanel(), MotionPanel("Cell"), MotionPanel("Held")
+        self.other.view.visible = False
+        self.last: tuple[Any, Content] | None = None
+        self.quiet = False  # whether widgets change by themselves
+        self.status = words(WIDTH, html_attributes=LIVE, css_classes=["state"])
+        self.above = Column(children=[], width=WIDTH)
+        self.hold = button("hold this cell beside")
+        self.hold.on_click(self._hold)
+        self.reference = choice("full scale of the sound", "1", FULL_SCALES.items(), 170)
+        self.reference.on_change("value", lambda attr, old, new: self._look())
+        self.map.picture.on_event(SelectionGeometry, self.finer.dragged)
+        self.map.cursor.on_change("data", lambda attr, old, new: self._look())
+        self.below = Column(children=[], width=WIDTH)
+        help_ = (
+            "<p class='note'>Click a cell, or move with <kbd>&larr;</kbd> <kbd>&rarr;</kbd> "
+            "<kbd>&uarr;</kbd> <kbd>&darr;</kbd>: its motion is computed on the spot. "
+            "Drag a box to compute that part again, finer.</p>"
+        )
+        self.title = words(WIDTH)
+        left = Column(
+            children=[
+                self.title, self.above, self.map.picture, self.map.readout, self.map.legend,
+                self.below, self.finer.view, Row(children=[self.hold, self.reference]),
+                self.status,
+                words(WIDTH, help_),
+            ],
+            width=WIDTH,
+        )  # fmt: skip
+        motions = Row(
+            children=[self.motion.view, self.other.view], styles={"gap": "16px", "flex": "1 1 0"}
+        )
+        root = Row(children=[left, motions], styles={"gap": "18px"}, sizing_mode="stretch_width")
+        document.add_root(root)
+        document.title = plain(f"wiperjax explore: {explored.name}")
+        document.template = PAGE
+        self.map.listen(document)
+        self.open(explored)
+
+    def open(
+        self,
+        explored: Explored,
+        x: str | None = None,
+        y: str | None = None,
+        place: dict[str, int] | None = None,
+        start: Any = None,
+    ) -> None:
+        """Shows a map (the first one, or a part of it, finer), at `place` or its middle."""
+        self.explored = explored
+        self.x, self.y = choose_plane(explored.ds, None, None) if x is None else (x, y or "")
+        name = escaped(explored.ds.attrs.get("title") or explored.name)
+        self.title.text = f"<h1>{name}</h1><p class='note'>{escaped(explored.name)}</p>"
+        self.at = place or {dim: _off_zero(explored.ds[dim].values) for dim in explored.dims}
+        chosen = str(self.variable.value) if self.above.children else ""
+        self._widgets(chosen, start)
+        self._plane()
+        self.map.held.data = {"x": [], "y": []}
+        self.quiet = True
+        self.map.cursor.data = {"x": [self.at[self.x]], "y": [self.at[self.y]]}
+        self.quiet = False
+        self._look()
+
+    def _widgets(self, chosen: str, start: Any) -> None:
+        """Choices above the map, a slider for each other axis below."""
+        explored = self.explored
+        long = [dim for dim in explored.dims if explored.ds.sizes[dim] > 1]
+        axes = [(dim, explored.axis_words(dim)[0]) for dim in long]
+        variables = explored.variables
+        chosen = chosen if chosen in variables else next(iter(variables))
+        self.variable = choice("shown", chosen, variables.items(), 200)
+        self.across = choice("across", self.x, axes, 145)
+        self.up = choice("up", self.y, axes, 145)
+        self.variable.on_change("value", lambda attr, old, new: self._plane())
+        self.across.on_change("value", partial(self._turn, "x"))
+        self.up.on_change("value", partial(self._turn, "y"))
+        children: list[Any] = [Row(children=[self.variable, self.across, self.up])]
+        self.start = None
+        if explored.starts:
+            names = [("", "the usual one"), *((str(s), plain(str(s))) for s in explored.starts)]
+            self.start = choice("start", "" if start is None else str(start), names, 200)
+            self.start.on_change("value", self._other_start)
+            children.append(self.start)
+        self.above.children = children
+        self._sliders()
+
+    def _sliders(self) -> None:
+        sliders = []
+        for dim in self.explored.dims:
+            if dim in (self.x, self.y) or self.explored.ds.sizes[dim] < 2:
+                continue
+            name, _, texts = self.explored.axis_words(dim)
+            place = self.at[dim]
+            one = slider(f"{name} {texts[place]}", len(texts), place, WIDTH - 20, name=dim)
+            one.on_change("value", partial(self._slide, dim, one, texts))
+            one.on_change("value_throttled", lambda attr, old, new: self._look())
+            sliders.append(one)
+        self.below.children = sliders
+
+    def _other_start(self, attr: str, old: str, new: str) -> None:
+        self._plane()
+        self._look()
+
+    def _slide(self, dim: str, one: Any, texts: list[str], attr: str, old: Any, new: Any) -> None:
+        self.at[dim] = int(one.value)
+        one.title = f"{self.explored.axis_words(dim)[0]} {texts[self.at[dim]]}"
+        self._plane()
+
+    def _turn(self, which: str, attr: str, old: str, new: str) -> None:
+        """Another axis across or up; the two change places where they would be the same."""
+        if self.quiet:
+            return
+        place = {self.x: self.map.cursor.data["x"][0], self.y: self.map.cursor.data["y"][0]}
+        self.at |= {dim: int(k) for dim, k in place.items()}
+        if which == "x":
+            self.x, self.y = new, old if new == self.y else self.y
+        else:
+            self.y, self.x = new, old if new == self.x else self.x
+        self.quiet = True
+        self.across.value, self.up.value = self.x, self.y
+        self._sliders()
+        self._plane()
+        self.map.cursor.data = {"x": [self.at[self.x]], "y": [self.at[self.y]]}
+        self.quiet = False
+
+    def begin(self) -> Any:
+        """The start that is chosen, as the map names it."""
+        chosen = "" if self.start is None else self.start.value
+        return next((s for s in self.explored.starts if str(s) == chosen), None)
+
+    def _plane(self) -> None:
+        variable = str(self.variable.value)
+        if variable not in self.explored.variables:
+            return
+        try:
+            plane = self.explored.plane(self.x, self.y, self.at, self.begin(), {variable})
+        except (ValueError, OSError, StoreError) as error:
+            self.say(str(error), fault=True)
+            return
+        self.map.show(self.explored, plane, self.x, self.y, variable)
+
+    def place(self) -> dict[str, int]:
+        """The cell of the cursor: axis -> place."""
+        cursor = self.map.cursor.data
+        chosen = self.at | {self.x: int(cursor["x"][0]), self.y: int(cursor["y"][0])}
+        sizes = self.explored.ds.sizes
+        return {dim: int(np.clip(chosen[dim], 0, sizes[dim] - 1)) for dim in self.explored.dims}
+
+    def _look(self) -> None:
+        """Has the motion of the cell of the cursor computed, and shows it."""
+        if self.quiet:
+            return
+        if self.explored.spec is None:
+            self.say(f"Cells of this map cannot be simulated: {self.explored.unable}.", fault=True)
+            return
+        explored, place, start = self.explored, self.place(), self.begin()
+        reference = float(self.reference.value) if self.reference.value in FULL_SCALES else 1.0
+        self.say("computing ...")
+        what = (id(explored), tuple(place.items()), str(start), reference)
+        begun = time.perf_counter()
+        self.worker.wish(
+            self, what, partial(motion_of, explored, place, start, reference),
+            partial(self._later, begun),
+        )  # fmt: skip
+
+    def _later(self, begun: float, found: Any) -> None:
+        """Shows what the worker found, in the thread of the server."""
+        self.document.add_next_tick_callback(partial(self._show, begun, found))
+
+    def _show(self, begun: float, found: Any) -> None:
+        if isinstance(found, Exception):
+            self.say(f"This cell cannot be computed: {found}", fault=True)
+            return
+        self.last = (dict(self.map.cursor.data), found)
+        self.motion.show(found, FIRST)  # one message after the other: these are drawn meanwhile
+        self.document.add_next_tick_callback(partial(self._show_rest, begun, found))
+
+    def _show_rest(self, begun: float, found: Content) -> None:
+        self.motion.show(found)
+        self.say(f"computed and shown in {1e3 * (time.perf_counter() - begun):.0f} ms")
+
+    def _hold(self) -> None:
+        """Holds the motion that is shown beside those that follow, or lets it go."""
+        if self.other.view.visible:
+            self.other.view.visible = False
+            self.map.held.data = {"x": [], "y": []}
+            self.hold.label = "hold this cell beside"
+        elif self.last is not None:
+            cursor, content = self.last
+            self.other.show(content)
+            self.other.view.visible = True
+            self.map.held.data = cursor
+            self.hold.label = "let the held cell go"
+
+    def say(self, text: str, fault: bool = False) -> None:
+        """Shows a line of state."""
+        self.status.text = f'<p class="{"fault" if fault else "note"}">{escaped(text)}</p>'
+
+
+def motion_of(explored: Explored, place: dict[str, int], start: Any, reference: float) -> Content:
+    """All that is shown of the motion of one cell, computed now."""
+    scene = scene_of(explored, place, start)
+    run, told = simulated(scene, explored.spec.run.transient)
+    content = content_of(run)
+    content.texts = {
+        "heading": heading(run, told, scene["title"]),
+        "table": table(run, told, explored.cell(place, COMPARED, start), explored.ds),
+        "audio": audio(run, reference),
+        "scene": toml_of(scene),
+    }
+    return content
+
+
+def _off_zero(values: np.ndarray) -> int:
+    """The middle of an axis, or its neighbour: a blade at exactly 0 is a program of its own."""
+    middle = len(values) // 2
+    return middle if values[middle] != 0 or len(values) < 2 else min(middle + 1, len(values) - 1)

@@ -1,0 +1,154 @@
+"""Colours of a variable over a plane: shades for the image, and their legend as HTML."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.colors import LogNorm, Normalize, to_hex
+from matplotlib.ticker import LogLocator, MaxNLocator, SymmetricalLogLocator
+
+from ..datasets.map_starts import hangs_on_start
+from ..plots.maps.categories import colours_of
+from ..plots.maps.planes import suited
+from ..plots.style.axes import number, shown
+from ..plots.style.palette import HATCHES, UNKNOWN, readable
+from ..vocabulary.cf import flag_names
+from ..vocabulary.codes import LABELS
+from .explored import escaped, plain
+
+SHADES = 250
+NOTHING = 255  # the shade of a cell without a value
+
+
+class Painted(NamedTuple):
+    """A plane as it is painted.
+
+    Attributes:
+        shades: (rows, columns), uint8, `NOTHING` where there is no value.
+        palette: a colour for each shade.
+        values: the numbers in the unit of pictures, (rows, columns), float32; codes of categories.
+        names: code -> name of a category; empty for numbers.
+        unit: of the numbers.
+        legend: HTML.
+    """
+
+    shades: np.ndarray
+    palette: list[str]
+    values: np.ndarray
+    names: dict[int, str]
+    unit: str
+    legend: str
+
+
+def painted(plane: xr.Dataset, variable: str) -> Painted:
+    """Colours of `variable`, of the dimensions (y, x), over a plane of a map."""
+    if "flag_values" in plane[variable].attrs:
+        return _categories(plane, variable)
+    return _numbers(plane, variable)
+
+
+def _categories(plane: xr.Dataset, variable: str) -> Painted:
+    names = {code: plain(name, 60) for code, name in sorted(flag_names(plane[variable]).items())}
+    colours = list(colours_of(plane[variable]).values())[:NOTHING]
+    codes = np.asarray(plane[variable].values)
+    order = np.array(list(names))[:NOTHING]
+    place = np.clip(np.searchsorted(order, codes), 0, len(order) - 1)
+    shades = np.where(order[place] == codes, place, NOTHING).astype(np.uint8)
+    count = np.bincount(shades.ravel(), minlength=NOTHING + 1)
+    keys = [
+        _key(colour, f"{readable(name)} {_percent(count[k] / shades.size)}", name)
+        for k, (name, colour) in enumerate(zip(names.values(), colours, strict=False))
+        if count[k]
+    ]
+    if count[NOTHING]:
+        keys.append(_key(UNKNOWN, "not computed", "not_computed"))
+    several = hangs_on_start(plane) if variable == "label" else None
+    if several is not None and bool(several.any()):
+        keys.append(
+            _key("#ffffff", f"depends on the start {_percent(float(several.mean()))}", "several")
+        )
+    names = {code: readable(name) for code, name in names.items()}
+    return Painted(shades, colours, codes.astype(np.float32), names, "", _keys(keys))
+
+
+def _percent(share: float) -> str:
+    return f"({share:.1%})" if share >= 0.001 else "(<0.1%)"
+
+
+def _key(colour: str, text: str, name: str) -> str:
+    stripes = ""
+    if name in HATCHES or name == "several":
+        edge = HATCHES.get(name, ("", "#333333"))[1]
+        stripes = (
+            f";background-image:repeating-linear-gradient(45deg,{edge} 0 1px,transparent 1px 4px)"
+        )
+    swatch = f'<i style="background-color:{colour}{stripes}"></i>'
+    return f'<span class="key">{swatch}{escaped(text)}</span>'
+
+
+def _keys(keys: list[str]) -> str:
+    return f'<div class="keys">{"".join(keys)}</div>'
+
+
+def _numbers(plane: xr.Dataset, variable: str) -> Painted:
+    values, unit = shown(plane[variable])
+    if variable == "dominant_frequency" and "label" in plane:  # of a quiet cell it is rounding
+        values = np.where(plane["label"].values == LABELS["quiet"], np.nan, values)
+    norm, cmap = _scale(variable, np.ma.masked_invalid(values))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.ma.filled(np.ma.asarray(norm(np.ma.masked_invalid(values)), float), np.nan)
+    known = np.isfinite(share)
+    shades = np.full(values.shape, NOTHING, np.uint8)
+    shades[known] = np.clip(share[known] * SHADES, 0, SHADES - 1).astype(np.uint8)
+    palette = [to_hex(colour) for colour in colormaps[cmap](np.linspace(0, 1, SHADES))]
+    legend = _bar(norm, palette, unit) + ("" if known.all() else _missing(variable))
+    return Painted(shades, palette, values.astype(np.float32), {}, unit, legend)
+
+
+def _scale(variable: str, values: np.ma.MaskedArray) -> tuple[Normalize, str]:
+    """Scale and colour map of a variable, those of `plots`."""
+    if variable.endswith("_fraction"):
+        return Normalize(0.0, 1.0), "cividis"
+    some = values.compressed()
+    positive = some[some > 0]
+    if variable == "dominant_frequency" and positive.size:
+        return LogNorm(max(positive.min(), 1.0) * 0.999, max(positive.max(), 2.0)), "viridis"
+    if variable.startswith("velocity_rms") and positive.size:
+        return LogNorm(1e-3 * positive.max(), positive.max()), "magma"
+    norm, cmap = suited(values, variable == "growth_rate")
+    if norm is None:
+        low, high = (float(some.min()), float(some.max())) if some.size else (0.0, 1.0)
+        norm = Normalize(low, high if high > low else low + (abs(low) or 1.0))
+    return norm, cmap
+
+
+def _bar(norm: Any, palette: list[str], unit: str) -> str:
+    """The colours with their numbers."""
+    low, high = float(norm.vmin), float(norm.vmax)
+    if isinstance(norm, LogNorm):
+        ticks = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(low, high))
+        ticks = (
+            ticks
+            if 3 <= ((ticks >= low) & (ticks <= high)).sum() <= 8
+            else LogLocator().tick_values(low, high)
+        )
+    elif type(norm) is Normalize:
+        ticks = MaxNLocator(6).tick_values(low, high)
+    else:
+        ticks = SymmetricalLogLocator(base=10, linthresh=norm.linthresh).tick_values(low, high)
+    ticks = np.asarray([tick for tick in ticks if low <= tick <= high])
+    ticks = ticks[:: max(1, -(-len(ticks) // 8))]
+    stops = ",".join(palette[::12] + palette[-1:])
+    marks = "".join(
+        f'<span class="tick" style="left:{100 * float(norm(tick)):.1f}%">{number(tick)}</span>'
+        for tick in ticks
+    )
+    words = f'<p class="note">{escaped(unit)}</p>' if unit else ""
+    shades = f'<div class="shades" style="background:linear-gradient(90deg,{stops})"></div>'
+    return f'<div class="bar">{shades}{marks}</div>{words}'
+
+
+def _missing(variable: str) -> str:
+    words = "quiet, or not told" if variable == "dominant_frequency" else "no number"
+    return _keys([_key(UNKNOWN, words, "")])

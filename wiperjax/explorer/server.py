@@ -1,0 +1,79 @@
+"""Who is served: a Bokeh server on this machine, one document for each window."""
+
+import socket
+import webbrowser
+from collections.abc import Callable
+from typing import Any
+
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
+from bokeh.document import Document
+from bokeh.models import Div
+from bokeh.server.server import BaseServer
+from bokeh.server.tornado import BokehTornado
+from bokeh.server.util import bind_sockets
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+
+from ..maps.block import Evaluate
+from .box import Boxes
+from .explored import Explored
+from .page import Page
+from .worker import Worker
+
+LOCAL = ("127.0.0.1", "localhost", "::1")
+MOST_WINDOWS = 16  # at once: each holds what it shows in memory
+MESSAGE = 2**20  # bytes that a window may send at once; it sends clicks
+
+
+def serve(
+    explored: Explored, host: str = "127.0.0.1", port: int = 0, evaluate: Evaluate | None = None
+) -> tuple[BaseServer, str]:
+    """A server that shows a map, started, and its address; port 0: any that is free. `evaluate` is
+    what computes boxes, as in `sweep`.
+
+    Bokeh's own scripts come from this server: the page asks no other machine for anything.
+
+    Raises: `OSError` where the port is taken.
+    """
+    worker, boxes, windows = Worker(), Boxes(evaluate), set()
+
+    def window(document: Document) -> None:
+        if len(windows) >= MOST_WINDOWS:
+            words = f"{MOST_WINDOWS} windows are open; close one and load this page again."
+            document.add_root(Div(text=words))
+            return
+        page = Page(document, explored, worker, boxes)
+        windows.add(page)
+
+        def gone(_: Any) -> None:
+            windows.discard(page)
+            worker.forget(page)
+            page.finer.stop()
+
+        document.on_session_destroyed(gone)
+
+    sockets, found = bind_sockets(host, port)
+    names = {host, socket.gethostname(), socket.getfqdn()} if host not in LOCAL else {host, *LOCAL}
+    tornado = BokehTornado(
+        {"/": Application(FunctionHandler(window))},
+        extra_websocket_origins=[f"{name}:{found}" for name in sorted(names)],
+        websocket_max_message_size_bytes=MESSAGE,
+    )
+    http = HTTPServer(tornado)
+    http.add_sockets(sockets)
+    server = BaseServer(IOLoop.current(), tornado, http)
+    server.start()
+    shown = "127.0.0.1" if host in ("0.0.0.0", "::") else host
+    return server, f"http://{shown}:{found}/"
+
+
+def run(server: BaseServer, address: str, browser: bool, say: Callable[[str], None]) -> None:
+    """Serves until Ctrl-C; opens the page in a browser if asked."""
+    if browser:
+        server.io_loop.add_callback(lambda: webbrowser.open(address))
+    say(f"explore  {address}  (Ctrl-C ends it)")
+    try:
+        server.run_until_shutdown()
+    except KeyboardInterrupt:
+        server.stop()

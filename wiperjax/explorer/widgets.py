@@ -1,0 +1,54 @@
+"""Widgets in the style of the page. They are `Any` to type checkers: Bokeh's properties are made
+when it runs.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+from bokeh import models
+
+from .style import SHEET
+
+LIVE = {"role": "status", "aria-live": "polite"}  # a screen reader says what changes there
+
+
+def source(syncable: Any = True, **columns: Any) -> Any:
+    """Columns of numbers for glyphs; unless `syncable`, what a browser does to them stays there."""
+    return models.ColumnDataSource(columns, syncable=syncable)
+
+
+def span(start: float, end: float) -> Any:
+    """The ends of an axis."""
+    return models.Range1d(start=start, end=end)
+
+
+def words(width: int | None, text: str = "", **options: Any) -> Any:
+    """HTML on the page; formulas are not looked for in it."""
+    return models.Div(
+        text=text, width=width, disable_math=True, stylesheets=[SHEET], **options
+    )  # fmt: skip
+
+
+def choice(title: str, value: str, options: Iterable[tuple[str, str]], width: int) -> Any:
+    """One of several values, each with its words."""
+    return models.Select(
+        title=title, value=value, options=list(options), width=width, stylesheets=[SHEET]
+    )
+
+
+def toggle(label: str, width: int) -> Any:
+    """A button that works in the browser alone."""
+    return models.Toggle(label=label, width=width, syncable=False, stylesheets=[SHEET])
+
+
+def button(label: str, width: int = 170) -> Any:
+    """A button."""
+    return models.Button(label=label, width=width, stylesheets=[SHEET])
+
+
+def slider(title: str, count: int, value: int, width: int, **options: Any) -> Any:
+    """One of `count` places."""
+    return models.Slider(
+        start=0, end=count - 1, step=1, value=value, title=title, width=width, show_value=False,
+        stylesheets=[SHEET], **options,
+    )  # fmt: skip

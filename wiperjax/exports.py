@@ -1,0 +1,118 @@
+"""A run for other programs: CSV for a table, MAT for MATLAB and the like, UFF 58 for test software.
+
+Samples over time with their units, in SI; events beside them where the format has a place.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+import xarray as xr
+
+from .datasets.run_dataset import is_run, sample_interval
+from .machine.files import check_output, replacing
+from .vocabulary import checks
+
+QUANTITIES = ("position", "velocity", "normal_force", "friction_force", "belt_velocity", "regime")
+UFF_TYPE = {"position": 8, "velocity": 11, "normal_force": 9, "friction_force": 9,
+            "belt_velocity": 11}  # fmt: skip
+"""Specific data type of dataset 58: 8 displacement, 9 excitation force, 11 velocity."""
+
+
+def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
+    """Writes a run in the format that the ending of `path` names, at once or not at all.
+
+    - `.csv`: a line for each sample, `time (s)` first; the regime by its code.
+    - `.mat`: a variable for each quantity, `(samples,)`, those of the events, and `units`.
+    - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced).
+
+    Raises: `ValueError` for what is no run, another ending, or (UFF) samples that are not evenly
+        spaced; `StoreError` if it exists (without `force`) or cannot be written.
+    """
+    checks.instance("run", run, xr.Dataset, "a run (wiperjax.simulate)")
+    checks.path("path", path)
+    checks.flag("force", force)
+    if not is_run(run):
+        raise ValueError("run must be a run (wiperjax.simulate), but holds no trajectory")
+    ending = Path(path).suffix.lower()
+    if ending not in FORMATS:
+        raise ValueError(f"{path}: must end in {' or '.join(FORMATS)}")
+    check_output(path, force)
+    with replacing(path) as temporary:
+        FORMATS[ending](run, temporary)
+
+
+def columns(run: xr.Dataset) -> dict[str, tuple[np.ndarray, str]]:
+    """Name -> (values over time, unit) of a run; a vector is a column for each coordinate."""
+    found = {"time": (np.asarray(run["time"], dtype=float), "s")}
+    for name in QUANTITIES:
+        if name not in run:
+            continue
+        values, unit = run[name], str(run[name].attrs.get("units", ""))
+        if values.ndim == 1:
+            found[name] = (np.asarray(values), unit)
+            continue
+        for axis in run["axis"].values:
+            found[f"{name}_{axis}"] = (np.asarray(values.sel(axis=axis), dtype=float), unit)
+    return found
+
+
+def _csv(run: xr.Dataset, path: Path) -> None:
+    found = columns(run)
+    head = ",".join(f"{name} ({unit})" if unit else name for name, (_, unit) in found.items())
+    table = np.column_stack([values for values, _ in found.values()])
+    form = ["%d" if values.dtype.kind in "iu" else "%.17g" for values, _ in found.values()]
+    with open(path, "w", encoding="utf-8", newline="\n") as file:
+        np.savetxt(file, table, fmt=form, delimiter=",", header=head, comments="")
+
+
+def _mat(run: xr.Dataset, path: Path) -> None:
+    found = columns(run)
+    events = {str(n): np.asarray(run[n]) for n in run.data_vars if run[n].dims == ("event",)}
+    units = {name: unit for name, (_, unit) in found.items() if unit}
+    units |= {name: str(run[name].attrs["units"]) for name in events if "units" in run[name].attrs}
+    held = {name: values for name, (values, _) in found.items()} | events
+    about = {"title": str(run.attrs.get("title", "")), "units": units}
+    with open(path, "wb") as file:  # by its name scipy would add an ending
+        scipy.io.savemat(file, held | about, oned_as="column", long_field_names=True)
+
+
+def _uff(run: xr.Dataset, path: Path) -> None:
+    try:
+        import pyuff  # the format has its own kept writer; needed for this ending only
+    except ImportError:
+        raise ValueError("universal files need pyuff: pip install 'wiperjax[uff]'") from None
+
+    step, found = sample_interval(run), columns(run)
+    time = found.pop("time")[0]
+    title = str(run.attrs.get("title", "")) or "run of wiperjax"
+    sets = []
+    for name, (values, unit) in found.items():
+        base = name.removesuffix("_x").removesuffix("_y")
+        if base not in UFF_TYPE:
+            continue
+        direction = 2 if name.endswith("_y") or name == "normal_force" else 1
+        sets.append(
+            {
+                "type": 58, "func_type": 1, "rsp_node": 1, "rsp_dir": direction, "ref_node": 1,
+                "ref_dir": direction, "data": values.astype(float), "x": time, "id1": _line(name),
+                "id2": _line(title), "rsp_ent_name": "TIP", "ref_ent_name": "TIP",
+                "abscissa_spacing": 1, "abscissa_min": time[0], "abscissa_inc": step,
+                "num_pts": len(time), "ord_data_type": 4, "abscissa_spec_data_type": 17,
+                "abscissa_axis_lab": "Time", "abscissa_axis_units_lab": "s",
+                "ordinate_spec_data_type": UFF_TYPE[base], "ordinate_axis_lab": _line(name, 20),
+                "ordinate_axis_units_lab": _line(unit, 20), "orddenom_spec_data_type": 0,
+            }
+        )  # fmt: skip
+    pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+
+
+def _line(text: str, length: int = 80) -> str:
+    """Text as the format holds it: ASCII, on one short line."""
+    return " ".join(text.encode("ascii", "replace").decode().split())[:length] or "NONE"
+
+
+FORMATS: dict[str, Callable[[xr.Dataset, Path], None]] = {
+    ".csv": _csv, ".mat": _mat, ".uff": _uff, ".unv": _uff,
+}  # fmt: skip

@@ -1,0 +1,128 @@
+"""What a run holds over frequency, as numbers: its lines, and its level over time and frequency."""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.signal
+import scipy.signal.windows as windows
+import xarray as xr
+
+from ...datasets.run_dataset import is_steady, pitch, sample_interval, signal
+from ...noise.classes import stored
+from ...noise.spectrum import dominant_frequency
+
+HIGHEST = 20_000.0  # Hz: what is heard
+TURNING = 0.02  # s, of the spectrogram's window: what happens around V = 0 lasts some tens of ms
+
+
+class Lines(NamedTuple):
+    """Amplitude spectrum of a quantity, in its stored unit.
+
+    Attributes:
+        frequency: Hz, those that are shown.
+        amplitude: rms of a line there (Hann window).
+        strongest: frequency of the strongest line; NaN of a quiet run.
+        quiet: what counts as no vibration (`quiet_level`).
+        resolution: Hz.
+    """
+
+    frequency: np.ndarray
+    amplitude: np.ndarray
+    strongest: float
+    quiet: float
+    resolution: float
+
+
+class Levels(NamedTuple):
+    """Level of a quantity over time and frequency.
+
+    Attributes:
+        time: borders of the columns (s).
+        frequency: middles of the rows (Hz), evenly spaced.
+        decibels: re one unit of the quantity, (rows, columns).
+        peak: of the scale: reaches up to what counts as quiet at least.
+        window: length of the Hann window (s).
+    """
+
+    time: np.ndarray
+    frequency: np.ndarray
+    decibels: np.ndarray
+    peak: float
+    window: float
+
+
+def lines(ds: xr.Dataset, quantity: str = "velocity", component: int = 0) -> Lines:
+    """Amplitude spectrum of one quantity of a run, from 20 Hz (or half of a lower tone) up to what
+    is heard. Raises: `ValueError` for a quantity that is not there, or samples that are not even.
+    """
+    values = signal(ds, quantity, component)
+    step = sample_interval(ds)
+    numbers = np.asarray(values, dtype=float)
+    frequency, power = scipy.signal.periodogram(
+        numbers, 1 / step, window="hann", detrend="constant", scaling="spectrum"
+    )
+    top = min(HIGHEST, frequency[-1])
+    heard = np.isfinite(pitch(ds))  # rounding noise has a strongest line too
+    line = float(dominant_frequency(numbers, step)) if heard else float("nan")
+    low = max(frequency[2], min(20.0, 0.5 * line if line > 0 else 20.0))
+    inside = (frequency >= low) & (frequency <= top)
+    amplitude = np.sqrt(power[inside])
+    return Lines(frequency[inside], amplitude, line, quiet_level(ds, values), 1.5 * frequency[1])
+
+
+def quiet_level(ds: xr.Dataset, values: xr.DataArray) -> float:
+    """What counts as no vibration of `values` of a run, rms, in their stored unit.
+
+    Of a velocity it is the border of the class quiet: the stored share of the speed of the glass,
+    or the stored speed. Of other quantities it is that share of their own rms, mean included.
+    """
+    limits, scale = stored(ds.attrs), values
+    if str(values.name) == "velocity" and limits.quiet_velocity is not None:
+        return limits.quiet_velocity
+    if str(values.name) == "velocity" and "belt_velocity" in ds:
+        scale = ds["belt_velocity"]
+    rms = float(np.sqrt(np.mean(np.square(np.asarray(scale, dtype=float)))))
+    return limits.quiet_velocity_ratio * rms
+
+
+def levels(
+    ds: xr.Dataset,
+    quantity: str = "velocity",
+    component: int = 0,
+    window: float | None = None,
+    highest: float | None = None,
+) -> Levels:
+    """Level over time and frequency of one quantity of a run; the arguments are those of
+    `spectra.spectrogram`.
+    """
+    values = signal(ds, quantity, component)
+    step = sample_interval(ds)
+    numbers = np.asarray(values, dtype=float)
+    tone = pitch(ds)
+    span = step * numbers.size
+    if window is None:
+        fast = np.isfinite(tone) and tone >= stored(ds.attrs).chatter_band[1]
+        window = min(max(span / 25, 4 / tone if fast else 0.0), span / 4)
+        window = window if is_steady(ds) else min(window, TURNING)
+    samples = int(np.clip(round(window / step), 8, numbers.size))
+    top = highest or max(2000.0, 8 * tone if np.isfinite(tone) else 0.0)
+    top = min(top, 0.5 / step)
+    # One column for each two pixels at most: a long run is no reason for a large image.
+    hop = max(1, min(samples // 8, numbers.size // 100), numbers.size // 1000)
+    weights = windows.hann(samples, sym=False)
+    transform = scipy.signal.ShortTimeFFT(
+        weights, hop, 1 / step, mfft=max(256, 2 * samples), scale_to="magnitude"
+    )
+    # Only windows that lie inside: the ends of a signal are clicks.
+    first, last = transform.lower_border_end[1], transform.upper_border_begin(numbers.size)[1]
+    last = max(last, first + 1)
+    level = np.abs(transform.stft_detrend(numbers, "constant", p0=first, p1=last))
+    shown_rows = transform.f <= top
+    power = np.sqrt(2.0) * level[shown_rows]  # two-sided magnitude to the rms of a line
+    decibels = 20 * np.log10(np.maximum(power, 1e-300))
+    borders = transform.delta_t * (np.arange(first, last + 1) - 0.5)
+    # the ends belong to the windows that hold them: nothing is drawn as silence that is not known
+    borders[[0, -1]] = 0.0, float(ds["time"][-1] - ds["time"][0])
+    peak = max(float(decibels.max()), 20 * np.log10(max(quiet_level(ds, values), 1e-300)))
+    rows = transform.f[shown_rows]
+    return Levels(float(ds["time"][0]) + borders, rows, decibels, peak, samples * step)
