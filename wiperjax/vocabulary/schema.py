@@ -114,6 +114,19 @@ _TABLE = (
     Column("impact_count", "int32", "1", "impacts in the settled window"),
     Column("stick_count", "int32", "1", "stick phases begun in the settled window"),
     Column("lift_off_count", "int32", "1", "lift-offs in the settled window"),
+    Column("slip_rate", "float64", "1/s", "slips out of stick per second"),
+    Column(
+        "force_drop", "float64", "N/m", "largest friction force in stick less the smallest in slip",
+        comment="0 without stick or without slip; at the nodes of the steps",
+    ),
+    Column(
+        "energy_per_slip", "float64", "J/m", "work done on friction, per slip out of stick",
+        comment="0 where nothing sticks",
+    ),
+    Column(
+        "acceleration_max", "float64", "m/s^2", "largest tip acceleration between impacts",
+        comment="at the ends and middles of the steps",
+    ),
     Column("impact_impulse_max", "float64", "N s/m", "largest normal impulse of an impact"),
     Column("impact_impulse_reversal", "float64", "N s/m", "the same, around reversal"),
     Column(
@@ -195,7 +208,8 @@ def attributes(name: str, of: Mapping[str, Any]) -> dict[str, Any]:
     """
     found = SCHEMA[name].attributes()
     if SYSTEM in of and "units" in found:
-        found["units"] = found["units"].replace("N/m", "N").replace("N s/m", "N s")
+        for per_metre, whole in (("N/m", "N"), ("N s/m", "N s"), ("J/m", "J")):
+            found["units"] = found["units"].replace(per_metre, whole)
     return found
 
 

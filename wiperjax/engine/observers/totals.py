@@ -1,16 +1,20 @@
 """Integrals and counts over each regime of a trajectory."""
 
+from functools import reduce
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
-from ...numerics.elementary import larger
+from ...contact.regimes import slip_sign
+from ...numerics.elementary import larger, smaller
 from ...numerics.types import Scalar
 from ...vocabulary import checks
 from ...vocabulary.codes import Event, Regime
 from ...vocabulary.ranges import FINITE
 from .base import AbstractObserver, extremes, is_hit, outputs
+
+SHORTEST = 1e-9  # s: of a shorter step differences of velocities are rounding
 
 
 class Totals(NamedTuple):
@@ -28,6 +32,17 @@ class Totals(NamedTuple):
     stick_count: Scalar
     lift_off_count: Scalar
     impulse_max: Scalar
+    slip_count: Scalar  # begun out of stick
+    friction_work: Scalar  # done on friction in slip
+    stick_force_max: Scalar  # largest friction force in stick
+    slip_force_min: Scalar  # smallest in slip; inf without slip
+    acceleration_max: Scalar  # of the output
+
+    @property
+    def force_drop(self) -> Scalar:
+        """Largest friction force in stick less the smallest in slip; 0 without both."""
+        both = (self.stick_force_max > 0) & jnp.isfinite(self.slip_force_min)
+        return jnp.where(both, larger(self.stick_force_max - self.slip_force_min, 0.0), 0.0)
 
     def variance(self, time) -> Scalar:
         """Variance of the output over the ``time`` [s] that the integrals stand for."""
@@ -56,7 +71,7 @@ class RegimeTotals(AbstractObserver):
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)
         n = jnp.zeros(shape, jnp.int32)
-        return Totals(z, z, z, z, z, z, z, z, n, n, n, z)
+        return Totals(z, z, z, z, z, z, z, z, n, n, n, z, n, z, z, z + jnp.inf, z)
 
     def stretch(self, record, stretch):
         s = stretch
@@ -66,15 +81,17 @@ class RegimeTotals(AbstractObserver):
         out = outputs(s)
         force = [node.forces.normal for node in s.nodes]
         highest, widest = extremes(s)
+        friction = [stop_gradient(abs(node.forces.tangential)) for node in s.nodes]
+        sticks = s.regime == Regime.STICK
+        slips = (s.regime == Regime.SLIP_POS) | (s.regime == Regime.SLIP_NEG)
 
         def integral(values):
             return jnp.where(counts, s.integral(values), 0.0)
 
         return record._replace(
-            stick_time=record.stick_time + jnp.where(s.regime == Regime.STICK, h, 0.0),
+            stick_time=record.stick_time + jnp.where(sticks, h, 0.0),
             flight_time=record.flight_time + jnp.where(s.regime == Regime.FLIGHT, h, 0.0),
-            slip_time=record.slip_time
-            + jnp.where((s.regime == Regime.SLIP_POS) | (s.regime == Regime.SLIP_NEG), h, 0.0),
+            slip_time=record.slip_time + jnp.where(slips, h, 0.0),
             output_integral=record.output_integral + integral(out),
             output_square_integral=record.output_square_integral + integral([x * x for x in out]),
             normal_force_integral=record.normal_force_integral + integral(force),
@@ -82,6 +99,20 @@ class RegimeTotals(AbstractObserver):
                 counts, jnp.maximum(record.normal_force_max, highest), record.normal_force_max
             ),
             gap_max=jnp.where(counts, jnp.maximum(record.gap_max, widest), record.gap_max),
+            friction_work=record.friction_work + integral(_powers(s)),
+            stick_force_max=jnp.where(
+                counts & sticks,
+                larger(record.stick_force_max, reduce(larger, friction)),
+                record.stick_force_max,
+            ),
+            slip_force_min=jnp.where(
+                counts & slips,
+                smaller(record.slip_force_min, reduce(smaller, friction)),
+                record.slip_force_min,
+            ),
+            acceleration_max=jnp.where(
+                counts, larger(record.acceleration_max, _steepest(s, out)), record.acceleration_max
+            ),
         )
 
     def event(self, record, happening):
@@ -97,10 +128,35 @@ class RegimeTotals(AbstractObserver):
             stick_count=record.stick_count
             + count((e.after == Regime.STICK) & (e.before != Regime.STICK)),
             lift_off_count=record.lift_off_count + count(e.kind == Event.LIFT_OFF),
+            slip_count=record.slip_count
+            + count((e.before == Regime.STICK) & (slip_sign(e.after) != 0)),
             impulse_max=jnp.where(
                 hit, jnp.maximum(record.impulse_max, e.impulse), record.impulse_max
             ),
         )
+
+
+def _powers(stretch) -> list[Scalar]:
+    """Power that friction takes at the nodes of a stretch; none where there is no slip speed."""
+    return [
+        -stop_gradient(
+            n.forces.tangential * stretch.system.slip_speed(n.time, n.position, n.velocity)
+        )
+        for n in stretch.nodes
+    ]
+
+
+def _steepest(stretch, out) -> Scalar:
+    """Largest slope of the output at the ends and the middle of a step, by the quartic through its
+    nodes; steps too short to tell are left out."""
+    a, b, c, d, e = (stop_gradient(x) for x in out)
+    begin = -25 / 3 * a + 16 * b - 12 * c + 16 / 3 * d - e
+    middle = (a - e) / 3 + 8 / 3 * (d - b)
+    end = 25 / 3 * e - 16 * d + 12 * c - 16 / 3 * b + a
+    step = stop_gradient(stretch.step)
+    long = step > SHORTEST
+    slope = larger(larger(abs(begin), abs(middle)), abs(end)) / jnp.where(long, step, 1.0)
+    return jnp.where(long, slope, 0.0)
 
 
 class Reached(NamedTuple):

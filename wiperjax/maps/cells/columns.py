@@ -97,6 +97,12 @@ def _events(log: EventLog, run) -> dict[str, np.ndarray]:
     return columns
 
 
+def _each(whole, count) -> np.ndarray:
+    """A whole shared among some; 0 where there are none."""
+    count = np.asarray(count)
+    return np.where(count > 0, np.asarray(whole) / np.maximum(count, 1), 0.0)
+
+
 def _columns(outcome: Outcome, run, belt: AbstractBelt | None, count: int) -> dict[str, np.ndarray]:
     """Statistics of the settled window; NaN where a cell did not reach its end."""
     found = {name: np.asarray(x) for name, x in statistics(outcome, run.window).items()}
@@ -122,6 +128,10 @@ def _columns(outcome: Outcome, run, belt: AbstractBelt | None, count: int) -> di
         "impact_count": totals.impact_count,
         "stick_count": totals.stick_count,
         "lift_off_count": totals.lift_off_count,
+        "slip_rate": settled(totals.slip_count / run.window),
+        "force_drop": settled(totals.force_drop),
+        "energy_per_slip": settled(_each(totals.friction_work, totals.slip_count)),
+        "acceleration_max": settled(totals.acceleration_max),
         "impact_impulse_max": settled(found["impact_impulse_max"]),
         "steps": outcome.steps - outcome.rejected,
         "rejected_steps": outcome.rejected,
