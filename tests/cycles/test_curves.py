@@ -134,11 +134,17 @@ def touching_belt(damping: float) -> float:
         highest.terminal, highest.direction = True, -1
         period = 2 * math.pi * math.sqrt(one.mass / one.stiffness)
         start = scipy.integrate.solve_ivp(
-            rates, (0, 0.5 * period), [x0, belt], args=(belt,), rtol=1e-11, atol=1e-14
+            rates,
+            (0, 0.5 * period),
+            [x0, belt],
+            args=(belt,),
+            method="DOP853",
+            rtol=1e-10,
+            atol=1e-13,
         )
         on = scipy.integrate.solve_ivp(
             rates, (0, period), start.y[:, -1], args=(belt,), events=highest,
-            rtol=1e-11, atol=1e-14,
+            method="DOP853", rtol=1e-10, atol=1e-13,
         )  # fmt: skip
         return on.y_events[0][0][1] - belt
 
@@ -152,8 +158,8 @@ def test_stick_slip_ends_where_an_independent_code_has_it():
     start = ((0.0,), (0.2,))
     system = StribeckOscillator()
     cycle = find_cycle(system, settle=1.0, initial_state=start, over="belt", varied=("damping",))
-    branch = follow(cycle, 0.1, 0.4, step=0.05)
-    found = by_kind(follow_curves(branch, "damping", 4.5, 7.5, step=0.1))
+    branch = follow(cycle, 0.15, 0.33, step=0.1)
+    found = by_kind(follow_curves(branch, "damping", 5.3, 6.3, step=0.1))
     fold, hopf = found["grazing_sliding_fold"], found["hopf"]
     assert codes(fold) == codes(hopf) == {CurveEnd.RANGE}
     for at in (0, len(fold.places) // 2, len(fold.places) - 1):
@@ -261,8 +267,8 @@ def test_a_map_swept_up_and_down_has_its_borders_on_the_curves():
     (a step of the sweep throws it out of its thin basin, and growth near the onset takes long)."""
     blade = Wiper(belt=SteadyBelt(0.3), attack_angle=0.0, normal_load=15.0)
     cycle = find_cycle(blade, settle=0.1, over="belt_speed", varied=("normal_load",))
-    branch = follow(cycle, 0.2, 1.8, step=0.05)
-    found = by_kind(follow_curves(branch, "normal_load", 13.0, 17.0, step=0.1))
+    branch = follow(cycle, 0.25, 1.8, step=0.1)
+    found = by_kind(follow_curves(branch, "normal_load", 13.0, 17.0, step=0.2))
     fold, hopf = found["grazing_sliding_fold"], found["hopf"]
     assert codes(fold) == codes(hopf) == {CurveEnd.RANGE}
     assert _at(hopf, 15.0) == pytest.approx(0.451052, abs=1e-5)

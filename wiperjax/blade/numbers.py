@@ -40,11 +40,11 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
 
 def routes(system: AbstractSystem) -> dict[str, tuple[str, ...]]:
     """Parameter of files -> the fields that lead to it: of the system, its belt or its law."""
-    own: Iterable[str] = marked(system)
-    if isinstance(system, Wiper):
+    own: Iterable[str] = (x for x in marked(system) if np.ndim(getattr(system, x)) == 0)
+    if isinstance(system, Wiper):  # of a batch of them too
         blade = (name for name, entry in PARAMETERS.items() if entry.table == "blade")
         own = (name for name in blade if name not in system.idle)
-    found = {name: (name,) for name in own if np.ndim(getattr(system, name)) == 0}
+    found = {name: (name,) for name in own}
     for field, kinds in (("belt", BELTS), ("friction", FRICTIONS)):
         part = getattr(system, field, None)
         if isinstance(part, eqx.Module):

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...blade import numbers
+from ...contact.guards import starting_sides
 from ...contact.system import AbstractSystem
 from ...vocabulary import checks
 from ...vocabulary.codes import CurveEnd
@@ -206,4 +207,4 @@ def _sides(system: AbstractSystem, state: np.ndarray) -> tuple[float, ...]:
     local = system.prepared().on_piece(system.first_piece(time))
     q = tuple(jnp.asarray(state[:n]))
     v = local.from_rates(time, q, tuple(jnp.asarray(state[n:])))
-    return tuple(1.0 if float(switch) >= 0 else -1.0 for switch in local.switches(time, q, v))
+    return tuple(float(side) for side in starting_sides(local, time, q, v))
