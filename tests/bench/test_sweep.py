@@ -25,9 +25,9 @@ def test_the_file_says_the_sweep_of_so_many_cells():
 def test_the_bare_engine_and_the_scalar_loop_have_the_cells_of_the_sweep():
     spec, some = parse_sweep(sweep.given(1000)), np.array([0, 17, 500, 999])
     scene = maps.scene_of(spec, some)
-    wiper, _, position, velocity = batch.prepare(spec, some)
+    built, position, velocity = batch.prepare(spec, some)
     for name in ("attack_angle", "normal_load"):
-        np.testing.assert_array_equal(getattr(scene.wiper, name), getattr(wiper, name)[:4])
+        np.testing.assert_array_equal(getattr(scene.wiper, name), getattr(built.wiper, name)[:4])
     np.testing.assert_allclose(scene.start[:, 0], np.asarray(position[0])[:4], rtol=1e-15)
     np.testing.assert_array_equal(scene.start[:, 2], np.asarray(velocity[0])[:4])
     assert scene.duration == 0.1

@@ -124,6 +124,34 @@ CASES = {
             "zeno_time": LENGTH,
         },
     ),
+    "modes": (
+        wiperjax.modes,
+        {"system": BLADE},
+        {"system": MOTION["system"], "near": [3, "a", (0.0,), (0.0, 0.0, 0.0), (NAN, 0.0), Odd()]},
+    ),
+    "modes_over": (
+        wiperjax.modes_over,
+        {"spec": SPEC},
+        {"spec": [3, None, [], Odd(), wiperjax.Wiper()]},
+    ),
+    "parameter": (
+        wiperjax.parameter,
+        {"default": 1.0},
+        {
+            "default": ["a", NAN, True, Odd()],
+            "unit": [3, None],
+            "low": ["a", NAN, True],
+            "high": ["a", NAN, True],
+            "above": ["a", NAN, True, Odd()],
+            "below": ["a", NAN, True, Odd()],
+            "long_name": [3],
+        },
+    ),
+    "parameters_of": (
+        wiperjax.parameters_of,
+        {"system": BLADE},
+        {"system": [3, "a", None, Odd()]},
+    ),
     "share_error": (
         wiperjax.share_error,
         {"count": 3, "of": 10},
@@ -460,7 +488,7 @@ PICTURES = {
     for name, draw in vars(plots).items()
     if callable(draw)
     and not name.startswith("_")
-    and name not in ("of", "plot_file", "plot_all", "with_borders")
+    and name not in ("of", "plot_file", "plot_all", "with_borders", "with_curves")
 }
 
 

@@ -173,7 +173,7 @@ WRONG = {
     "own_systems:Nothing": r"module 'own_systems' has no class 'Nothing'",
     "own_systems:NUMBER": r"has no class but something else named 'NUMBER'",
     "no_such_module:Ball": r"module 'no_such_module' is not found",
-    "own_systems": r"must be 'wiper' or an import path 'module:Class', was 'own_systems'",
+    "own_systems": r"must be 'wiper', .* or an import path 'module:Class', was 'own_systems'",
     ":Ball": r"must be an import path such as 'my_module:MyClass'",
     "own_systems:Unfinished": r"lacks directions, free_acceleration",
     "own_systems:Nameless": r"must name its coordinates: coordinates = \('x', ...\)",
@@ -339,3 +339,15 @@ def test_a_wiper_takes_a_law_of_ones_own_from_a_file():
         wiperjax.parse_scene(scene | {"parameters": {"steep": 1.0}})
     with pytest.raises(SpecError, match=r"blade.mu_minimum: must be left out with blade.friction"):
         wiperjax.parse_scene(scene | {"blade": scene["blade"] | {"mu_minimum": 0.1}})
+
+
+def test_a_default_outside_its_own_range_is_refused_where_it_is_declared():
+    for ends, words in (
+        ({"low": 2.0}, "default must be a finite number >= 2, but was 1"),
+        ({"high": 0.5}, "default must be a finite number <= 0.5, but was 1"),
+        ({"above": 1.0}, "default must be a finite number > 1, but was 1"),
+        ({"below": 1.0}, "default must be a finite number < 1, but was 1"),
+        ({"below": 1.0, "high": 2.0}, "below must be left out with high, but was 1"),
+    ):
+        with pytest.raises(ValueError, match=f"^{words}"):
+            wiperjax.parameter(1.0, **ends)

@@ -62,8 +62,7 @@ def modes(system: AbstractSystem, near=None) -> xr.Dataset:
     checks.instance("system", system, AbstractSystem, "a system such as Wiper()")
     if system.law is None:
         raise ValueError(f"system must have friction, but {type(system).__name__} has none")
-    near = place_near(system) if near is None else tuple(near)
-    near = tuple(float(x) for x in near)
+    near = _place(system, near)
     found = linear_at(numbers.traceable(system), tuple(jnp.asarray(x) for x in near))
     if not bool(found.exists):
         raise ValueError(
@@ -71,6 +70,18 @@ def modes(system: AbstractSystem, near=None) -> xr.Dataset:
             "another place may be given as near"
         )
     return _dataset(system, found)
+
+
+def _place(system: AbstractSystem, near) -> tuple[float, ...]:
+    """Return the place from which steady sliding is sought. Raises ValueError for what is none."""
+    usual = place_near(system)
+    if near is None:
+        return tuple(float(x) for x in usual)
+    fine = isinstance(near, tuple | list | np.ndarray) and len(near) == len(usual)
+    if not fine or not all(checks.is_number(x, arrays=False) and np.isfinite(x) for x in near):
+        must = f"must be {len(usual)} finite numbers, one a coordinate"
+        raise ValueError(f"near {must}, but was {checks.shown(near)}")
+    return tuple(float(x) for x in near)
 
 
 def place_near(system: AbstractSystem) -> tuple:

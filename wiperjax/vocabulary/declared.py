@@ -43,14 +43,15 @@ def parameter(
     checks.instance("unit", unit, str, "a text such as 'kg'")
     checks.instance("long_name", long_name, str, "a text")
     for end, other, names in ((low, above, ("low", "above")), (high, below, ("high", "below"))):
-        if other is not None and math.isfinite(end):
+        if other is not None and end not in (-math.inf, math.inf):
             raise ValueError(f"{names[1]} must be left out with {names[0]}, but was {other:g}")
-    reach = Range(
-        low if above is None else checks.number("above", above, FINITE),
-        high if below is None else checks.number("below", below, FINITE),
-        low_open=above is not None,
-        high_open=below is not None,
-    )
+    ends = Range(infinite=True)
+    low, high = checks.number("low", low, ends), checks.number("high", high, ends)
+    if above is not None:
+        low = checks.number("above", above, FINITE)
+    if below is not None:
+        high = checks.number("below", below, FINITE)
+    reach = Range(low, high, low_open=above is not None, high_open=below is not None)
     found = Parameter("", "parameters", "", unit, reach, long_name, None, exact=True)
     if default is None:
         return dataclasses.field(kw_only=True, metadata={KEY: found})
@@ -88,7 +89,8 @@ def parameters_of(system: Any) -> Mapping[str, Parameter]:
         a default.
     """
     if not dataclasses.is_dataclass(system):
-        raise ValueError(f"system must be a system or the class of one, but was {system!r}")
+        such_as = "a system or the class of one"
+        raise ValueError(f"system must be {such_as}, but was {checks.shown(system)}")
     found, known = {}, marked(system)
     for field in dataclasses.fields(system):
         name, default = field.name, field.default

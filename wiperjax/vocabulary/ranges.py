@@ -49,6 +49,10 @@ class Range:
             return (
                 f"must be {kind} number {'>' if self.low_open else '>='} {_plain(self.low)}{unit}"
             )
+        if math.isfinite(self.high):
+            return (
+                f"must be {kind} number {'<' if self.high_open else '<='} {_plain(self.high)}{unit}"
+            )
         return f"must be {kind} number{unit}"
 
     def outside(self, values: Any) -> Any:
