@@ -5,7 +5,7 @@ What the panels show in each of their states is noted, and put back in the brows
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,7 @@ held.data = here ? {x: [places[best][i]], y: [places[best][j]]} : {x: [], y: []}
 def write_static(
     explored: Explored,
     path: str | Path,
-    cells: list[Mapping[str, float]] | None = None,
+    cells: Sequence[Mapping[str, Any]] | None = None,
     force: bool = False,
     say: Callable[[str], None] = lambda text: None,
 ) -> int:
@@ -125,7 +125,7 @@ def coarse(explored: Explored, x: str, y: str) -> list[dict[str, int]]:
     return found[:: max(1, -(-len(found) // MOST_MOTIONS))]
 
 
-def nearest(explored: Explored, values: Mapping[str, float]) -> dict[str, int]:
+def nearest(explored: Explored, values: Mapping[str, Any]) -> dict[str, int]:
     """The place of the cell nearest to some values, the middle of axes that are not named.
 
     Raises: `ValueError` for a name that is no axis, or a value outside it.
@@ -135,9 +135,9 @@ def nearest(explored: Explored, values: Mapping[str, float]) -> dict[str, int]:
     place = {dim: explored.ds.sizes[dim] // 2 for dim in explored.dims}
     for dim, value in values.items():
         along = explored.ds[dim].values
-        if not along.min() <= value <= along.max():
+        if isinstance(value, str) or not along.min() <= value <= along.max():
             must = f"must lie in {along.min():g} ... {along.max():g}"
-            raise ValueError(f"{dim} {must}, was {value:g}")
+            raise ValueError(f"{dim} {must}, was {value}")
         place[dim] = int(np.argmin(np.abs(along - value)))
     return place
 
