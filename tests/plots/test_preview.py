@@ -33,7 +33,7 @@ def test_words_of_a_dataset_are_words_in_a_notebook():
 
 def test_a_blade_is_a_table_of_its_parameters_with_units():
     page = wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.3), normal_load=17.5)._repr_html_()
-    for words in ("Wiper", "normal_load", "17.5", "N/m", "belt.speed", "0.3", "m/s", "attack angle"):
+    for words in ("Wiper", "normal_load", "17.5", "N/m", "belt.speed", "0.3", "attack angle"):
         assert f">{words}<" in page
     assert "stribeck_speed" in page
     coulomb = wiperjax.Wiper(friction=wiperjax.Coulomb(0.5))._repr_html_()
