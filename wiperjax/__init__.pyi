@@ -10,6 +10,8 @@ from .contact.system import AbstractSystem
 from .engine.observers.base import AbstractObserver
 from .engine.observers.totals import RegimeTotals
 from .engine.solve import solve
+from .explorer.notebook import explore
+from .exports import export
 from .machine.jax_settings import configure
 from .maps.basins import basins
 from .maps.driver import sweep
@@ -19,6 +21,7 @@ from .modes.over import modes_over
 from .modes.table import modes
 from .noise.class_counts import class_table, share_error
 from .noise.run_class import assess
+from .plots.preview import preview
 from .runs.scene import run_scene
 from .runs.simulate import simulate
 from .specs.load import load_scene, load_sweep, parse_scene, parse_sweep
@@ -50,6 +53,8 @@ __all__ = [
     "borders",
     "class_table",
     "configure",
+    "explore",
+    "export",
     "load_scene",
     "load_sweep",
     "modes",
@@ -59,6 +64,7 @@ __all__ = [
     "parameters_of",
     "parse_scene",
     "parse_sweep",
+    "preview",
     "refine",
     "run_scene",
     "share_error",

@@ -9,6 +9,7 @@ import scipy.io.wavfile
 from explorer_pages import Window, browser, servers, sixteen  # noqa: F401
 
 from wiperjax.explorer.explored import explored
+from wiperjax.explorer.static import write_static
 from wiperjax.vocabulary.cf import flag_names
 
 pytestmark = pytest.mark.slow
@@ -122,6 +123,28 @@ def test_two_windows_do_not_disturb_each_other_and_cells_are_held(window, browse
     assert "belt speed 0.2" in window.text(".where")
     assert other.faults == []
     other.page.close()
+
+
+def test_one_file_holds_the_map_and_motions(browser, cells, tmp_path):  # noqa: F811
+    path, place = tmp_path / "page.html", {"attack_angle": 2, "normal_load": 0, "belt_speed": 1}
+    chosen = [{"attack_angle": 5, "normal_load": 12, "belt_speed": 0.3}, {"attack_angle": -19}]
+    assert write_static(explored(cells, "sixteen.h5"), path, chosen) == 2
+    window = Window(browser, path.as_uri())
+    window.until(lambda: window.says("2 motions are stored"))
+    window.click(0, 0, 4, 2)
+    window.until(lambda: "attack angle -20°" in window.text(".where"))
+    slider = window.page.locator(".noUi-handle").first
+    slider.focus()
+    slider.press("ArrowLeft")
+    window.until(lambda: window.says("normal load 12 N/m:"))
+    window.click(2, 1, 4, 2)
+    window.until(lambda: agrees(window, cells, place))
+    assert window.page.locator("audio").first.evaluate("audio => audio.duration") > 0.9
+    window.page.mouse.move(*window.point(3, 0, 4, 2))
+    name, _ = told(cells, {"attack_angle": 3, "normal_load": 0, "belt_speed": 0})
+    window.until(lambda: window.says(f"attack angle 20 deg, belt speed 0.2 m/s: {name}"))
+    assert window.faults == []
+    window.page.close()
 
 
 def test_words_in_a_map_are_words_on_the_page(browser, servers, cells):  # noqa: F811

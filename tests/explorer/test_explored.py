@@ -1,5 +1,6 @@
 """Maps that are explored: read plane by plane, and refused where they are none."""
 
+import json
 import tomllib
 
 import numpy as np
@@ -13,6 +14,7 @@ from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
 from wiperjax.explorer.explored import explored, open_explored, plain
 from wiperjax.explorer.scale import NOTHING, painted
+from wiperjax.explorer.static import nearest, write_static
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
 from wiperjax.specs.load import parse_scene
@@ -144,6 +146,25 @@ def test_a_map_that_does_not_say_what_it_was_made_from_is_shown_only(whole):
             scene_of(bare, {"attack_angle": 0, "normal_load": 0, "belt_speed": 0})
     with pytest.raises(StoreError, match="no variable 'label'"):
         explored(xr.Dataset())
+
+
+def test_a_file_for_a_browser_takes_cells_of_the_map_only(whole, tmp_path):
+    assert nearest(whole, {"attack_angle": 14}) == {
+        "attack_angle": 4, "normal_load": 2, "belt_speed": 5,
+    }  # fmt: skip
+    for cells, says in (({"attack": 3}, "must be an axis"), ({"attack_angle": 41}, "-40 ... 40")):
+        with pytest.raises(ValueError, match=says):
+            write_static(whole, tmp_path / "page.html", [cells])
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch):
+    (tmp_path / "hostile_module.py").write_text("raise SystemExit('imported')")
+    monkeypatch.syspath_prepend(tmp_path)
+    for change in ({"system": "hostile_module:X"}, {"blade": {"friction": "hostile_module:X"}}):
+        document = whole.spec.document() | change
+        found = explored(whole.ds.assign_attrs(specification=json.dumps(document)))
+        assert found.spec is None and "only --trust imports" in found.unable
 
 
 def test_words_are_one_plain_line():

@@ -1,15 +1,11 @@
 """A map of sixteen cells, computed; servers of maps in a thread; the browser of this machine."""
 
-import asyncio
-import queue
 import shutil
-import threading
 
 import pytest
 from stub_sweep import evaluate as stub
-from tornado.ioloop import IOLoop
 
-from wiperjax.explorer.server import serve
+from wiperjax.explorer.notebook import Served
 from wiperjax.maps import driver
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -27,48 +23,20 @@ def sixteen(path=None, title="sixteen cells"):
 
 
 class Servers:
-    """Serves maps from a thread of its own, as a command would from a process."""
+    """Serves maps, each from a thread of its own."""
 
     def __init__(self):
-        self._loop, ready = None, queue.Queue()
-
-        def work():
-            asyncio.set_event_loop(asyncio.new_event_loop())
-            ready.put(IOLoop.current())
-            IOLoop.current().start()
-
-        self._thread = threading.Thread(target=work, daemon=True)
-        self._thread.start()
-        self._loop = ready.get(timeout=10)
-        self._servers = []
+        self._served = []
 
     def __call__(self, explored):
         """The address of a page of this map; its boxes are those of the stub."""
-        found = queue.Queue()
-
-        def begin():
-            try:
-                found.put(serve(explored, evaluate=stub))
-            except BaseException as error:
-                found.put(error)
-
-        self._loop.add_callback(begin)
-        served = found.get(timeout=60)
-        if isinstance(served, BaseException):
-            raise served
-        self._servers.append(served[0])
-        return served[1]
+        self._served.append(Served(explored, evaluate=stub))
+        return self._served[-1].address
 
     def stop(self):
         """Ends them all."""
-
-        def end():
-            for server in self._servers:
-                server.stop()
-            self._loop.stop()
-
-        self._loop.add_callback(end)
-        self._thread.join(timeout=10)
+        for served in self._served:
+            served.stop()
 
 
 class Window:

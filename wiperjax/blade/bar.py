@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
 from ..contact.system import AbstractSystem
+from ..vocabulary.parameters import PARAMETERS
 from .block import LEAST_LOAD
 from .wiper import Wiper
 
@@ -20,6 +21,7 @@ class Bar(AbstractSystem):
     """
 
     unilateral: ClassVar[bool] = False
+    known: ClassVar = PARAMETERS
     lip: Wiper
 
     @property

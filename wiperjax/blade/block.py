@@ -11,6 +11,7 @@ from ..contact.belts import AbstractBelt, operating_speed
 from ..contact.friction import AbstractFriction, Stribeck
 from ..contact.system import AbstractSystem
 from ..numerics.types import Scalar
+from ..vocabulary.parameters import PARAMETERS
 from .steady_slip import steady_slip
 from .wiper import Wiper
 
@@ -25,6 +26,7 @@ class Block(AbstractSystem):
     """
 
     unilateral: ClassVar[bool] = False
+    known: ClassVar = PARAMETERS
     belt: AbstractBelt
     friction: AbstractFriction
     mass: Scalar  # kg/m

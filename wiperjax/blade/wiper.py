@@ -1,6 +1,6 @@
 """The wiper: a rigid lip on springs, its tip on moving glass (docs/model.md, sections 1 to 3)."""
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -51,6 +51,8 @@ class Wiper(AbstractSystem):
     Raises ValueError for values outside the ranges of `parameters.PARAMETERS`, those of sweep files
     (checked where they are known: not while traced).
     """
+
+    known: ClassVar = PARAMETERS
 
     belt: AbstractBelt = SteadyBelt()
     tip_mass: Scalar = REFERENCE["tip_mass"]  # kg/m

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .options import check_input, configure
+from .options import Force, check_input, check_output, configure, cuts
 
 
 def explore(
@@ -15,6 +15,22 @@ def explore(
         int, typer.Option(min=0, max=65535, help="Port to serve on.", show_default="a free one")
     ] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
+    static: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PAGE.html",
+            help="Write one file instead, for a browser alone: the map, and motions of some cells.",
+        ),
+    ] = None,
+    cell: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AXIS=VALUE,...",
+            help="With --static: a cell whose motion is stored, the nearest; more of them.",
+            show_default="a coarse choice",
+        ),
+    ] = None,
+    force: Force = False,
     trust: Annotated[
         bool,
         typer.Option(
@@ -33,6 +49,11 @@ def explore(
 ) -> None:
     """Look into a map in a browser: click on a cell, see and hear its motion."""
     check_input(file)
+    cells = [dict(cuts(one.split(",")) or {}) for one in cell] if cell else None
+    if static is None and (cells or force):
+        raise ValueError("--cell and --force are for --static PAGE.html")
+    if static is not None:
+        check_output(static, (".html",), force, file)
     configure(None)
     try:
         import bokeh  # noqa: F401
@@ -43,6 +64,12 @@ def explore(
 
     explored, ds = open_explored(file, trust)
     with ds:
+        if static is not None:
+            from ..explorer.static import write_static
+
+            count = write_static(explored, static, cells, force, _working)
+            print(f"page     {static}: {static.stat().st_size / 1e6:.1f} MB, {count} motions")
+            return
         if host not in server.LOCAL:
             print(
                 f"note: on {host} every computer that reaches this one can see the map and have "
@@ -51,3 +78,7 @@ def explore(
             )
         served, address = server.serve(explored, host, port)
         server.run(served, address, browser, lambda text: print(text, flush=True))
+
+
+def _working(text: str) -> None:
+    print(f"simulating {text}", file=sys.stderr, flush=True)

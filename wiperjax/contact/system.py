@@ -9,6 +9,7 @@ batch are then stored one coordinate at a time, which is what vector units want.
 """
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
@@ -16,6 +17,8 @@ import jax.numpy as jnp
 
 from ..numerics.types import Coordinates, Scalar
 from ..vocabulary import declared
+from ..vocabulary.parameters import Parameter
+from .card import card
 from .friction import AbstractFriction
 
 
@@ -30,8 +33,14 @@ class AbstractSystem(eqx.Module):
     unilateral: ClassVar[bool] = True  # False: always touching, under a prescribed normal force
     coordinates: ClassVar[tuple[str, ...]] = ()  # their names in maps and runs; else q0, q1, ..
 
+    known: ClassVar[Mapping[str, Parameter]] = {}  # of parameters that it does not declare itself
+
     def __check_init__(self):
         declared.check(self)
+
+    def _repr_html_(self) -> str:
+        """Its parameters with their units, as a notebook shows them."""
+        return card(self, self.known)
 
     @property
     def coupled(self) -> bool:

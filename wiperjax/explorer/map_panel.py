@@ -143,6 +143,16 @@ class MapPanel:
         self._draw_lines(plane, x, y, variable)
         self._hatch(plane, variable)
 
+    def parts(self) -> list[tuple[Any, tuple[str, ...]]]:
+        """What `show` changes from plane to plane of the same two axes: models and properties."""
+        sources = [self.plane, self.axes, *self.lines.values(), *self.hatched.values()]
+        return [
+            *((one, ("data",)) for one in sources),
+            (self.names, ("data", "tags")),
+            (self.mapper, ("palette", "low", "high")),
+            (self.legend, ("text",)),
+        ]
+
     def _figure(self) -> Any:
         picture: Any = figure(
             width=WIDTH, height=440, x_range=span(-0.5, 0.5), y_range=span(-0.5, 0.5),

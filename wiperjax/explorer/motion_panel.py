@@ -121,6 +121,17 @@ class MotionPanel:
             else:
                 self.texts[name].text = text
 
+    def parts(self) -> list[tuple[Any, tuple[str, ...]]]:
+        """What `show` changes: models, and which of their properties."""
+        return [
+            *((one, ("data",)) for one in self.sources.values()),
+            *((self.ranges[name], ("start", "end")) for name in RANGES),
+            (self.ranges["row"], ("factors",)),
+            *((picture, ("visible",)) for picture in self.pictures.values()),
+            *((text, ("text",)) for text in self.texts.values()),
+            (self.scene, ("value",)),
+        ]
+
     def _figure(self, title: str, x: str, y: str, height: int = HEIGHT, **options: Any) -> Any:
         return figure(
             title=title, x_axis_label=x, y_axis_label=y, width=WIDTH, height=height,
@@ -129,7 +140,7 @@ class MotionPanel:
 
     def _history(self, drawn: Any) -> Any:
         picture = self._figure(
-            "Velocity of the tip, regimes behind it", "time (ms)", "velocity (m/s)",
+            "Velocity, regimes behind it", "time (ms)", "velocity (m/s)",
             x_range=self.ranges["time"], y_range=self.ranges["velocity"],
             height=262,  # as the table beside it
         )  # fmt: skip

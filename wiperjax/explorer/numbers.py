@@ -13,17 +13,16 @@ from ..plots.style.palette import CLASSES, UNKNOWN, readable
 from ..sound import RATE, sound
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import Result
-from ..vocabulary.schema import SCHEMA
 from .explored import escaped
 
 SECONDS = 2.0  # of sound, played again and again
-ROWS = (  # column of a map, what it is called here, factor, unit
-    ("dominant_frequency", "frequency", 1.0, "Hz"),
-    ("velocity_rms", "tip velocity, rms", 1.0, "m/s"),
-    ("stick_fraction", "share in stick", 100.0, "%"),
-    ("flight_fraction", "share in flight", 100.0, "%"),
-    ("normal_force_max", "largest normal force", 1.0, "N/m"),
-    ("impact_count", "impacts in the window", 1.0, ""),
+ROWS = (  # column of a map, and what it is called here
+    ("dominant_frequency", "frequency"),
+    ("velocity_rms", "velocity, rms"),
+    ("stick_fraction", "share in stick"),
+    ("flight_fraction", "share in flight"),
+    ("normal_force_max", "largest normal force"),
+    ("impact_count", "impacts in the window"),
 )
 CODED = (("mechanism", "mechanism"), ("band", "band"), ("settled", "settled"))
 COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, beside the run
@@ -51,8 +50,11 @@ def table(run: xr.Dataset, told: dict[str, float], stored: dict[str, float], ds:
     for name, label in (("label", "class"), *CODED):
         here = readable(named[name]) if name in named else "-"
         rows.append((name, label, here, _stored_name(ds, name, stored), ""))
-    for name, label, factor, unit in ROWS:
+    for name, label in ROWS:
         here, there = (source.get(name, float("nan")) for source in (told, stored))
+        unit = str(ds[name].attrs.get("units", "1")) if name in ds else "1"
+        share = name.endswith("_fraction")
+        factor, unit = (100.0, "%") if share else (1.0, "" if unit == "1" else escaped(unit))
         rows.append((name, label, _number(factor * here), _number(factor * there), unit))
     attrs = run.attrs
     rows += [
@@ -84,10 +86,10 @@ def _number(value: float) -> str:
     return f"{value:.5g}" if np.isfinite(value) else "-"
 
 
-def audio(run: xr.Dataset, reference: float) -> str:
-    """An audio element with the sound of a run, as it is; full scale is `reference` (m/s)."""
+def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> str:
+    """An audio element with so many seconds of a run as they are; full scale is `reference`."""
     try:
-        heard = sound(run, reference=reference, seconds=SECONDS)
+        heard = sound(run, reference=reference, seconds=seconds)
     except ValueError:  # no whole period in the settled half
         try:
             heard = sound(run, reference=reference)
@@ -97,15 +99,9 @@ def audio(run: xr.Dataset, reference: float) -> str:
     scipy.io.wavfile.write(buffer, RATE, heard.samples.astype(np.float32))
     data = base64.b64encode(buffer.getvalue()).decode()
     warning = "; peaks beyond full scale are clipped" if heard.peak > heard.reference else ""
-    level = heard.describe().partition("full scale")[2]
+    level = heard.describe().partition("full scale")[2].replace(" 1,", ",")
     return (
         f'<audio controls loop preload="auto" src="data:audio/wav;base64,{data}"></audio>'
-        f'<p class="note">tip velocity, full scale {escaped(level)}{warning}. '
+        f'<p class="note">velocity, full scale {escaped(level)}{warning}. '
         "Not a sound pressure: radiation is not modelled.</p>"
     )
-
-
-def units_of(name: str) -> str:
-    """Unit of a column of a map; empty of one that has none, or is not known."""
-    column = SCHEMA.get(name)
-    return column.units if column is not None and column.units != "1" else ""

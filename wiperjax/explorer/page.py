@@ -11,13 +11,12 @@ from bokeh.models import Column, Row
 from ..machine.files import StoreError
 from ..plots.maps.planes import choose_plane
 from .box import Boxes
-from .cells import scene_of, simulated, toml_of
-from .content import Content, content_of
+from .content import Content
 from .explored import Explored, escaped, plain
 from .finer_part import FinerPart
 from .map_panel import WIDTH, MapPanel
+from .motion import motion_of
 from .motion_panel import FIRST, MotionPanel
-from .numbers import COMPARED, audio, heading, table
 from .style import PAGE
 from .widgets import LIVE, button, choice, slider, words
 from .worker import Worker
@@ -181,6 +180,7 @@ class Page:
         """Has the motion of the cell of the cursor computed, and shows it."""
         if self.quiet:
             return
+        self.motion.view.visible = self.explored.spec is not None
         if self.explored.spec is None:
             self.say(f"Cells of this map cannot be simulated: {self.explored.unable}.", fault=True)
             return
@@ -226,20 +226,6 @@ class Page:
     def say(self, text: str, fault: bool = False) -> None:
         """Shows a line of state."""
         self.status.text = f'<p class="{"fault" if fault else "note"}">{escaped(text)}</p>'
-
-
-def motion_of(explored: Explored, place: dict[str, int], start: Any, reference: float) -> Content:
-    """All that is shown of the motion of one cell, computed now."""
-    scene = scene_of(explored, place, start)
-    run, told = simulated(scene, explored.spec.run.transient)
-    content = content_of(run)
-    content.texts = {
-        "heading": heading(run, told, scene["title"]),
-        "table": table(run, told, explored.cell(place, COMPARED, start), explored.ds),
-        "audio": audio(run, reference),
-        "scene": toml_of(scene),
-    }
-    return content
 
 
 def _off_zero(values: np.ndarray) -> int:

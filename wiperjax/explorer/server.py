@@ -7,6 +7,8 @@ from typing import Any
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
+from bokeh.core.validation import silence
+from bokeh.core.validation.warnings import EMPTY_LAYOUT
 from bokeh.document import Document
 from bokeh.models import Div
 from bokeh.server.server import BaseServer
@@ -20,6 +22,8 @@ from .box import Boxes
 from .explored import Explored
 from .page import Page
 from .worker import Worker
+
+silence(EMPTY_LAYOUT, True)  # a map of two axes has no slider
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 MOST_WINDOWS = 16  # at once: each holds what it shows in memory

@@ -18,7 +18,7 @@ table.numbers tr + tr { border-top: 1px solid #eaeef2; }
 .key i { display: inline-block; width: 14px; height: 14px; border: 1px solid #555;
   margin-right: 5px; vertical-align: -2px; }
 .key i.line { height: 0; border: 0; border-top: 3px solid #000; vertical-align: 3px; }
-.bar { position: relative; height: 36px; margin: 2px 26px 0 8px; }
+.bar { position: relative; height: 36px; width: 480px; margin: 2px 26px 0 8px; }
 .bar .shades { height: 14px; border: 1px solid #888; }
 .bar .tick { position: absolute; top: 17px; transform: translateX(-50%); font-size: 12px; }
 .progress { width: 320px; height: 10px; border: 1px solid #8c959f; border-radius: 5px;

@@ -1,0 +1,83 @@
+"""A dataset in a notebook: a small picture of it, and what it holds in a line or two."""
+
+import base64
+import html
+import io
+from typing import Any
+
+import xarray as xr
+
+from ..datasets.run_dataset import is_run, last_periods
+from ..vocabulary import checks
+from .maps.categories import category_legend, category_panel
+from .maps.planes import choose_plane, cut
+from .runs.history import time_history
+from .style.axes import legend_below, page
+from .style.caption import noise_text
+
+DPI = 80
+
+
+class Preview:
+    """What `preview` shows: a notebook draws it, elsewhere it is a line of text.
+
+    Attributes:
+        text: what the dataset holds.
+        png: the picture, as the bytes of a file; empty where nothing can be drawn.
+    """
+
+    def __init__(self, text: str, png: bytes):
+        self.text, self.png = text, png
+
+    def __repr__(self) -> str:
+        return self.text
+
+    def _repr_html_(self) -> str:
+        data = base64.b64encode(self.png).decode()
+        picture = f'<img alt="" src="data:image/png;base64,{data}">' if data else ""
+        return f"<div>{html.escape(self.text)}<br>{picture}</div>"
+
+
+def preview(ds: xr.Dataset) -> Preview:
+    """A small picture of a map (its classes in the middle plane) or of a run (the velocity of its
+    last periods), and a line that says what it is. Of another dataset the line alone.
+    """
+    checks.instance("ds", ds, xr.Dataset, "a map or a run, such as open_map(...)")
+    title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", "")) or "dataset"
+    if is_run(ds):
+        noise = noise_text(ds)
+        text = f"{title}: run of {float(ds['time'][-1]):.4g} s, {ds.sizes.get('event', 0):,} events"
+        return Preview(text + (f"; {noise}" if noise else ""), _run(ds))
+    size = " x ".join(f"{count} {name}" for name, count in ds.sizes.items())
+    if "label" not in ds:
+        return Preview(f"{title}: {size}", b"")
+    text = f"{title}: map of {ds['label'].size:,} cells ({size})"
+    try:
+        x, y = choose_plane(ds, None, None)
+    except ValueError:  # one axis
+        return Preview(text, b"")
+    plane, where = cut(ds, (x, y))
+    if "start" in plane.dims:
+        plane = plane.isel(start=0)
+    return Preview(text + (f"; shown at {where}" if where else ""), _map(plane.load(), x, y))
+
+
+def _map(plane: xr.Dataset, x: str, y: str) -> bytes:
+    figure = page((5.0, 3.6))
+    boundary = category_panel(plane, figure.subplots(), x, y)
+    legend_below(figure, category_legend(plane, boundary=boundary), fontsize="small")
+    return _png(figure)
+
+
+def _run(run: xr.Dataset) -> bytes:
+    figure = page((5.0, 2.2))
+    component = 0 if run["velocity"].ndim > 1 else None
+    part = last_periods(run)
+    time_history(part, figure.subplots(), component=component, legend=False)
+    return _png(figure)
+
+
+def _png(figure: Any) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=DPI, format="png")
+    return buffer.getvalue()
