@@ -114,6 +114,32 @@ class Rising(wiperjax.AbstractFriction):
         return 1.2 * self.static
 
 
+class Lopsided(Ball):
+    """It has two coordinates, and accelerates one."""
+
+    coordinates = ("x", "height")
+
+
+class Failing(Ball):
+    """Its own code is wrong."""
+
+    def free_acceleration(self, t, q, v):
+        return (q[3],)
+
+
+class Listing(Ball):
+    """It returns a list of a number where a number is asked."""
+
+    def gap(self, t, q):
+        return (q[0],)
+
+
+class Bodiless(Ball):
+    """It may open, but does not say when."""
+
+    gap = wiperjax.AbstractSystem.gap
+
+
 class Untold(Ball):
     """A parameter without unit or default."""
 

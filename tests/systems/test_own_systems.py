@@ -228,6 +228,31 @@ def test_numbers_outside_their_range_are_one_line_in_files_and_in_python():
         wiperjax.parse_sweep(SWEEP | spec)
 
 
+MISTAKES = {
+    "Lopsided": (
+        {"position": [0.0, 1.0]},
+        r"^Lopsided.free_acceleration must return 2 numbers, one a coordinate, but returned 1$",
+    ),
+    "Failing": ({"position": [1.0]}, r"^Failing.free_acceleration fails: IndexError: tuple index"),
+    "Listing": ({"position": [1.0]}, r"^Listing.gap must return a number, but returned 1$"),
+    "Bodiless": ({"position": [1.0]}, r"^Bodiless.gap is missing: a unilateral system must define"),
+    "Ball": (None, r"^start.position: is missing; \[start\] must have it"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_system_that_says_something_else_than_asked_is_one_line(name):
+    start, words = MISTAKES[name]
+    spec = {
+        "system": f"own_systems:{name}",
+        "axes": {"gravity": {"values": [1.0]}},
+        "run": {"transient": 0.0, "window": 1.0},
+        "classes": {"quiet_velocity": 0.1},
+    }
+    with pytest.raises(ValueError, match=words):
+        wiperjax.sweep(spec if start is None else spec | {"start": start})
+
+
 def test_a_class_within_a_function_has_no_import_path():
     class Local(own_systems.Ball):
         pass

@@ -18,6 +18,7 @@ from ..specs.system import System
 from ..specs.tables import Start
 from ..vocabulary.codes import Regime, Result
 from ..vocabulary.kinds import BELTS
+from . import fits
 
 
 class Built(NamedTuple):
@@ -73,17 +74,21 @@ def start(spec: System, built: Built, stated: Start | None = None):
     stated = spec.start if stated is None else stated
     if wiper is not None:
         return start_on_rung(system, start_state(wiper, stated), stated.kind)
+    names = spec.family.coordinates
     if stated.position is not None:
-        return stated.position, stated.velocity or (0.0,) * len(stated.position)
+        position, velocity = stated.position, stated.velocity or (0.0,) * len(stated.position)
+        fits.check(system, names, position, velocity)
+        return position, velocity
     try:
         position, velocity = system.default_state()
     except ValueError:
         must = "is missing; [start] must have it, for this system has no start of its own"
         raise ValueError(f"start.position: {must}") from None
-    if (n := len(spec.family.coordinates)) != len(position) or n != len(velocity):
+    if (n := len(names)) != len(position) or n != len(velocity):
         name = type(system).__name__
         must = f"must return {n} positions and {n} velocities (coordinates), but returned"
         raise ValueError(f"{name}.default_state {must} {len(position)} and {len(velocity)}")
+    fits.check(system, names, position, velocity)
     return position, velocity
 
 
