@@ -136,7 +136,7 @@ def print_curves(branch: Any) -> None:
     if held is None:
         return
     names = [held.attrs["over"], held.attrs["second"]]
-    units = [held[name].attrs["units"] for name in names]
+    units = [held[name].attrs.get("units", "") for name in names]
     codes = flag_names(held["end_code"])
 
     def place(point: int) -> str:
