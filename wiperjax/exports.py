@@ -3,6 +3,7 @@
 Samples over time with their units, in SI; events beside them where the format has a place.
 """
 
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -41,6 +42,14 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     check_output(path, force)
     with replacing(path) as temporary:
         FORMATS[ending](run, temporary)
+
+
+def exported(run: xr.Dataset, ending: str) -> bytes:
+    """What a file of this ending would hold of a run. Raises: as `export`."""
+    with tempfile.TemporaryDirectory(prefix="wiperjax-") as folder:  # pyuff writes to names only
+        path = Path(folder) / f"run{ending}"
+        export(run, path)
+        return path.read_bytes()
 
 
 def columns(run: xr.Dataset) -> dict[str, tuple[np.ndarray, str]]:

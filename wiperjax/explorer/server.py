@@ -55,6 +55,7 @@ def serve(
         def gone(_: Any) -> None:
             windows.discard(page)
             worker.forget(page)
+            worker.forget((page, "file"))
             page.finer.stop()
 
         document.on_session_destroyed(gone)
