@@ -1,8 +1,10 @@
-"""A run for other programs: CSV for a table, MAT for MATLAB and the like, UFF 58 for test software.
+"""A run for other programs: CSV for a table, MAT for MATLAB and the like, UFF 58 for test software;
+and modes as UFF 55.
 
 Samples over time with their units, in SI; events beside them where the format has a place.
 """
 
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,26 +23,41 @@ UFF_TYPE = {"position": 8, "velocity": 11, "normal_force": 9, "friction_force": 
 
 
 def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
-    """Writes a run in the format that the ending of `path` names, at once or not at all.
+    """Writes a run, or the modes of one system, in the format that the ending of `path` names, at
+    once or not at all.
 
     - `.csv`: a line for each sample, `time (s)` first; the regime by its code.
     - `.mat`: a variable for each quantity, `(samples,)`, those of the events, and `units`.
-    - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced).
+    - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced); of modes
+        (`wiperjax.modes`), which need this ending, a dataset 55 for each mode.
 
-    Raises: `ValueError` for what is no run, another ending, or (UFF) samples that are not evenly
+    Raises: `ValueError` for what is neither, another ending, or (UFF) samples that are not evenly
         spaced; `StoreError` if it exists (without `force`) or cannot be written.
     """
     checks.instance("run", run, xr.Dataset, "a run (wiperjax.simulate)")
     checks.path("path", path)
     checks.flag("force", force)
-    if not is_run(run):
+    if not (is_run(run) or is_modes(run)):
         raise ValueError("run must be a run (wiperjax.simulate), but holds no trajectory")
-    ending = Path(path).suffix.lower()
-    if ending not in FORMATS:
-        raise ValueError(f"{path}: must end in {' or '.join(FORMATS)}")
+    ending, formats = Path(path).suffix.lower(), FORMATS if is_run(run) else MODE_FORMATS
+    if ending not in formats:
+        raise ValueError(f"{path}: must end in {' or '.join(formats)}")
     check_output(path, force)
     with replacing(path) as temporary:
-        FORMATS[ending](run, temporary)
+        formats[ending](run, temporary)
+
+
+def is_modes(ds: xr.Dataset) -> bool:
+    """Whether a dataset holds the modes of one system."""
+    return "shape_amplitude" in ds and set(ds["shape_amplitude"].dims) == {"axis", "mode"}
+
+
+def exported(run: xr.Dataset, ending: str) -> bytes:
+    """What a file of this ending would hold of a run. Raises: as `export`."""
+    with tempfile.TemporaryDirectory(prefix="wiperjax-") as folder:  # pyuff writes to names only
+        path = Path(folder) / f"run{ending}"
+        export(run, path)
+        return path.read_bytes()
 
 
 def columns(run: xr.Dataset) -> dict[str, tuple[np.ndarray, str]]:
@@ -79,11 +96,6 @@ def _mat(run: xr.Dataset, path: Path) -> None:
 
 
 def _uff(run: xr.Dataset, path: Path) -> None:
-    try:
-        import pyuff  # the format has its own kept writer; needed for this ending only
-    except ImportError:
-        raise ValueError("universal files need pyuff: pip install 'wiperjax[uff]'") from None
-
     step, found = sample_interval(run), columns(run)
     time = found.pop("time")[0]
     title = str(run.attrs.get("title", "")) or "run of wiperjax"
@@ -105,6 +117,34 @@ def _uff(run: xr.Dataset, path: Path) -> None:
                 "ordinate_axis_units_lab": _line(unit, 20), "orddenom_spec_data_type": 0,
             }
         )  # fmt: skip
+    _write_sets(sets, path)
+
+
+def _uff_modes(modes: xr.Dataset, path: Path) -> None:
+    """Of a system with the two coordinates x and y one point, else a point for each coordinate."""
+    plane = [str(name) for name in modes["axis"].values] == ["x", "y"]
+    sets = []
+    for number in modes["mode"].values:
+        one = modes.sel(mode=number)
+        shape = np.asarray(one["shape_amplitude"]) * np.exp(1j * np.asarray(one["shape_phase"]))
+        eigenvalue = complex(float(one["real_part"]), 2 * np.pi * float(one["frequency"]))
+        first, second = (shape[:1], shape[1:]) if plane else (shape, 0 * shape)
+        sets.append(
+            {
+                "type": 55, "model_type": 1, "analysis_type": 3, "data_ch": 2, "spec_data_type": 8,
+                "load_case": 0, "mode_n": int(number), "eig": eigenvalue, "r1": first,
+                "r2": second, "r3": 0 * first, "node_nums": np.arange(1, len(first) + 1),
+                "id1": f"mode {int(number)} of steady sliding", "id2": "wiperjax",
+            }
+        )  # fmt: skip
+    _write_sets(sets, path)
+
+
+def _write_sets(sets: list[dict], path: Path) -> None:
+    try:
+        import pyuff  # the format has its own kept writer; needed for this ending only
+    except ImportError:
+        raise ValueError("universal files need pyuff: pip install 'wiperjax[uff]'") from None
     pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
 
 
@@ -116,3 +156,4 @@ def _line(text: str, length: int = 80) -> str:
 FORMATS: dict[str, Callable[[xr.Dataset, Path], None]] = {
     ".csv": _csv, ".mat": _mat, ".uff": _uff, ".unv": _uff,
 }  # fmt: skip
+MODE_FORMATS = {".uff": _uff_modes, ".unv": _uff_modes}

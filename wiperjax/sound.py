@@ -6,6 +6,7 @@ is not modelled, so no level in dB(A) can be given. Files hold 32-bit floating p
 nothing is clipped or rounded away in them; what lies beyond +-1 is clipped by a player only.
 """
 
+import io
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -77,7 +78,13 @@ class Sound:
         checks.flag("force", force)
         check_output(path, force)
         with replacing(path) as temporary:
-            scipy.io.wavfile.write(temporary, RATE, self.samples.astype(np.float32))
+            temporary.write_bytes(self.wav())
+
+    def wav(self) -> bytes:
+        """What the WAV file holds."""
+        buffer = io.BytesIO()
+        scipy.io.wavfile.write(buffer, RATE, self.samples.astype(np.float32))
+        return buffer.getvalue()
 
     def describe(self) -> str:
         """Level and duration in one line."""

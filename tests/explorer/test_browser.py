@@ -90,6 +90,22 @@ def test_the_sound_is_that_of_the_motion(window):
     assert "full scale = 0.1 m/s" in window.text(".audio p")
 
 
+@pytest.mark.parametrize("kind", ["CSV", "WAV"])
+def test_the_run_is_saved(window, kind):
+    window.click(2, 1, 4, 2)
+    window.until(lambda: "belt speed 0.3" in window.text(".where"))
+    window.page.get_by_label("save the run as").select_option(label=kind)
+    with window.page.expect_download() as download:
+        window.page.get_by_role("button", name="save the run").click()
+    content = download.value.path().read_bytes()
+    if kind == "CSV":
+        table = np.loadtxt(io.BytesIO(content), delimiter=",", skiprows=1)
+        assert table[-1, 0] == pytest.approx(0.07) and np.ptp(table[:, 3]) > 0.3
+    else:
+        rate, samples = scipy.io.wavfile.read(io.BytesIO(content))
+        assert rate == 48_000 and len(samples) == pytest.approx(0.07 * rate, abs=2)
+
+
 def test_a_box_is_computed_again_finer_and_left_again(window):
     (x0, y0), (x1, y1) = window.point(0, 0, 4, 2), window.point(2, 1, 4, 2)
     window.page.mouse.move(x0, y0)

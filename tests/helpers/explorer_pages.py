@@ -49,7 +49,7 @@ class Window:
         self.page.on("console", self._heard)
         self.page.on("request", self._asked)
         self.page.set_default_timeout(10_000)
-        self.page.goto(address)
+        self.page.goto(address, timeout=60_000)  # the first program is compiled meanwhile
 
     def _heard(self, message):
         if message.type in ("error", "warning"):

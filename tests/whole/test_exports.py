@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import pyuff
 import scipy.io
+import xarray as xr
 
 from wiperjax.cli import main
 from wiperjax.exports import columns, export
@@ -41,6 +42,32 @@ def test_test_software_finds_a_response_for_each_quantity(squeal, tmp_path):
         np.testing.assert_allclose(one["x"], expected["time"][0], rtol=1e-5, atol=1e-9)
         assert one["type"] == 58 and one["ordinate_axis_units_lab"] == unit
     assert sets["velocity_x"]["ordinate_spec_data_type"] == 11
+
+
+def test_modes_are_complex_eigenvalues_at_points(tmp_path):
+    shape = np.array([[1.0, 0.3], [0.25, 1.0]])
+    phase = np.array([[0.0, -2.0], [1.5, 0.0]])
+    modes = xr.Dataset(
+        {
+            "real_part": ("mode", [12.5, -40.0]),
+            "frequency": ("mode", [780.0, 2100.0]),
+            "shape_amplitude": (("axis", "mode"), shape),
+            "shape_phase": (("axis", "mode"), phase),
+        },
+        coords={"mode": [1, 2], "axis": ["x", "y"]},
+    )
+    for axis, points in ((["x", "y"], 1), (["q0", "q1"], 2)):
+        path = tmp_path / f"{axis[0]}.uff"
+        export(modes.assign_coords(axis=axis), path)
+        sets = pyuff.UFF(str(path)).read_sets()
+        for k, one in enumerate(sets):
+            eigenvalue = modes["real_part"].values[k] + 2j * np.pi * modes["frequency"].values[k]
+            assert one["eig"] == pytest.approx(eigenvalue, rel=1e-5)
+            assert one["mode_n"] == k + 1 and len(one["node_nums"]) == points
+            found = [one["r1"][0], one["r2"][0]] if points == 1 else one["r1"]
+            np.testing.assert_allclose(found, (shape * np.exp(1j * phase))[:, k], atol=1e-5)
+    with pytest.raises(ValueError, match="must end in .uff"):
+        export(modes, tmp_path / "modes.csv")
 
 
 def test_the_command_writes_runs_only_and_nothing_over_a_file(squeal, tmp_path, capsys):

@@ -9,15 +9,15 @@ from .options import Force, check_input, check_output
 
 
 def export(
-    file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="A run.")],
+    file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="A run, or modes.")],
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="FILE", help="To make: .csv, .mat, .uff or .unv."),
     ],
     force: Force = False,
 ) -> None:
-    """Write a run for other programs: CSV, MATLAB, universal file format (dataset 58)."""
-    from ..exports import FORMATS
+    """Write a run for other programs: CSV, MATLAB, universal file (58; modes as 55)."""
+    from ..exports import FORMATS, is_modes
     from ..exports import export as write
 
     check_output(output, tuple(FORMATS), force, file)
@@ -27,8 +27,9 @@ def export(
     from ..store.whole import open_map
 
     with open_map(file) as dataset:
-        if not is_run(dataset):
-            raise StoreError(f"{file}: holds no trajectory; only a run can be exported")
+        if not (is_run(dataset) or is_modes(dataset)):
+            raise StoreError(f"{file}: holds no trajectory; only a run or modes can be exported")
         run = dataset.load()
     write(run, output, force)
-    print(f"export   {output}: {run.sizes['time']} samples")
+    count = f"{run.sizes['time']} samples" if is_run(run) else f"{run.sizes['mode']} modes"
+    print(f"export   {output}: {count}")

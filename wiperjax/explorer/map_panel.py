@@ -92,6 +92,7 @@ class MapPanel:
         self.names = source(code=[], name=[])
         self.cursor = source(x=[0], y=[0])
         self.held = source(x=[], y=[])
+        self._axes: Any = None  # that are shown
         self.lines = {name: source(x=[], y=[]) for name in ("boundary", "border", "dots")}
         self.hatched = {
             pattern: source(left=[], right=[], bottom=[], top=[]) for pattern in PATTERNS
@@ -120,28 +121,38 @@ class MapPanel:
         paint = painted(plane, variable)
         rows, columns = paint.shades.shape
         named = {name: explored.axis_words(name) for name in (x, y)}
-        self.mapper.update(palette=paint.palette, low=-0.5, high=len(paint.palette) - 0.5)
-        self.names.update(
-            data={"code": list(paint.names), "name": list(paint.names.values())},
-            tags=["", paint.unit, bool(paint.names), named[x][0], named[y][0]],
-        )
-        self.axes.data = {"x": [named[x][2]], "y": [named[y][2]]}
+        tags = ["", paint.unit, bool(paint.names), named[x][0], named[y][0]]
+        _change(self.mapper, palette=paint.palette, low=-0.5, high=len(paint.palette) - 0.5)
         self.plane.data = {
             "image": [paint.shades], "values": [paint.values.ravel()], "x": [-0.5], "y": [-0.5],
             "w": [columns], "h": [rows],
         }  # fmt: skip
-        self.legend.text = paint.legend
+        _change(
+            self.names,
+            data={"code": list(paint.names), "name": list(paint.names.values())},
+            tags=tags,
+        )
+        self._show_axes(plane, x, y, named)
+        keys = self._draw_lines(plane, x, y, variable)
+        _change(self.legend, text=paint.legend + keys)
+        self._hatch(plane, variable)
+
+    def _show_axes(self, plane: Any, x: str, y: str, named: Any) -> None:
+        """Shows what the two axes are, unless it is there."""
+        texts = {"x": [named[x][2]], "y": [named[y][2]]}
         falls = [bool(np.diff(plane[name].values[[0, -1]])[0] < 0) for name in (x, y)]
+        pair = (x, y, falls)
+        if self._axes == pair and dict(self.axes.data) == texts:
+            return
+        self._axes, self.axes.data = pair, texts
         self.cursor.tags = [-1 if fall else 1 for fall in falls]
-        for fall, count, range_ in zip(
-            falls, (columns, rows), (self.picture.x_range, self.picture.y_range), strict=True
-        ):
+        ranges = (self.picture.x_range, self.picture.y_range)
+        counts = [len(named[name][2]) for name in (x, y)]
+        for fall, count, range_ in zip(falls, counts, ranges, strict=True):
             ends = (-0.5, count - 0.5)
             range_.update(start=ends[fall], end=ends[not fall])
         for name, axis in ((x, self.picture.xaxis), (y, self.picture.yaxis)):
             _mark(axis[0], plane[name], named[name])
-        self._draw_lines(plane, x, y, variable)
-        self._hatch(plane, variable)
 
     def parts(self) -> list[tuple[Any, tuple[str, ...]]]:
         """What `show` changes from plane to plane of the same two axes: models and properties."""
@@ -186,23 +197,24 @@ class MapPanel:
                             fill_alpha=0, line_color=colour, line_width=width)  # fmt: skip
         return picture
 
-    def _draw_lines(self, plane: Any, x: str, y: str, variable: str) -> None:
-        """The border of linear stability, and the borders that were located."""
+    def _draw_lines(self, plane: Any, x: str, y: str, variable: str) -> str:
+        """Draws the border of linear stability, and those that were located; returns their key."""
         bent = bent_growth(plane, x, y)
         found: Any = [] if bent is None else contourpy.contour_generator(z=bent).lines(0.0)
         keys = ""
         if found:
             keys += _line(BOUNDARY, "steady slip loses stability (linear)")
-        self.lines["boundary"].data = {"x": [c[:, 0] for c in found], "y": [c[:, 1] for c in found]}
+        _fill(self.lines["boundary"], x=[c[:, 0] for c in found], y=[c[:, 1] for c in found])
         pieces, dots = border_pieces(plane, x, y, variable)
-        self.lines["border"].data = {
-            "x": [np.array([a[0], b[0]]) for a, b in pieces],
-            "y": [np.array([a[1], b[1]]) for a, b in pieces],
-        }
-        self.lines["dots"].data = {"x": dots[:, 0], "y": dots[:, 1]}
+        _fill(
+            self.lines["border"],
+            x=[np.array([a[0], b[0]]) for a, b in pieces],
+            y=[np.array([a[1], b[1]]) for a, b in pieces],
+        )
+        _fill(self.lines["dots"], x=dots[:, 0], y=dots[:, 1])
         if pieces:
             keys += _line("#ffffff;outline:1px solid #000", "border (located)")
-        self.legend.text += f'<div class="keys">{keys}</div>' if keys else ""
+        return f'<div class="keys">{keys}</div>' if keys else ""
 
     def _hatch(self, plane: Any, variable: str) -> None:
         """Patterns over classes that have one, and where the class hangs on the start."""
@@ -217,9 +229,18 @@ class MapPanel:
             row, start, stop = row_runs(masks.get(pattern, np.zeros((1, 1), bool)))
             if len(row) > MOST_HATCHED:
                 row = start = stop = row[:0]
-            one.data = {
-                "left": start - 0.5, "right": stop - 0.5, "bottom": row - 0.5, "top": row + 0.5,
-            }  # fmt: skip
+            _fill(one, left=start - 0.5, right=stop - 0.5, bottom=row - 0.5, top=row + 0.5)
+
+
+def _change(model: Any, **values: Any) -> None:
+    """Sets what differs: what is set is sent, and drawn anew."""
+    model.update(**{name: x for name, x in values.items() if getattr(model, name) != x})
+
+
+def _fill(one: Any, **columns: Any) -> None:
+    """Fills a source, unless it was empty and stays so."""
+    if any(map(len, columns.values())) or any(map(len, one.data.values())):
+        one.data = columns
 
 
 def _line(colour: str, text: str) -> str:

@@ -1,16 +1,14 @@
 """Numbers and sound of a motion as HTML: every word that comes from a file is escaped."""
 
 import base64
-import io
 from typing import Any
 
 import numpy as np
-import scipy.io.wavfile
 import xarray as xr
 
 from ..noise.run_class import words
 from ..plots.style.palette import CLASSES, UNKNOWN, readable
-from ..sound import RATE, sound
+from ..sound import sound
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import Result
 from .explored import escaped
@@ -95,9 +93,7 @@ def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> 
             heard = sound(run, reference=reference)
         except ValueError as error:
             return f'<p class="fault">no sound: {escaped(error)}</p>'
-    buffer = io.BytesIO()
-    scipy.io.wavfile.write(buffer, RATE, heard.samples.astype(np.float32))
-    data = base64.b64encode(buffer.getvalue()).decode()
+    data = base64.b64encode(heard.wav()).decode()
     warning = "; peaks beyond full scale are clipped" if heard.peak > heard.reference else ""
     level = heard.describe().partition("full scale")[2].replace(" 1,", ",")
     return (

@@ -12,6 +12,7 @@ from ..machine.files import StoreError
 from ..plots.maps.planes import choose_plane
 from .box import Boxes
 from .content import Content
+from .downloads import Downloads
 from .explored import Explored, escaped, plain
 from .finer_part import FinerPart
 from .map_panel import WIDTH, MapPanel
@@ -29,7 +30,7 @@ class Page:
 
     def __init__(self, document: Any, explored: Explored, worker: Worker, boxes: Boxes):
         self.document, self.explored, self.worker = document, explored, worker
-        self.finer = FinerPart(self, boxes)
+        self.finer, self.downloads = FinerPart(self, boxes), Downloads(self)
         self.map, self.motion, self.other = MapPanel(), MotionPanel("Cell"), MotionPanel("Held")
         self.other.view.visible = False
         self.last: tuple[Any, Content] | None = None
@@ -53,6 +54,7 @@ class Page:
             children=[
                 self.title, self.above, self.map.picture, self.map.readout, self.map.legend,
                 self.below, self.finer.view, Row(children=[self.hold, self.reference]),
+                self.downloads.view,
                 self.status,
                 words(WIDTH, help_),
             ],
@@ -176,6 +178,11 @@ class Page:
         sizes = self.explored.ds.sizes
         return {dim: int(np.clip(chosen[dim], 0, sizes[dim] - 1)) for dim in self.explored.dims}
 
+    def full_scale(self) -> float:
+        """What the sound reaches full scale at, in the unit of velocity."""
+        chosen = str(self.reference.value)
+        return float(chosen) if chosen in FULL_SCALES else 1.0
+
     def _look(self) -> None:
         """Has the motion of the cell of the cursor computed, and shows it."""
         if self.quiet:
@@ -185,8 +192,8 @@ class Page:
             self.say(f"Cells of this map cannot be simulated: {self.explored.unable}.", fault=True)
             return
         explored, place, start = self.explored, self.place(), self.begin()
-        reference = float(self.reference.value) if self.reference.value in FULL_SCALES else 1.0
         self.say("computing ...")
+        reference = self.full_scale()
         what = (id(explored), tuple(place.items()), str(start), reference)
         begun = time.perf_counter()
         self.worker.wish(

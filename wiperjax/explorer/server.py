@@ -1,5 +1,6 @@
 """Who is served: a Bokeh server on this machine, one document for each window."""
 
+import logging
 import socket
 import webbrowser
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from .page import Page
 from .worker import Worker
 
 silence(EMPTY_LAYOUT, True)  # a map of two axes has no slider
+logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)  # a window that was closed
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 MOST_WINDOWS = 16  # at once: each holds what it shows in memory
@@ -53,6 +55,7 @@ def serve(
         def gone(_: Any) -> None:
             windows.discard(page)
             worker.forget(page)
+            worker.forget((page, "file"))
             page.finer.stop()
 
         document.on_session_destroyed(gone)
