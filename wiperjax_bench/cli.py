@@ -268,4 +268,27 @@ def sweep(
     _say(output.with_suffix(".md"), sweep_text.text(found))
 
 
+@app.command()
+def random(
+    output: Output = Path("random.h5"),
+    quick: Quick = False,
+    count: Annotated[int, typer.Option(min=1, help="Blades; rounded up to chunks.")] = 100_000,
+    judged: Annotated[int, typer.Option(min=1, help="Of them, beside the reference.")] = 2000,
+    reference: Annotated[
+        Path | None, typer.Option(help="Folder of the tests' reference: tests/helpers/reference.")
+    ] = None,
+) -> None:
+    """What becomes of blades drawn wide at default settings, 20 ms each.
+
+    Writes the dataset and its text (.md). A run that was stopped goes on where it was; one with a
+    larger --count takes what is there and goes on.
+    """
+    _begin(output, 1)
+    from .measurements import random_blades
+    from .reports import random_text
+
+    dataset = random_blades.run(output, 6 if quick else count, 12 if quick else judged, reference)
+    _say(output.with_suffix(".md"), random_text.text(dataset))
+
+
 app.command(name="all")(everything)

@@ -1,0 +1,122 @@
+"""A blade's events beside those of an independent code.
+
+That code is the tests' own (`tests/helpers/reference/blade.py` of a checkout: scipy's DOP853 at
+1e-12, phase by phase); it is read from a folder that is given, so that nothing installed needs it.
+"""
+
+import importlib.util
+import signal
+import sys
+from pathlib import Path
+
+from wiperjax.vocabulary.codes import Event, Result
+
+from ..scenes import wide
+
+PATIENCE = 20  # s that the reference may take
+BELT = (Event.BELT_REVERSAL, Event.BELT_KINK)
+VERDICTS = {
+    "same": "the same events, as far as the start moved by rtol has them",
+    "sensitive": "other events where the start moved by 100 rtol has others, too",
+    "different": "other events before that",
+    "failed": "the engine stopped, the reference did not",
+    "both stopped": "neither came to the end",
+    "no reference": "the reference stopped, or took too long",
+}
+
+
+class Referee:
+    """Compares the events of a blade with those of the reference in ``folder``.
+
+    Raises ValueError where that folder has no such code.
+    """
+
+    def __init__(self, folder: Path, duration: float, rtol: float):
+        file = folder / "blade.py"
+        if not file.is_file():
+            raise ValueError(f"--reference must be a folder with blade.py, but was {folder}")
+        spec = importlib.util.spec_from_file_location("independent_blade", file)
+        assert spec is not None and spec.loader is not None
+        self.code = importlib.util.module_from_spec(spec)
+        sys.modules[spec.name] = self.code  # its dataclasses look themselves up
+        spec.loader.exec_module(self.code)
+        self.duration, self.rtol = duration, rtol
+
+    def verdict(self, drawn: wide.Drawn, i: int, log: list, result: int) -> list:
+        """Return [one of `VERDICTS`, events that agree, events that can be known, largest lag of
+        an agreeing event in s] of blade ``i``, whose engine's events are ``log``.
+        """
+        stopped = result not in (Result.FINISHED, Result.COLLAPSED, Result.PAINLEVE_INDETERMINATE)
+        try:
+            true = self._events(drawn, i, 0.0)
+        except (ArithmeticError, ValueError, TimeoutError):
+            return ["both stopped" if stopped else "no reference", 0, 0, 0.0]
+        found = _merged([(t, _word(k), b, a) for t, k, b, a in log])
+        agreed = common(found, true)
+        lag = max((abs(f[0] - t[0]) for f, t in zip(found[:agreed], true, strict=False)), default=0)
+        if stopped:
+            return ["failed", agreed, len(true), lag]
+        known = len(true)
+        for share, word in ((0.0, "same"), (1.0, "same"), (100.0, "sensitive")):
+            if share:
+                try:
+                    known = min(known, common(true, self._events(drawn, i, share * self.rtol)))
+                except (ArithmeticError, ValueError, TimeoutError):
+                    return ["no reference", agreed, known, lag]
+            # beyond the engine's log nothing is known of its events
+            if agreed >= known or (agreed == len(found) and len(log) >= 256):
+                extra = not share and len(found) > len(true)
+                if not extra:
+                    return [word, agreed, known, lag]
+        return ["different", agreed, known, lag]
+
+    def _events(self, drawn: wide.Drawn, i: int, moved: float) -> list:
+        """Return the events of the reference, from the start or from one moved by a share."""
+        blade = {name: float(values[i]) for name, values in drawn.blade.items()}
+        belt = {name: float(values[i]) for name, values in drawn.belt.items()}
+        x, y, along, up = (float(value) for value in drawn.start[i])
+        speed = abs(belt.get("speed", belt.get("amplitude", 0.0)))
+        start = x + moved * blade["lip_length"], y, along + moved * speed, up
+        signal.signal(signal.SIGALRM, _too_long)
+        signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+        try:
+            run = self.code.simulate(blade, self._belt(belt), self.duration, start, max_events=1000)
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+        return _merged([(e.time, e.kind, e.before, e.after) for e in run.events])
+
+    def _belt(self, belt: dict):
+        if "ramp" in belt:
+            return self.code.Trapezoid(
+                belt["speed"], belt["frequency"], belt["phase"], belt["ramp"]
+            )
+        if "amplitude" in belt:
+            return self.code.Wiping(belt["amplitude"], belt["frequency"], belt["phase"])
+        return self.code.Steady(belt["speed"])
+
+
+def _too_long(signum, frame):
+    raise TimeoutError
+
+
+def _word(kind: int) -> str:
+    return "belt" if Event(kind) in BELT else Event(kind).name.lower()
+
+
+def _merged(events: list) -> list:
+    """Return ``events`` with an impact and the completion that follows it as one."""
+    kept: list = []
+    for time, kind, before, after in events:
+        if kind == "zeno" and kept and kept[-1][1] == "impact":
+            kept.append((time, "zeno", kept.pop()[2], after))
+        else:
+            kept.append((time, kind, before, after))
+    return kept
+
+
+def common(a: list, b: list) -> int:
+    """Return how many leading events are of the same kind and regimes."""
+    n = 0
+    while n < min(len(a), len(b)) and a[n][1:] == b[n][1:]:
+        n += 1
+    return n
