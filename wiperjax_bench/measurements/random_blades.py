@@ -24,12 +24,12 @@ from wiperjax.vocabulary.codes import Event, Result
 from ..harness import measure
 from ..harness.keep import Parts
 from ..scenes import wide
-from .referee import Referee
+from .referee import LOG, Referee
 
 DURATION = 0.02  # s
 SOLVER = diffrax.Dopri8()  # and `RTOL`: what a sweep takes where its file says nothing
 MAX_STEPS = SweepRun.model_fields["max_steps"].default
-CHUNK, LOG = 4096, 256
+CHUNK = 4096
 DEAR = 100  # times the median steps
 SEED = 20261123
 COLUMNS = ("result", "steps", "rejected", "unproved", "events")

@@ -13,7 +13,9 @@ from wiperjax.vocabulary.codes import Event, Result
 
 from ..scenes import wide
 
-PATIENCE = 20  # s that the reference may take
+PATIENCE = 10  # s that the reference may take
+LOG, MOST = 256, 1000  # events kept of the engine's, and asked of the reference
+ENDED = (Result.FINISHED, Result.COLLAPSED, Result.PAINLEVE_INDETERMINATE)
 BELT = (Event.BELT_REVERSAL, Event.BELT_KINK)
 VERDICTS = {
     "same": "the same events, as far as the start moved by rtol has them",
@@ -46,32 +48,35 @@ class Referee:
         """Return [one of `VERDICTS`, events that agree, events that can be known, largest lag of
         an agreeing event in s] of blade ``i``, whose engine's events are ``log``.
         """
-        stopped = result not in (Result.FINISHED, Result.COLLAPSED, Result.PAINLEVE_INDETERMINATE)
+        stopped = result not in ENDED
+        found = [(t, _word(k), b, a) for t, k, b, a in log]
+        if not stopped and len(log) < LOG:
+            found.append((self.duration, "end", -1, -1))
         try:
-            true = self._events(drawn, i, 0.0)
+            true = self.events(drawn, i)
+            agreed = known = common(found, true)
+            if stopped:
+                verdict = "failed"
+            elif agreed == len(found):
+                verdict = "same"
+            else:
+                known = common(true, self.events(drawn, i, self.rtol))
+                verdict = "same" if agreed >= known else "different"
+            if verdict == "different":
+                far = common(true, self.events(drawn, i, 100 * self.rtol))
+                verdict = "sensitive" if agreed >= far else "different"
         except (ArithmeticError, ValueError, TimeoutError):
             return ["both stopped" if stopped else "no reference", 0, 0, 0.0]
-        found = _merged([(t, _word(k), b, a) for t, k, b, a in log])
-        agreed = common(found, true)
-        lag = max((abs(f[0] - t[0]) for f, t in zip(found[:agreed], true, strict=False)), default=0)
-        if stopped:
-            return ["failed", agreed, len(true), lag]
-        known = len(true)
-        for share, word in ((0.0, "same"), (1.0, "same"), (100.0, "sensitive")):
-            if share:
-                try:
-                    known = min(known, common(true, self._events(drawn, i, share * self.rtol)))
-                except (ArithmeticError, ValueError, TimeoutError):
-                    return ["no reference", agreed, known, lag]
-            # beyond the engine's log nothing is known of its events
-            if agreed >= known or (agreed == len(found) and len(log) >= 256):
-                extra = not share and len(found) > len(true)
-                if not extra:
-                    return [word, agreed, known, lag]
-        return ["different", agreed, known, lag]
+        pairs = zip(found[:agreed], true[:agreed], strict=True)
+        return [verdict, agreed, known, max((abs(f[0] - t[0]) for f, t in pairs), default=0.0)]
 
-    def _events(self, drawn: wide.Drawn, i: int, moved: float) -> list:
-        """Return the events of the reference, from the start or from one moved by a share."""
+    def events(self, drawn: wide.Drawn, i: int, moved: float = 0.0) -> list:
+        """Return the reference's (time in s, name, regime before, regime after) of each event of
+        blade ``i``, from its start or from one moved by that share of lip and belt speed; the last
+        is called ``end`` where it got there within `MOST` events.
+
+        Raises TimeoutError after `PATIENCE`, ArithmeticError where the reference stops.
+        """
         blade = {name: float(values[i]) for name, values in drawn.blade.items()}
         belt = {name: float(values[i]) for name, values in drawn.belt.items()}
         x, y, along, up = (float(value) for value in drawn.start[i])
@@ -80,10 +85,11 @@ class Referee:
         signal.signal(signal.SIGALRM, _too_long)
         signal.setitimer(signal.ITIMER_REAL, PATIENCE)
         try:
-            run = self.code.simulate(blade, self._belt(belt), self.duration, start, max_events=1000)
+            run = self.code.simulate(blade, self._belt(belt), self.duration, start, max_events=MOST)
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0)
-        return _merged([(e.time, e.kind, e.before, e.after) for e in run.events])
+        events = _merged([(e.time, e.kind, e.before, e.after) for e in run.events])
+        return events + [(self.duration, "end", -1, -1)] * (run.result != "max_events")
 
     def _belt(self, belt: dict):
         if "ramp" in belt:
@@ -104,7 +110,9 @@ def _word(kind: int) -> str:
 
 
 def _merged(events: list) -> list:
-    """Return ``events`` with an impact and the completion that follows it as one."""
+    """Return ``events`` with an impact and the completion that follows it as one, as the engine
+    has them.
+    """
     kept: list = []
     for time, kind, before, after in events:
         if kind == "zeno" and kept and kept[-1][1] == "impact":
