@@ -19,12 +19,12 @@ from wiperjax.engine.lanes import Pool, run_pool
 from wiperjax.maps.cells.devices import dearest_first, lane_count
 from wiperjax.specs.sweep import RTOL
 from wiperjax.specs.tables import SweepRun
-from wiperjax.vocabulary.codes import Event, Result
+from wiperjax.vocabulary.codes import Event
 
 from ..harness import measure
 from ..harness.keep import Parts
 from ..scenes import wide
-from .referee import LOG, Referee
+from .referee import ENDED, LOG, Referee
 
 DURATION = 0.02  # s
 SOLVER = diffrax.Dopri8()  # and `RTOL`: what a sweep takes where its file says nothing
@@ -71,19 +71,19 @@ def chunk_of(number: int, every: int) -> dict:
     outcome = blades(group, drawn)
     columns = {name: getattr(outcome, name).tolist() for name in COLUMNS}
     steps = outcome.steps
-    failed = outcome.result > Result.COLLAPSED
-    chosen = failed | (steps > DEAR * np.median(steps))
+    chosen = ~np.isin(outcome.result, ENDED) | (steps > DEAR * np.median(steps))
     chosen[::every] = True
     logs = {str(i): logged(outcome, i) for i in np.flatnonzero(chosen)}
     return {"group": group, "columns": columns, "logs": logs, "cpu": time.process_time() - spent}
 
 
-def run(output: Path, count: int, judged: int, reference: Path | None, say=print) -> xr.Dataset:
-    """Return the dataset of ``count`` blades (rounded up to chunks), ``judged`` of them at random
-    and all failed and dear ones with a verdict where ``reference`` names the folder of its code.
+def run(output: Path, count: int, every: int, reference: Path | None, say=print) -> xr.Dataset:
+    """Return the dataset of ``count`` blades (rounded up to chunks). One in ``every`` and all
+    that failed or were dear have a verdict where ``reference`` names the folder of its code.
+
+    Finished chunks stay in `<output>.parts/`: a later call may ask for more.
     """
     chunks = -(-count // CHUNK)
-    every = max(1, chunks * CHUNK // max(1, judged))
     parts = Parts(output, {"chunk": CHUNK, "every": every, "seed": SEED, "rtol": RTOL})
     referee = None if reference is None else Referee(reference, DURATION, RTOL)
     quiet = lambda text: None
@@ -92,7 +92,7 @@ def run(output: Path, count: int, judged: int, reference: Path | None, say=print
         part = parts.once(f"blades-{number}", lambda n=number: chunk_of(n, every), quiet)
         codes = np.array(part["columns"]["result"])
         say(f"chunk {number + 1} of {chunks} ({'-'.join(_name(part['group']))}): "
-            f"{np.sum(codes > Result.COLLAPSED)} failed, {part['cpu']:.0f} s")  # fmt: skip
+            f"{np.sum(~np.isin(codes, ENDED))} failed, {part['cpu']:.0f} s")  # fmt: skip
         found.append(part)
     for number, part in enumerate(found):
         if referee is None:
@@ -130,8 +130,9 @@ def _dataset(found: list[dict], rows: list[list], every: int) -> xr.Dataset:
     group = np.repeat([part["group"] for part in found], CHUNK).astype("int32")
     names = ("judged_chunk", "judged_place", "verdict", "agreed", "known", "lag")
     verdicts = {
-        name: ("judged", np.array([row[k] for row in rows], object if name == "verdict" else float))
+        name: ("judged", np.array([row[k] for row in rows], float))
         for k, name in enumerate(names)
+        if name != "verdict"
     }
     verdicts["verdict"] = ("judged", np.array([row[2] for row in rows], "U16"))
     return xr.Dataset(

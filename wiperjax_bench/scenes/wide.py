@@ -4,7 +4,7 @@ A blade is told by its group and its number alone: it can be drawn again, by its
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,7 +71,8 @@ def draw(group: int, seed: int, chunk: int, count: int) -> Drawn:
 
 def wiper(group: int, drawn: Drawn) -> Wiper:
     """Return the wiper whose leaves are those arrays."""
-    return Wiper(belt=BELTS[GROUPS[group][0]](**drawn.belt), **drawn.blade)
+    blade: dict[str, Any] = drawn.blade
+    return Wiper(belt=BELTS[GROUPS[group][0]](**drawn.belt), **blade)
 
 
 def _either(rng, first, second):
