@@ -73,7 +73,7 @@ def chunk_of(number: int, every: int) -> dict:
     steps = outcome.steps
     chosen = ~np.isin(outcome.result, ENDED) | (steps > DEAR * np.median(steps))
     chosen[::every] = True
-    logs = {str(i): logged(outcome, i) for i in np.flatnonzero(chosen)}
+    logs = {str(i): logged(outcome, i) for i in np.flatnonzero(chosen).tolist()}
     return {"group": group, "columns": columns, "logs": logs, "cpu": time.process_time() - spent}
 
 
@@ -104,7 +104,8 @@ def run(output: Path, count: int, every: int, reference: Path | None, say=print)
                           strict=True))  # fmt: skip
         say(f"judged {number + 1} of {chunks}: {counts}")
     dataset = _dataset(found, rows, every)
-    dataset.to_netcdf(output, engine="h5netcdf")
+    small = {str(name): {"zlib": True} for name in dataset.variables if name != "verdict"}
+    dataset.to_netcdf(output, engine="h5netcdf", encoding=small)
     return dataset
 
 

@@ -49,7 +49,7 @@ class Referee:
         an agreeing event in s] of blade ``i``, whose engine's events are ``log``.
         """
         stopped = result not in ENDED
-        found = [(t, _word(k), b, a) for t, k, b, a in log]
+        found = [_plain(t, _word(k), b, a) for t, k, b, a in log]
         if not stopped and len(log) < LOG:
             found.append((self.duration, "end", -1, -1))
         try:
@@ -109,6 +109,11 @@ def _word(kind: int) -> str:
     return "belt" if Event(kind) in BELT else Event(kind).name.lower()
 
 
+def _plain(time: float, kind: str, before: int, after: int) -> tuple:
+    """Return an event; at the start, where a tip may jam, there is no regime before."""
+    return time, kind, before if time > 0 else after, after
+
+
 def _merged(events: list) -> list:
     """Return ``events`` with an impact and the completion that follows it as one, as the engine
     has them.
@@ -118,7 +123,7 @@ def _merged(events: list) -> list:
         if kind == "zeno" and kept and kept[-1][1] == "impact":
             kept.append((time, "zeno", kept.pop()[2], after))
         else:
-            kept.append((time, kind, before, after))
+            kept.append(_plain(time, kind, before, after))
     return kept
 
 

@@ -59,7 +59,7 @@ def _judged(dataset: xr.Dataset) -> list[str]:
     for at in np.flatnonzero(np.isin(verdict, ("different", "failed")))[:LISTED]:
         row = {k: dataset[k].to_numpy()[at] for k in ("judged_chunk", "judged_place", "agreed")}
         chunk, place = int(row["judged_chunk"]), int(row["judged_place"])
-        code = Result(int(dataset["result"][chunk * dataset.chunk + place])).name.lower()
+        code = Result(int(dataset["result"][chunk * dataset.attrs["chunk"] + place])).name.lower()
         lines.append(
             f"- chunk {chunk}, blade {place}: {verdict[at]} after {int(row['agreed'])} events, "
             f"ended as {code}"
