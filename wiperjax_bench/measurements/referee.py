@@ -9,7 +9,7 @@ import signal
 import sys
 from pathlib import Path
 
-from wiperjax.vocabulary.codes import Event, Result
+from wiperjax.vocabulary.codes import Event, Regime, Result
 
 from ..scenes import wide
 
@@ -21,7 +21,7 @@ VERDICTS = {
     "same": "the same events, as far as the start moved by rtol has them",
     "sensitive": "other events where the start moved by 100 rtol has others, too",
     "different": "other events before that",
-    "failed": "the engine stopped, the reference did not",
+    "failed": "the engine stopped; the reference was asked for its first 1000 events only",
     "both stopped": "neither came to the end",
     "no reference": "the reference stopped, or took too long",
 }
@@ -110,8 +110,11 @@ def _word(kind: int) -> str:
 
 
 def _plain(time: float, kind: str, before: int, after: int) -> tuple:
-    """Return an event; at the start, where a tip may jam, there is no regime before."""
-    return time, kind, before if time > 0 else after, after
+    """Return an event as both codes name it: at the start, where a tip may jam, there is no regime
+    before, and stick that ends in flight at the edge of the cone is a lift-off.
+    """
+    flies = before == Regime.STICK and after == Regime.FLIGHT and kind == "release"
+    return time, "lift_off" if flies else kind, before if time > 0 else after, after
 
 
 def _merged(events: list) -> list:
