@@ -1,18 +1,16 @@
 """`wiperjax bench`: files out and short tables; what is measured stands in `measurements`.
 
 `wiperjax` finds ``app`` by an entry point. What is heavy is imported inside the commands, after
-`configure`, as in `wiperjax.cli`: `--help` stays fast, and the settings of XLA precede jax.
+`begin`, as in `wiperjax.cli`: `--help` stays fast, and the settings of XLA precede jax.
 """
 
-import importlib.util
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from wiperjax.cli.options import configure
-
 from .everything import everything
+from .files import begin, finish, say
 
 app = typer.Typer(help="Measure speed and accuracy beside other methods (needs numba).")
 
@@ -20,32 +18,6 @@ Output = Annotated[
     Path, typer.Option("-o", "--output", metavar="FILE.h5", help="Dataset; text, pictures beside.")
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="A small form of it, under two minutes.")]
-
-
-def _begin(output: Path, cores: int | None, suffixes=(".h5", ".nc")) -> None:
-    """Check what can be checked before minutes are spent, and set XLA up."""
-    if importlib.util.find_spec("numba") is None:
-        raise ValueError("bench needs numba: pip install numba")
-    if output.suffix not in suffixes:
-        raise ValueError(f"{output}: must end in {' or '.join(suffixes)}")
-    if not output.parent.is_dir():
-        raise ValueError(f"{output.parent}: is not a directory")
-    configure(cores, keep=False)  # compilations are measured
-
-
-def _finish(output: Path, dataset, draw, words, pictures=()) -> None:
-    """Write the picture and the text of a dataset beside it; say where they are, and `pictures`."""
-    from .reports.words import save
-
-    drawn = [*save(draw(dataset), output), *pictures]
-    text = output.with_suffix(".md")
-    text.write_text(words(dataset, output.with_suffix(".png").name))
-    print(f"dataset  {output}\npicture  {', '.join(map(str, drawn))}\ntext     {text}")
-
-
-def _say(output: Path, text: str) -> None:
-    output.write_text(text)
-    print(text)
 
 
 @app.command()
@@ -66,7 +38,7 @@ def chart(
     """
     if clock not in ("wall", "cpu"):
         raise ValueError(f"clock must be wall or cpu, but was {clock!r}")
-    _begin(output, 1)
+    begin(output, 1)
     from .measurements import chart
     from .reports import chart_plot, chart_text
 
@@ -88,12 +60,12 @@ def borders(
     Writes dataset, picture (.png, .svg) and text (.md). Its maps stay in OUTPUT.maps, for a run
     that was stopped.
     """
-    _begin(output, None)
+    begin(output, None)
     from .measurements import borders
     from .reports import borders_page
 
     dataset = borders.run(output, quick=quick, count=points)
-    _finish(output, dataset, borders_page.draw, borders_page.text)
+    finish(output, dataset, borders_page.draw, borders_page.text)
 
 
 @app.command()
@@ -109,7 +81,7 @@ def failures(
     Writes the dataset, its picture (.png, .svg; a narrow one beside) and the text under it (.md).
     A run that was stopped goes on where it was.
     """
-    _begin(output, 1)
+    begin(output, 1)
     from .harness.keep import Parts
     from .measurements import failures
     from .reports import failures_plot, failures_text
@@ -120,7 +92,7 @@ def failures(
     dataset.to_netcdf(output, engine="h5netcdf")
     parts.clear()
     short = save(failures_plot.short(dataset), output.with_stem(output.stem + "_short"))
-    _finish(output, dataset, failures_plot.draw, failures_text.failures_text, short)
+    finish(output, dataset, failures_plot.draw, failures_text.failures_text, short)
 
 
 @app.command()
@@ -130,14 +102,14 @@ def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     Writes the dataset, its picture (.png, .svg; a narrow one beside) and the text under it (.md).
     A run that was stopped goes on where it was.
     """
-    _begin(output, 1)
+    begin(output, 1)
     from .measurements import stability_limits
     from .reports import limits_plot, limits_text
 
     only = ("Tsit5", "Moreau-Jean") if quick else ("",)
     dataset = stability_limits.measure(1 if quick else None, print, only)
     dataset.to_netcdf(output, engine="h5netcdf")
-    _finish(output, dataset, limits_plot.draw, limits_text.limits_text)
+    finish(output, dataset, limits_plot.draw, limits_text.limits_text)
 
 
 @app.command()
@@ -146,12 +118,12 @@ def smoothing(output: Output = Path("smoothing.h5"), quick: Quick = False) -> No
 
     Writes the dataset, its picture (.png, .svg) and the text under it (.md).
     """
-    _begin(output, 1)
+    begin(output, 1)
     from .measurements import smoothing
     from .reports import smoothing_page
 
     dataset = smoothing.run(output, quick=quick)
-    _finish(output, dataset, smoothing_page.draw, smoothing_page.text)
+    finish(output, dataset, smoothing_page.draw, smoothing_page.text)
 
 
 @app.command()
@@ -167,12 +139,12 @@ def speed(
     cost over the size of the batch, start-up, memory; and, where chart.h5 and maps.h5 lie beside,
     the precision of every variant. A run that was stopped goes on where it was.
     """
-    _begin(output, None)
+    begin(output, None)
     from .measurements import speed
     from .reports import speed_text
 
     dataset = speed.run(output, quick=quick, trajectories=trajectories, repeats=repeats)
-    _say(output.with_suffix(".md"), speed_text.text(dataset, output.parent))
+    say(output.with_suffix(".md"), speed_text.text(dataset, output.parent))
 
 
 @app.command()
@@ -190,12 +162,12 @@ def profile(
     for name in wanted:
         if name not in ("float64", "float32"):
             raise ValueError(f"precision must be float64 or float32, but was {name!r}")
-    _begin(output, 1, (".md", ".txt"))
+    begin(output, 1, (".md", ".txt"))
     from .measurements import profile
     from .reports import profile_text
 
     text = "\n".join(profile_text.text(profile.run(name, quick)) for name in wanted)
-    _say(output, text)
+    say(output, text)
 
 
 @app.command()
@@ -235,11 +207,11 @@ def maps(
 
     Writes the dataset and its text (.md). A run that was stopped goes on where it was.
     """
-    _begin(output, None)
+    begin(output, None)
     from .measurements import maps
     from .reports import maps_text
 
-    _say(output.with_suffix(".md"), maps_text.text(maps.run(output, quick=quick, count=cells)))
+    say(output.with_suffix(".md"), maps_text.text(maps.run(output, quick=quick, count=cells)))
 
 
 @app.command()
@@ -259,13 +231,39 @@ def sweep(
     for size in cells or ():
         if size not in (1000, 10_000, 100_000, 1_000_000):
             raise ValueError(f"cells must be 1000, 10000, 100000 or 1000000, but was {size}")
-    _begin(output, None)
+    begin(output, None)
     from .measurements import sweep
     from .reports import sweep_text
 
     sizes = tuple(cells or ((1000, 10_000) if quick else sweep.GRIDS))
     found = sweep.run(output, sizes=sizes, repeats=1 if quick else repeats)
-    _say(output.with_suffix(".md"), sweep_text.text(found))
+    say(output.with_suffix(".md"), sweep_text.text(found))
+
+
+@app.command()
+def random(
+    output: Output = Path("random.h5"),
+    quick: Quick = False,
+    count: Annotated[int, typer.Option(min=1, help="Blades; rounded up to chunks.")] = 100_000,
+    every: Annotated[int, typer.Option(min=1, help="One in so many is judged.")] = 50,
+    reference: Annotated[
+        Path | None, typer.Option(help="Folder of the tests' reference: tests/helpers/reference.")
+    ] = None,
+) -> None:
+    """What becomes of blades drawn wide at default settings, 20 ms each; are their events right?
+
+    Writes the dataset and its text (.md). What is done stays in OUTPUT.parts: a run that was
+    stopped goes on, and so does one that is given a larger --count.
+    """
+    begin(output, 1)
+    from .measurements import random_blades
+    from .reports import random_text
+
+    sizes = (1, 400) if quick else (count, every)
+    dataset = random_blades.run(
+        output, *sizes, reference
+    )  # quick else count, 400 if quick else every, reference)
+    say(output.with_suffix(".md"), random_text.text(dataset))
 
 
 app.command(name="all")(everything)

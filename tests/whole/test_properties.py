@@ -1,7 +1,8 @@
 """What holds of every blade, drawn at large: laws of mechanics that no method may break.
 
-One compiled program serves all examples: blade, belt, start, duration and tolerance are its
-arguments. A few examples by default; `pytest --hypothesis-profile many` draws a thousand.
+One compiled program serves all examples of one motion: blade, belt, start, duration and tolerance
+are its arguments; another one those of a batch. A few examples by default; `pytest
+--hypothesis-profile many` draws a thousand.
 """
 
 import equinox as eqx
@@ -13,6 +14,8 @@ from hypothesis import strategies as st
 
 import wiperjax
 from wiperjax import Result, SteadyBelt, Wiper
+from wiperjax.engine.carry.problem import make_case
+from wiperjax.engine.lanes import Pool, run_pool
 
 MANY = settings.default.max_examples >= 1000  # the profile of conftest.py
 few = settings(
@@ -25,6 +28,7 @@ few = settings(
 pytestmark = pytest.mark.slow
 DURATION = 0.01
 FINE = 1e-10
+LANES = 8  # cases of a batch
 
 
 def between(low, high):
@@ -50,24 +54,43 @@ BLADES = st.fixed_dictionaries(
 
 
 @eqx.filter_jit
-def _move(blade, position, velocity, duration, rtol):
+def _move(blade, position, velocity, begin, duration, rtol):
     blade = dict(blade)
     wiper = Wiper(belt=SteadyBelt(blade.pop("speed")), **blade)
+    state = position, velocity
     return wiperjax.solve(
-        wiper, duration, initial_state=(position, velocity), rtol=rtol, max_events=1024
+        wiper, duration, initial_state=state, rtol=rtol, max_events=1024, start=begin
     )
 
 
-def move(blade, *, start=None, duration=DURATION, rtol=FINE):
+def move(blade, *, start=None, begin=0.0, duration=DURATION, rtol=FINE):
     """The motion of a blade let go at rest above the glass, or from ``start``."""
     numbers = {name: jnp.asarray(float(value)) for name, value in blade.items()}
     drop = numbers.pop("drop")
     place = (numbers["lip_length"] * jnp.sin(numbers["attack_angle"]), drop)
     position, velocity = start or (place, (0.0, 0.0))
     arrays = (tuple(jnp.asarray(float(x)) for x in part) for part in (position, velocity))
-    found = _move(numbers, *arrays, jnp.asarray(float(duration)), jnp.asarray(float(rtol)))
+    times = (jnp.asarray(float(x)) for x in (begin, duration, rtol))
+    found = _move(numbers, *arrays, *times)
     assume(Result(int(found.result)) == Result.FINISHED)
     return found
+
+
+@eqx.filter_jit
+def _together(numbers):
+    numbers = dict(numbers)
+    drop = numbers.pop("drop")
+    wiper = Wiper(belt=SteadyBelt(numbers.pop("speed")), **numbers)
+    place = (wiper.lip_length * jnp.sin(wiper.attack_angle), drop)
+    case = make_case(wiper, DURATION, (place, (0.0 * drop, 0.0 * drop)))
+    return run_pool(Pool(case, jnp.asarray(LANES)), LANES // 2)[0]
+
+
+def together(blades):
+    """What `blades` leave that run in one batch, of half as many lanes, (cases,) each."""
+    found = _together({k: np.array([blade[k] for blade in blades]) for k in blades[0]})
+    pairs = (*found.position, *found.velocity)
+    return [np.asarray(x) for x in (found.result, found.steps, found.events, *pairs)]
 
 
 def state(found):
@@ -161,3 +184,23 @@ def test_a_tolerance_a_hundred_times_finer_says_the_same(blade):
     finer = move(blade)
     assert int(found.events.count) == int(finer.events.count)
     assert np.allclose(state(found) / size(blade), state(finer) / size(blade), rtol=0, atol=1e-5)
+
+
+@few
+@given(BLADES, between(0.0, 100.0))
+def test_on_a_steady_belt_no_instant_is_special(blade, start):
+    """A motion that begins later is the same motion: by what a clock at ``start`` rounds."""
+    found = move(blade)
+    assume(tame(blade, found))
+    later = move(blade, begin=start)
+    assert int(later.events.count) == int(found.events.count)
+    assert np.allclose(state(later) / size(blade), state(found) / size(blade), rtol=0, atol=1e-6)
+
+
+@few
+@given(st.lists(BLADES, min_size=LANES, max_size=LANES), st.permutations(range(LANES)))
+def test_lanes_do_not_know_each_other(blades, order):
+    """Cases in another order leave the same numbers, bit for bit."""
+    first, second = together(blades), together([blades[i] for i in order])
+    for ours, theirs in zip(first, second, strict=True):
+        np.testing.assert_array_equal(ours[np.array(order)], theirs)

@@ -4,5 +4,5 @@ Read `errors` (what a right answer is), `chart` (error against cost; `confirm` s
 reference is worth), `speed` with `fresh` (its
 start-ups in processes of their own), `maps` (classes of a map), `failures` (the hard scenes),
 `stability_limits` with `stability_theory`, `smoothing`, and `profile` with `engine_parts`,
-`operations` and `processor`.
+`operations` and `processor`; and `random_blades` with its `referee`.
 """
