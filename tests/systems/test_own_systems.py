@@ -1,5 +1,6 @@
 """Systems of one's own through the public way only: a file, or a mapping shaped like one."""
 
+import linecache
 import subprocess
 import sys
 
@@ -273,6 +274,26 @@ def test_a_changed_source_is_another_map(tmp_path, monkeypatch):
         digests.append(wiperjax.parse_sweep(spec).digest())
     sys.modules.pop("changing", None)
     monkeypatch.setattr(sys, "path", [p for p in sys.path if p != str(tmp_path)])
+    assert digests[0] != digests[1]
+
+
+def test_a_changed_base_is_another_map(tmp_path, monkeypatch):
+    spec = {"system": "changing_class:Ball", "axes": {"restitution": {"values": [0.5]}}}
+    spec |= {"run": SWEEP["run"], "classes": {"quiet_velocity": 0.1}}
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    text = "from changing_base import Base\nclass Ball(Base):\n    pass\n"
+    (tmp_path / "changing_class.py").write_text(text)
+    digests = []
+    for more in ("", "# changed\n"):
+        for name in ("changing_class", "changing_base"):
+            sys.modules.pop(name, None)
+        text = "import own_systems\nclass Base(own_systems.Ball):\n    pass\n"
+        (tmp_path / "changing_base.py").write_text(text + more)
+        linecache.clearcache()
+        digests.append(wiperjax.parse_sweep(spec).digest())
+    for name in ("changing_class", "changing_base"):
+        sys.modules.pop(name, None)
     assert digests[0] != digests[1]
 
 

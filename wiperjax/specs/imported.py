@@ -70,15 +70,24 @@ def needs(key: str, found: type, methods: tuple[str, ...], what: str) -> None:
 
 
 def fingerprint(key: str, found: type) -> str:
-    """SHA-256 of the source that a class stands in: its module's, or in a session its own.
+    """SHA-256 of the sources that a class stands in: its module's, or in a session its own, and
+    those of the classes it inherits from. (What their functions call elsewhere is not seen.)
 
     Raises: Fault, of the key, where there is no source.
     """
+    bases = [each for each in found.__mro__ if each.__module__.split(".")[0] not in _KNOWN]
+    found_in = [_source(key, each) for each in (found, *bases)]
+    return hashlib.sha256("".join(dict.fromkeys(found_in)).encode()).hexdigest()
+
+
+_KNOWN = ("builtins", "abc", "equinox", "wiperjax")  # whose versions a map has by themselves
+
+
+def _source(key: str, found: type) -> str:
     try:
         module = inspect.getmodule(found)
         whole = module is not None and getattr(module, "__file__", None) is not None
-        source = inspect.getsource(module if whole and module is not None else found)
+        return inspect.getsource(module if whole and module is not None else found)
     except (OSError, TypeError):
         must = "must stand in a file, so that a map can be told from one of another version"
         raise Fault(key, f"{found.__name__} {must}") from None
-    return hashlib.sha256(source.encode()).hexdigest()
