@@ -144,7 +144,7 @@ def _write_sets(sets: list[dict], path: Path) -> None:
     try:
         import pyuff  # the format has its own kept writer; needed for this ending only
     except ImportError:
-        raise ValueError("universal files need pyuff: pip install 'wiperjax[uff]'") from None
+        raise ValueError("universal files need pyuff: pip install pyuff") from None
     pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
 
 

@@ -58,7 +58,7 @@ def explore(
     try:
         import bokeh  # noqa: F401
     except ImportError:
-        raise ValueError("the page needs bokeh: pip install 'wiperjax[explore]'") from None
+        raise ValueError("the page needs bokeh: pip install bokeh") from None
     from ..explorer import server
     from ..explorer.explored import open_explored
 
