@@ -1,6 +1,7 @@
 """The benchmark measures what it says: its rivals are right, its errors see faults, it restarts."""
 
 import dataclasses
+import importlib.util
 import json
 import math
 from functools import partial
@@ -13,7 +14,6 @@ from reference.blade import REFERENCE, Steady, Trapezoid, simulate
 import wiperjax
 from wiperjax import Event, TrapezoidBelt, cli
 from wiperjax.maps import accuracy
-from wiperjax_bench import cli as bench_cli
 from wiperjax_bench.harness import compare, measure
 from wiperjax_bench.harness.alone import Alone
 from wiperjax_bench.harness.interface import NotForThisScene
@@ -390,7 +390,7 @@ def test_quick_chart(tmp_path, capsys):
 
 
 def test_without_numba_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(bench_cli.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert cli.main(["bench", "chart", "-o", str(tmp_path / "x.h5")]) == 1
     assert "pip install numba" in capsys.readouterr().err
 

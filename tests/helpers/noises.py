@@ -18,12 +18,12 @@ class Cases:
     """Blades on one kind of belt, run alike: what `cells.evaluate` needs of a sweep."""
 
     def __init__(self, like, cases):
-        """`cases`: name -> parameters in SI units; run, classes and start are those of `like`."""
-        self.belt, self.run, self.classes = like.belt, like.run, like.classes
-        self.blade = like.blade
-        self.settings, self.samples, self.sensitivities = like.settings, like.samples, None
-        self.start, self.starts, self.model, self.names = like.start, None, like.model, list(cases)
-        self.parameter_names, self.cases = like.parameter_names, list(cases.values())
+        """`cases`: name -> parameters in SI units; all else is as in the sweep `like`."""
+        self.like, self.sensitivities, self.starts = like, None, None
+        self.names, self.cases = list(cases), list(cases.values())
+
+    def __getattr__(self, name):
+        return getattr(self.__dict__["like"], name)
 
     def cells(self, index):
         columns = {}

@@ -311,6 +311,29 @@ def test_an_inelastic_jam_leaves_the_contact_closed():
     assert largest_shift(mine, truth) < 1e-9
 
 
+def test_a_stick_that_ends_where_friction_fits_no_more_is_flagged():
+    """At the cone's edge with D <= 0 the tip may fly as well as slip (found by `bench random`)."""
+    blade: dict = {
+        **BLADE, "tip_mass": 1.2177579218647404e-3, "lip_length": 2.440835587332478e-3,
+        "support_stiffness": 72808.39864970867, "support_damping": 0.01412747616503991,
+        "neck_stiffness": 0.6751483082457804, "shoulder_stiffness": 2.0391559205043435,
+        "normal_load": 0.6451362206124258, "stribeck_speed": 0.09520452627415382,
+        "attack_angle": -0.5641548601239437, "shoulder_angle": 0.8228359999217227,
+        "mu_static": 2.9281255758164817, "viscous_slope": 0.11110888165242999,
+        "collapse_angle": 1.416869400584116, "mu_minimum": 0.5129919832851421,
+        "restitution": 0.0, "hinge_mass": 0.002704986894049199,
+        "hinge_damping": 5.86418253988367e-07, "gravity": 1.6705715893858137,
+    }  # fmt: skip
+    belt = Wiping(0.03528636848734965, 38.69886091639731, 2.514398751568798)
+    start = (-0.0012390389567853, 0.0, 0.16568852, 0.0)
+    run = simulate(blade, belt, 0.02, start)
+    solution = engine(blade, twin(belt), start, 0.02)
+    assert [kind for _, kind in run.flags] == ["indeterminate"]
+    assert Result(int(solution.result)) == Result.PAINLEVE_INDETERMINATE
+    mine, truth = logged(solution), listed(run)  # one calls it a release, the other a lift-off
+    np.testing.assert_allclose([e[0] for e in mine], [e[0] for e in truth], rtol=0, atol=1e-9)
+
+
 def test_elastic_bounces_die_in_the_damper():
     """e = 1: no sequence ends, but the dashpot makes each bounce smaller, for ever. Two shortest
     flights, one motion: what differs is a normal speed of b_n zeno_time / 2."""

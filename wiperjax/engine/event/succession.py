@@ -48,7 +48,8 @@ def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving) -> Suc
     jammed = undecided & decision.jam
     sliding_on = jnp.where(c.slip_speed > 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
     after = jnp.where(jammed & (c.slip_speed != 0), sliding_on, after).astype(jnp.int32)
-    ambiguous = undecided & decision.indeterminate
+    # at the edge of the cone b_n = -D lambda_n: where D <= 0 the tip might slip as well as fly
+    ambiguous = undecided & decision.indeterminate | fired.leaves_cone & (d <= 0)
     return Succession(keep(after), undecided, bounces, slips, jammed, ambiguous)
 
 

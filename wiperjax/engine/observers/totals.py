@@ -153,7 +153,7 @@ def _steepest(stretch, out) -> Scalar:
     begin = -25 / 3 * a + 16 * b - 12 * c + 16 / 3 * d - e
     middle = (a - e) / 3 + 8 / 3 * (d - b)
     end = 25 / 3 * e - 16 * d + 12 * c - 16 / 3 * b + a
-    step = stop_gradient(stretch.step)
+    step = stop_gradient(stretch.step).astype(a.dtype)
     long = step > SHORTEST
     slope = larger(larger(abs(begin), abs(middle)), abs(end)) / jnp.where(long, step, 1.0)
     return jnp.where(long, slope, 0.0)
