@@ -124,6 +124,13 @@ CASES = {
             "zeno_time": LENGTH,
         },
     ),
+    "preview": (wiperjax.preview, {}, {"ds": [3, None, "map.h5", [], Odd()]}),
+    "explore": (wiperjax.explore, {}, {"ds": [3, None, "map.h5", [], Odd()]}),
+    "export": (
+        wiperjax.export,
+        {"path": "run.csv"},
+        {"run": [3, None, "run.h5", [], Odd()]},
+    ),
     "modes": (
         wiperjax.modes,
         {"system": BLADE},

@@ -176,7 +176,8 @@ def test_an_unknown_kind_of_belt_is_an_error_everywhere():
 
 
 def test_the_deviation_of_integrals():
-    record = Totals(*[0.0] * 3, 4.0, 10.0, *[0.0] * 7)
+    none = dict.fromkeys(Totals._fields, 0.0)
+    record = Totals(**none | {"output_integral": 4.0, "output_square_integral": 10.0})
     assert float(record.variance(2.0)) == 1.0 and float(record.deviation(2.0)) == 1.0
 
 
