@@ -63,7 +63,7 @@ class Signal(eqx.Module):
         zero = jnp.zeros_like(like)
         powers = (zero,) * len(NODES)
         squares, regime = powers if self.inner else None, none if self.regimes else None
-        still = Segment(begin, zero, zero, powers, squares, regime)
+        still = Segment(begin, zero, zero, begin, powers, squares, regime)
         square = slots if self.inner else None
         return Ring(Samples(slots, square, codes), none, begin, still)
 
@@ -89,7 +89,8 @@ class Segment(NamedTuple):
 
     start: Scalar  # time
     step: Scalar
-    end: Scalar  # of the motion, in units of the step: an event may lie off its end
+    end: Scalar  # of the motion, in units of the step: an event may lie off its end;
+    last: Scalar  # and its time, as exact as the clock: a long step has too few digits for it
     powers: tuple  # coefficients of u^0 .. u^4,
     squares: tuple | None  # and those of its square
     regime: Scalar | None
@@ -114,7 +115,9 @@ def segment_of(signal: Signal, stretch: Stretch) -> Segment:
     dtype = values[0].dtype
     step = stop_gradient(stretch.step)
     end = stop_gradient(stretch.length) / jnp.where(step > 0, step, 1.0)
-    return Segment(stretch.start, step.astype(dtype), end.astype(dtype), powers, squares, regime)
+    last = stretch.start + stop_gradient(stretch.length)
+    step, end = step.astype(dtype), end.astype(dtype)
+    return Segment(stretch.start, step, end, last, powers, squares, regime)
 
 
 def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Ring, Scalar]:
@@ -145,10 +148,9 @@ def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Rin
         first = (borders[:-1] == signal.start) & (u[:-1] >= low)
         here = ((u[:-1] > low) | first) & (u[:-1] <= part.end)
         regime = jnp.where(here, part.regime.astype(jnp.uint8), regime)
-    end = part.start + part.step * part.end
-    until = larger(ring.until, smaller(end, borders[-1]))
+    until = larger(ring.until, smaller(part.last, borders[-1]))
     slack = ROUNDING * signal.interval
-    full = (end > borders[-1] + slack) & (borders[-1] + slack < signal.end)
+    full = (part.last > borders[-1] + slack) & (borders[-1] + slack < signal.end)
     return Ring(Samples(output, square, regime), ring.first, until, part), full
 
 
