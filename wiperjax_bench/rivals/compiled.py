@@ -163,7 +163,7 @@ class Compiled:
         try:
             import numba  # noqa: F401
         except ImportError:
-            return "numba is not installed (pip install 'wiperjax[bench]')"
+            return "numba is not installed (pip install numba)"
         return None
 
     def prepare(self, scene: Scene, setting: float):

@@ -1,7 +1,7 @@
 """`scipy.integrate.solve_ivp` with events, phase by phase: what most people would write.
 
 The right-hand sides and reset maps are the compiled ones of `scalar`, which flatters scipy; the
-stepping, the event detection and the location are its own (`scipy_trajectory`, `scipy_tip`).
+stepping, the event detection and the location are its own (`scipy_trajectory`).
 """
 
 import numpy as np
@@ -9,6 +9,37 @@ import numpy as np
 from ..harness.interface import Answer
 from ..scenes.scene import Scene
 from .compiled import cells_of
+
+
+def every_cell(scene: Scene) -> list:
+    """Return the `scipy_tip.Cell` of each cell."""
+    from ..scalar import model
+    from .scipy_tip import Cell
+
+    blades, motions, breaks, kinds = cells_of(scene)
+    scales = [np.broadcast_to(np.asarray(s, float), (scene.cells,)) for s in scene.scales]
+    return [
+        Cell(
+            model.Blade(*blades[i].tolist()),
+            [model.Motion(*piece) for piece in motions[i].tolist()],
+            breaks[i].tolist(),
+            kinds.tolist(),
+            scene.start[i].tolist(),
+            (float(scales[0][i]), float(scales[1][i])),
+        )
+        for i in range(scene.cells)
+    ]
+
+
+def answer(scene: Scene, found: list) -> Answer:
+    """Return what `phase_by_phase.trajectory` found of every cell as an `Answer`."""
+    samples = np.stack([f.samples for f in found])
+    return Answer(
+        scene.sample_times, samples[..., :2], samples[..., 2:],
+        [np.array(f.event_times) for f in found],
+        [np.array(f.event_kinds) for f in found],
+        np.array([f.stopped for f in found]), np.array([f.steps for f in found]),
+    )  # fmt: skip
 
 
 class Phases:
@@ -29,36 +60,15 @@ class Phases:
         return None
 
     def prepare(self, scene: Scene, setting: float):
-        from ..scalar import model
-        from .scipy_tip import Cell
-        from .scipy_trajectory import trajectory
+        from .phase_by_phase import trajectory
+        from .scipy_trajectory import solve
 
-        blades, motions, breaks, kinds = cells_of(scene)
-        scales = [np.broadcast_to(np.asarray(s, float), (scene.cells,)) for s in scene.scales]
-        cells = [
-            Cell(
-                model.Blade(*blades[i].tolist()),
-                [model.Motion(*piece) for piece in motions[i].tolist()],
-                breaks[i].tolist(),
-                kinds.tolist(),
-                scene.start[i].tolist(),
-                (float(scales[0][i]), float(scales[1][i])),
-            )
-            for i in range(scene.cells)
-        ]
+        cells = every_cell(scene)
 
         def call() -> Answer:
-            found = [
-                trajectory(cell, scene.duration, scene.sample_times, setting, self.method)
-                for cell in cells
-            ]
-            samples = np.stack([f.samples for f in found])
-            return Answer(
-                scene.sample_times, samples[..., :2], samples[..., 2:],
-                [np.array(f.event_times) for f in found],
-                [np.array(f.event_kinds) for f in found],
-                np.array([f.stopped for f in found]), np.array([f.evaluations for f in found]),
-            )  # fmt: skip
+            stage = solve(setting, self.method)
+            found = [trajectory(c, scene.duration, scene.sample_times, stage) for c in cells]
+            return answer(scene, found)
 
         return call
 

@@ -1,27 +1,15 @@
-"""One cell by `solve_ivp`, one call a phase, restarted after every event (`scipy_tip`)."""
+"""A phase by `solve_ivp`: one call, restarted after every event (`phase_by_phase`)."""
 
 import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
 from scipy.integrate import solve_ivp
 
 from ..scalar import model as m
-from .scipy_tip import Cell, Tip
-
-MOST_EVENTS, AT_ONCE = 20_000, 20
-
-
-class Found(NamedTuple):
-    """What was found of one cell."""
-
-    samples: np.ndarray  # (samples, 4): x, y, x', y'; NaN where it did not get to
-    event_times: list[float]
-    event_kinds: list[int]
-    stopped: bool
-    evaluations: int  # of right-hand sides
+from .phase_by_phase import Stage
+from .scipy_tip import Tip
 
 
 class Phase(NamedTuple):
@@ -35,37 +23,26 @@ class Phase(NamedTuple):
     guards: list[Callable]  # of the contact, positive while the regime lasts
 
 
-def trajectory(cell: Cell, end: float, times: np.ndarray, rtol: float, method: str) -> Found:
-    """Return the trajectory of ``cell`` from t = 0 to ``end`` [s], sampled at ``times`` [s]."""
-    tip, evaluations = Tip(cell), 0
-    samples = np.full((len(times), 4), np.nan)
-    event_times, event_kinds = [], []
-    while tip.t < end and len(event_times) < MOST_EVENTS:
+def solve(rtol: float, method: str) -> Callable[[Tip, float], Stage | None]:
+    """Return what `phase_by_phase.trajectory` asks for, by `solve_ivp`."""
+
+    def stage(tip: Tip, stop: float) -> Stage | None:
         phase = _phase(tip)
-        stop = min(end, cell.breaks[tip.piece])
-        found = _integrated(tip, phase, stop, rtol, method)
-        evaluations += found.nfev
+        try:
+            found = _integrated(tip, phase, stop, rtol, method)
+        except ValueError:  # of brentq: an event function of its dense output has no zero
+            return None
         if found.status < 0:
-            break
-        reached, whole = float(found.t[-1]), found.status == 0
-        for i in np.flatnonzero((times > tip.t) & (times <= reached)):
-            samples[i] = phase.place(times[i], found.sol(times[i]))
-        tip.arrive(phase.place(reached, found.y[:, -1]), reached, stop if whole else reached)
-        if whole:
-            if tip.t >= end:
-                break
-            kind = tip.pass_break()
-        else:
-            hit = next(i for i, e in enumerate(found.t_events) if len(e))
-            kind = tip.cross(hit, len(phase.guards))
-        event_times.append(tip.t)
-        event_kinds.append(kind)
-        if kind == m.COLLAPSE:
-            break
-        if len(event_times) > AT_ONCE and event_times[-AT_ONCE] == tip.t:
-            break  # the same event for ever
-    collapsed = bool(event_kinds) and event_kinds[-1] == m.COLLAPSE
-    return Found(samples, event_times, event_kinds, tip.t < end and not collapsed, evaluations)
+            return None
+        reached = float(found.t[-1])
+        hits = [i for i, times in enumerate(found.t_events) if len(times)]
+        return Stage(
+            reached, hits[0] if found.status else None, len(phase.guards),
+            phase.place(reached, found.y[:, -1]), lambda t: phase.place(t, found.sol(t)),
+            found.nfev,
+        )  # fmt: skip
+
+    return stage
 
 
 def _integrated(tip: Tip, phase: Phase, stop: float, rtol: float, method: str) -> Any:
