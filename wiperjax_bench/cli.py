@@ -4,6 +4,7 @@
 `begin`, as in `wiperjax.cli`: `--help` stays fast, and the settings of XLA precede jax.
 """
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -132,6 +133,9 @@ def speed(
     quick: Quick = False,
     trajectories: Annotated[int, typer.Option(min=64, help="Of the engine.")] = 50_000,
     repeats: Annotated[int, typer.Option(min=1, help="Interleaved.")] = 3,
+    device: Annotated[
+        str | None, typer.Option(help="gpu or cpu: the engine alone, on one of these.")
+    ] = None,
 ) -> None:
     """Trajectories per second of the engine and its peers, on one core and on all.
 
@@ -139,7 +143,13 @@ def speed(
     cost over the size of the batch, start-up, memory; and, where chart.h5 and maps.h5 lie beside,
     the precision of every variant. A run that was stopped goes on where it was.
     """
-    begin(output, None)
+    begin(output, None if device is None else 1)
+    if device is not None:
+        from .measurements import device as one
+        from .reports import device_text
+
+        rates = one.run(output, device, quick=quick, repeats=repeats)
+        return say(output.with_suffix(".md"), device_text.text(rates))
     from .measurements import speed
     from .reports import speed_text
 
@@ -203,15 +213,18 @@ def maps(
     quick: Quick = False,
     cells: Annotated[int, typer.Option(min=16, help="Random cells of the reference sweep.")] = 2048,
 ) -> None:
-    """Share of cells whose class differs, and errors of map variables, by setting.
+    """Share of cells whose class differs, errors of map variables, and their cost, by setting.
 
-    Writes the dataset and its text (.md). A run that was stopped goes on where it was.
+    Writes the dataset, its picture and text; where borders.h5 lies beside, the picture has what a
+    plane's classes cost by full grid and refined. A run that was stopped goes on where it was.
     """
     begin(output, None)
     from .measurements import maps
-    from .reports import maps_text
+    from .reports import maps_plot, maps_text
 
-    say(output.with_suffix(".md"), maps_text.text(maps.run(output, quick=quick, count=cells)))
+    dataset = maps.run(output, quick=quick, count=cells)
+    draw = partial(maps_plot.draw, beside=output.with_name("borders.h5"))
+    finish(output, dataset, draw, maps_text.text)
 
 
 @app.command()
@@ -260,9 +273,7 @@ def random(
     from .reports import random_text
 
     sizes = (1, 400) if quick else (count, every)
-    dataset = random_blades.run(
-        output, *sizes, reference
-    )  # quick else count, 400 if quick else every, reference)
+    dataset = random_blades.run(output, *sizes, reference)
     say(output.with_suffix(".md"), random_text.text(dataset))
 
 

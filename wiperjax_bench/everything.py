@@ -29,7 +29,7 @@ def everything(
     cache = tempfile.TemporaryDirectory()
     if quick:
         environment["JAX_COMPILATION_CACHE_DIR"] = cache.name
-    for name in ("chart", "failures", "limits", "smoothing", "maps", "borders", "speed", "profile"):
+    for name in ("chart", "failures", "limits", "smoothing", "borders", "maps", "speed", "profile"):
         text = folder / f"{name}.md"
         if text.exists() and not again:
             print(f"{name}: kept {text}", flush=True)

@@ -37,7 +37,7 @@ def judged():
     drawn = wide.draw(0, 1, 0, 16)
     place, events = next((i, e) for i in range(16) if len(e := referee.events(drawn, i)) > 3)
     kinds = {kind.name.lower(): int(kind) for kind in Event}
-    assert events[-1][1] == "end"
+    assert events[-1][1] == "finished"
     return referee, drawn, place, [[t, kinds[k], b, a] for t, k, b, a in events[:-1]]
 
 
@@ -51,7 +51,24 @@ def test_the_referee_knows_right_from_wrong(judged):
     assert say(log[:-1]) == "different"
     assert say([*log[:-2], log[-1]]) == "different"
     assert say([*log, [2e-3, int(Event.KINK), 1, 1]]) == "different"
+    assert say(log, Result.COLLAPSED) == "different"
+    assert say(log, Result.PAINLEVE_INDETERMINATE) == "different"
     assert say(log, Result.STEP_TOO_SMALL) == "failed"
+
+
+def test_the_reference_says_that_several_motions_were_possible(judged, monkeypatch):
+    referee, drawn, place, log = judged
+    simulate = referee.code.simulate
+
+    def flagged(*args, **options):
+        run = simulate(*args, **options)
+        run.flags.append((0.0, "indeterminate"))
+        return run
+
+    monkeypatch.setattr(referee.code, "simulate", flagged)
+    say = lambda code: referee.verdict(drawn, place, log, code)[0]
+    assert say(Result.PAINLEVE_INDETERMINATE) == "same"
+    assert say(Result.FINISHED) == "different"
 
 
 def test_a_folder_without_the_reference_is_refused(tmp_path):

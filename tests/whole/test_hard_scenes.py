@@ -14,7 +14,7 @@ from reference.blade import Steady, Trapezoid, Wiping, energy, simulate
 from systems import Block, Puck, Rod, StopOscillator, events, trajectory
 
 import wiperjax
-from wiperjax import Event, Regime, Result, SteadyBelt, Wiper
+from wiperjax import Event, Regime, Result, SteadyBelt, TrapezoidBelt, Wiper
 from wiperjax.engine.carry.problem import Integration, Recording, make_case
 from wiperjax.engine.lanes import Pool, run_pool
 from wiperjax_bench.rivals.engine import Engine, arrays
@@ -118,6 +118,25 @@ def test_simultaneous_capture_and_lift_off():
     assert int(s.final_regime) == Regime.FLIGHT and float(s.final_position[1]) > 0
     assert events(s)[-1][0] == pytest.approx(end, rel=1e-4)
     assert float(s.final_velocity[0]) == pytest.approx(0, abs=1e-9)
+
+
+def test_an_impact_at_a_corner_of_the_belt():
+    """The belt turns round as the tip lands: whichever rounding puts first, it is one impact, and
+    not the second of two that pile up."""
+    blade = {**BLADE, "support_stiffness": 0.0, "support_damping": 0.0, "restitution": 0.5}
+    for height in np.linspace(1e-5, 9e-4, 40).round(6):
+        for off in (-1, 0, 1):
+            fall = math.sqrt(2 * height * blade["tip_mass"] / blade["normal_load"])
+            belt = TrapezoidBelt(0.8, 50.0, 5e-3, -2 * math.pi * 50 * fall)
+            start = (0.0, height * (1 + off * 2.3e-16), 0.0, 0.0)
+            s = engine(blade, belt, start, 1.5 * fall, 1e-6)
+            assert Result(int(s.result)) == Result.FINISHED, (height, off)
+            (first, second) = logged(s)
+            assert {first[1], second[1]} == {"belt", "impact"} and first[0] <= second[0]
+            # it left at half the speed, and is where that is used up
+            speed = 2 * height / fall
+            assert float(s.final_position[1]) == pytest.approx(0.25 * height, rel=1e-6)
+            assert float(s.final_velocity[1]) == pytest.approx(0.0, abs=1e-6 * speed)
 
 
 @pytest.mark.parametrize("push, after", [(0.0, Regime.STICK), (4.0, Regime.SLIP_POS)])

@@ -8,7 +8,7 @@ from typing import Any
 
 from . import measure
 
-FORMAT = 2  # of what is kept: another one is measured anew
+FORMAT = 3  # of what is kept: another one is measured anew
 
 
 class Parts:

@@ -33,6 +33,7 @@ from ..scenes.scene import Scene
 
 TOLERANCE = 0.01
 STILL = 0.05  # least range of a coordinate, as a share of the other's
+RESOLVED = 3000  # least steps of a reference: what grows out of 1e-12 no tolerance sees
 PATIENCE = 1.0  # s: after a run longer than this finer settings are left out
 
 
@@ -46,28 +47,30 @@ class Outcome(IntEnum):
 
 
 @jax.jit
-def _engine(wiper, start, duration, times):
+def _engine(wiper, start, duration, times, rtol, steps):
     def one(wiper, s):
         solved = wiperjax.solve(
             wiper,
             duration,
             initial_state=((s[0], s[1]), (s[2], s[3])),
-            rtol=1e-12,
+            rtol=rtol,
             sample_times=times,
             max_events=0,
+            max_step=duration / steps,
         )
         return jnp.stack(solved.samples.position, -1), solved.result
 
     return over_cells(one, wiper, (), start)
 
 
-def reference(scene: Scene) -> np.ndarray:
-    """Return the positions (cells, samples, 2) [m] of a scene by the engine at rtol 1e-12.
+def reference(scene: Scene, rtol: float = 1e-12, steps: int = RESOLVED) -> np.ndarray:
+    """Return the positions (cells, samples, 2) [m] of a scene by the engine.
 
-    Raises RuntimeError if a cell did not finish.
+    It takes at least ``steps`` steps. Raises RuntimeError if a cell did not finish.
     """
     fixed = (arrays(scene.wiper), jnp.asarray(scene.start), scene.duration)
-    position, result = map(np.asarray, _engine(*fixed, jnp.asarray(scene.sample_times)))
+    times = jnp.asarray(scene.sample_times)
+    position, result = map(np.asarray, _engine(*fixed, times, rtol, steps))
     if np.any(result != wiperjax.Result.FINISHED) or not np.all(np.isfinite(position)):
         raise RuntimeError(f"no reference for scene {scene.name!r}: result codes {result}")
     return position
@@ -145,6 +148,7 @@ def measure(
             "level": np.arange(levels),
             "setting_name": ("solver", [rival.setting_name for rival in rivals]),
             "about": ("scene", [scene.about for scene in built.values()]),
+            "promise": ("scene", [scene.promise for scene in built.values()]),
         },
         attrs={
             "title": "where each method fails",

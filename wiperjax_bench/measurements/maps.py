@@ -1,4 +1,4 @@
-"""`wiperjax bench maps`: how many cells of a map get another class, in how many steps.
+"""`wiperjax bench maps`: how many cells of a map get another class, in how many steps and seconds.
 
 Random cells of the reference sweep go through the sweep's own path (statistics, spectrum, class)
 with the engine at several settings and with the scalar loop in its place. The reference is the
@@ -8,6 +8,7 @@ are undecided (chaotic, or on the edge of a class) and are the floor of every ro
 
 import json
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -43,11 +44,12 @@ SETTINGS = [
         ("engine", {"rtol": r, "solver": "tsit5", "precision": "float32"})
         for r in (1e-4, 1e-5, 1e-6)
     ),
-    ("engine", {"rtol": 1e-4, "solver": "bosh3"}),
-    ("engine", {"rtol": 1e-6, "solver": "dopri8"}),
+    *(("engine", {"rtol": r, "solver": "bosh3"}) for r in (1e-3, 1e-4)),
+    *(("engine", {"rtol": r, "solver": "dopri8"}) for r in (1e-3, 1e-4, 1e-5, 1e-6, 1e-8)),
     *(("scalar", {"rtol": r}) for r in (1e-4, 1e-6, 1e-8)),
 ]
 QUICK = [SETTINGS[3], SETTINGS[-2]]
+LIMIT = 60.0  # s: what takes longer is timed once
 QUICK_REFERENCES = ("scalar", {"rtol": 1e-10}), ("scalar", {"rtol": 1e-9})  # compile nothing more
 
 
@@ -98,10 +100,21 @@ def evaluate(code: str, changes: dict, index: np.ndarray) -> dict:
     return columns | {"attempts": columns["steps"] + columns["rejected_steps"]}
 
 
+def seconds(settings: list, index: np.ndarray, repeats: int) -> list[dict[str, float]]:
+    """Return wall and processor time [s] of a cell at each setting, compiled before."""
+    calls = [partial(evaluate, *setting, index) for setting in settings]
+    for call in calls:
+        call()
+    costs = measure.interleaved(calls, repeats, LIMIT)
+    keys = {"wall": "wall", "wall_low": "low", "wall_high": "high", "cpu": "cpu"}
+    return [{k: getattr(cost, v) / len(index) for k, v in keys.items()} for cost in costs]
+
+
 def run(output: Path, *, quick: bool = False, count: int = 2048, seed: int = 5, say=print):
     """Return the dataset of wrong classes and errors of the map's variables.
 
-    A finished setting is kept in `<output>.parts/` until all are done.
+    A finished setting is kept in `<output>.parts/` until all are done. Then all are timed, engine
+    and naming together, in turns.
     """
     rng = np.random.default_rng(seed)
     count = 24 if quick else count
@@ -147,7 +160,12 @@ def run(output: Path, *, quick: bool = False, count: int = 2048, seed: int = 5, 
             f"  {code} {row['solver']} {row['precision']} rtol {row['rtol']:.0e}: "
             f"{row['wrong']:.2%} of classes differ, {row['steps']:.0f} steps a cell"
         )
-    data = {k: ("row", [r[k] for r in rows], {"units": "1"}) for k in rows[0]}
+    asked = QUICK if quick else SETTINGS
+    timed = parts.once("seconds", lambda: seconds(asked, index, 1 if quick else 3), say)
+    for row, cost in zip(rows, timed, strict=True):
+        row |= cost
+    units = {name: "s" for name in rows[0] if name.startswith(("wall", "cpu"))}
+    data = {k: ("row", [r[k] for r in rows], {"units": units.get(k, "1")}) for k in rows[0]}
     dataset = xr.Dataset(
         data,
         attrs={

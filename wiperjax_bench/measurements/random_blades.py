@@ -1,7 +1,8 @@
 """`wiperjax bench random`: blades drawn wide at default settings, and what became of each.
 
-Every blade leaves its result code and what it cost. Some, and every failure and every one that was
-a hundred times dearer than the rest, leave their events too, for a `Referee`.
+Every blade leaves its result code and what it cost. Some, every failure, every one flagged as
+indeterminate and every one a hundred times dearer than the rest leave their events too, for a
+`Referee`.
 """
 
 import json
@@ -19,7 +20,7 @@ from wiperjax.engine.lanes import Pool, run_pool
 from wiperjax.maps.cells.devices import dearest_first, lane_count
 from wiperjax.specs.sweep import RTOL
 from wiperjax.specs.tables import SweepRun
-from wiperjax.vocabulary.codes import Event
+from wiperjax.vocabulary.codes import Event, Result
 
 from ..harness import measure
 from ..harness.keep import Parts
@@ -72,6 +73,7 @@ def chunk_of(number: int, every: int) -> dict:
     columns = {name: getattr(outcome, name).tolist() for name in COLUMNS}
     steps = outcome.steps
     chosen = ~np.isin(outcome.result, ENDED) | (steps > DEAR * np.median(steps))
+    chosen |= outcome.result == Result.PAINLEVE_INDETERMINATE
     chosen[::every] = True
     logs = {str(i): logged(outcome, i) for i in np.flatnonzero(chosen).tolist()}
     return {"group": group, "columns": columns, "logs": logs, "cpu": time.process_time() - spent}
@@ -79,7 +81,8 @@ def chunk_of(number: int, every: int) -> dict:
 
 def run(output: Path, count: int, every: int, reference: Path | None, say=print) -> xr.Dataset:
     """Return the dataset of ``count`` blades (rounded up to chunks). One in ``every`` and all
-    that failed or were dear have a verdict where ``reference`` names the folder of its code.
+    that failed, were flagged or were dear have a verdict where ``reference`` names the folder of
+    its code.
 
     Finished chunks stay in `<output>.parts/`: a later call may ask for more.
     """

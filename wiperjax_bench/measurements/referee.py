@@ -1,4 +1,4 @@
-"""A blade's events beside those of an independent code.
+"""A blade's events and result code beside those of an independent code.
 
 That code is the tests' own (`tests/helpers/reference/blade.py` of a checkout: scipy's DOP853 at
 1e-12, phase by phase); it is read from a folder that is given, so that nothing installed needs it.
@@ -18,9 +18,9 @@ LOG, MOST = 256, 1000  # events kept of the engine's, and asked of the reference
 ENDED = (Result.FINISHED, Result.COLLAPSED, Result.PAINLEVE_INDETERMINATE)
 BELT = (Event.BELT_REVERSAL, Event.BELT_KINK)
 VERDICTS = {
-    "same": "the same events, as far as the start moved by rtol has them",
-    "sensitive": "other events where the start moved by 100 rtol has others, too",
-    "different": "other events before that",
+    "same": "the same events and result code, as far as the start moved by rtol has them",
+    "sensitive": "others where the start moved by 100 rtol has others, too",
+    "different": "others before that",
     "failed": "the engine stopped; the reference was asked for its first 1000 events only",
     "both stopped": "neither came to the end",
     "no reference": "the reference stopped, or took too long",
@@ -28,7 +28,7 @@ VERDICTS = {
 
 
 class Referee:
-    """Compares the events of a blade with those of the reference in ``folder``.
+    """Compares events and result code of a blade with those of the reference in ``folder``.
 
     Raises ValueError where that folder has no such code.
     """
@@ -51,7 +51,7 @@ class Referee:
         stopped = result not in ENDED
         found = [_plain(t, _word(k), b, a) for t, k, b, a in log]
         if not stopped and len(log) < LOG:
-            found.append((self.duration, "end", -1, -1))
+            found.append(self._end(Result(result)))
         try:
             true = self.events(drawn, i)
             agreed = known = common(found, true)
@@ -73,7 +73,7 @@ class Referee:
     def events(self, drawn: wide.Drawn, i: int, moved: float = 0.0) -> list:
         """Return the reference's (time in s, name, regime before, regime after) of each event of
         blade ``i``, from its start or from one moved by that share of lip and belt speed; the last
-        is called ``end`` where it got there within `MOST` events.
+        is called as the result code where it got there within `MOST` events.
 
         Raises TimeoutError after `PATIENCE`, ArithmeticError where the reference stops.
         """
@@ -89,7 +89,14 @@ class Referee:
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0)
         events = _merged([(e.time, e.kind, e.before, e.after) for e in run.events])
-        return events + [(self.duration, "end", -1, -1)] * (run.result != "max_events")
+        if run.result == "max_events":
+            return events
+        indeterminate = run.flags and run.result == "finished"
+        code = "painleve_indeterminate" if indeterminate else run.result
+        return [*events, self._end(Result[code.upper()])]
+
+    def _end(self, code: Result) -> tuple:
+        return self.duration, code.name.lower(), -1, -1
 
     def _belt(self, belt: dict):
         if "ramp" in belt:

@@ -153,7 +153,7 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
                     "occupancy": np.nan,
                 }
             )
-            calls.append(_Kept(call))
+            calls.append(Remembering(call))
             say(f"{method.name} rtol {rtol:g}: {cells} trajectories, ready in {compiled:.1f} s")
     say(f"timing, {repeats} turns")
     costs = measure.interleaved(calls, repeats)
@@ -165,7 +165,7 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
     return rows
 
 
-class _Kept:
+class Remembering:
     """A call that keeps its last result."""
 
     def __init__(self, call: Callable):
@@ -224,7 +224,8 @@ def scaling(cores: int, duration: float, sizes: tuple[int, ...], repeats: int, s
         return {}
     method = Engine(*PLAINEST, cores=cores)
     calls = [
-        _Kept(method.prepare(families.workload(cells, duration), RTOL[PLAINEST])) for cells in sizes
+        Remembering(method.prepare(families.workload(cells, duration), RTOL[PLAINEST]))
+        for cells in sizes
     ]
     for call in calls:
         call.call.warm()

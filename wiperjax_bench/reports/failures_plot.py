@@ -1,5 +1,7 @@
 """The picture of the failure chart."""
 
+import textwrap
+
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
@@ -45,7 +47,7 @@ def short(dataset: xr.Dataset):
 
 
 def draw(dataset: xr.Dataset):
-    """Return the figure: methods by scenes, each cell a strip of settings from coarse to fine.
+    """Return the figure: scenes by methods, each cell a strip of settings from coarse to fine.
 
     Grey at the right end of a strip: finer settings that would have taken too long. Under it: the
     loosest setting from which all are right, and its wall time per trajectory.
@@ -53,24 +55,25 @@ def draw(dataset: xr.Dataset):
     methods, scenes = dataset.sizes["solver"], dataset.sizes["scene"]
     first = loosest(dataset)
     figure, axes = plt.subplots(
-        figsize=(2.6 + 1.12 * scenes, 1.5 + 0.52 * methods), layout="constrained"
+        figsize=(1.6 + 1.12 * methods, 1.9 + 0.52 * scenes), layout="constrained"
     )
     for i in range(methods):
         ran = np.isfinite(dataset.setting.values[i]).any(axis=0)
         levels = int(ran.sum())
         for j in range(scenes):
             codes = dataset.outcome.values[i, j, :levels]
-            _strip(axes, i, j, codes)
-            axes.text(j, i + 0.28, _caption(dataset, first, i, j), ha="center", va="center",
+            _strip(axes, j, i, codes)
+            axes.text(i, j + 0.28, _caption(dataset, first, i, j), ha="center", va="center",
                       fontsize=7)  # fmt: skip
-    axes.set_xlim(-0.5, scenes - 0.5)
-    axes.set_ylim(methods - 0.5, -0.5)
-    axes.set_xticks(range(scenes), [str(x) for x in dataset.scene.values], fontsize=9)
-    names = zip(dataset.solver.values, dataset.setting_name.values, strict=True)
-    axes.set_yticks(range(methods), [f"{name}\n({setting})" for name, setting in names], fontsize=8)
+    axes.set_xlim(-0.5, methods - 0.5)
+    axes.set_ylim(scenes - 0.5, -0.5)
+    named = zip(dataset.solver.values, dataset.setting_name.values, strict=True)
+    heads = [f"{textwrap.fill(str(name), 16)}\n({setting})" for name, setting in named]
+    axes.set_xticks(range(methods), heads, fontsize=8)
+    axes.set_yticks(range(scenes), [str(x) for x in dataset.scene.values], fontsize=9)
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
-    axes.set_xticks(np.arange(scenes + 1) - 0.5, minor=True)
-    axes.set_yticks(np.arange(methods + 1) - 0.5, minor=True)
+    axes.set_xticks(np.arange(methods + 1) - 0.5, minor=True)
+    axes.set_yticks(np.arange(scenes + 1) - 0.5, minor=True)
     axes.grid(which="minor", color="0.8", linewidth=0.6)
     axes.tick_params(which="minor", length=0)
     keys = [
@@ -87,17 +90,17 @@ def draw(dataset: xr.Dataset):
     return figure
 
 
-def _strip(axes, i: int, j: int, codes) -> None:
+def _strip(axes, row: int, column: int, codes) -> None:
     width = 0.9 / len(codes)
     for k, code in enumerate(codes):
-        left = j - 0.45 + k * width
+        left = column - 0.45 + k * width
         outcome = Outcome(int(code))
         axes.add_patch(
-            Rectangle(
-                (left, i - 0.34), width, 0.38, facecolor=COLOURS[outcome], edgecolor="white", lw=0.8
-            )
-        )
-        axes.text(left + width / 2, i - 0.15, SIGNS[outcome], ha="center", va="center", fontsize=7)
+            Rectangle((left, row - 0.34), width, 0.38, facecolor=COLOURS[outcome],
+                      edgecolor="white", lw=0.8)
+        )  # fmt: skip
+        axes.text(left + width / 2, row - 0.15, SIGNS[outcome], ha="center", va="center",
+                  fontsize=7)  # fmt: skip
 
 
 def _caption(dataset: xr.Dataset, first: np.ndarray, i: int, j: int) -> str:

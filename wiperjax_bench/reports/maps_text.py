@@ -1,4 +1,4 @@
-"""The text of `wiperjax bench maps`: classes and variables of a map, by setting."""
+"""The text of `wiperjax bench maps`: classes and variables of a map, by setting, and their cost."""
 
 import xarray as xr
 
@@ -9,10 +9,12 @@ SHORT = dict(zip(COMPARED, ("stick fraction", "slip fraction", "flight fraction"
                  "mean force", "greatest force", "frequency"), strict=True))  # fmt: skip
 
 
-def text(dataset: xr.Dataset) -> str:
+def text(dataset: xr.Dataset, picture: str) -> str:
     """Return the table as Markdown."""
     lines = [
         "# Classes of a map, and its variables, by setting",
+        "",
+        f"![error of what a map stores over its cost]({picture})",
         "",
         f"{dataset.attrs['cells']} random cells of the reference sweep, 0.8 s each. On "
         f"{dataset.attrs['undecided']:.2%} of them the two references "
@@ -23,8 +25,8 @@ def text(dataset: xr.Dataset) -> str:
         "",
         "| code | solver | precision | rtol | class differs | of decided cells | failed | "
         + " | ".join(SHORT.values())
-        + " | trial steps |",
-        "|---" * (8 + len(SHORT)) + "|",
+        + " | trial steps | cells a second of a core |",
+        "|---" * (9 + len(SHORT)) + "|",
     ]
     for i in range(dataset.sizes["row"]):
         r = {k: v.item() for k, v in dataset.isel(row=i).items()}
@@ -32,7 +34,7 @@ def text(dataset: xr.Dataset) -> str:
         lines.append(
             f"| {r['code']} | {r['solver']} | {r['precision']} | {r['rtol']:.0e} | "
             f"{r['wrong']:.2%} | {r['wrong_settled']:.2%} | {r['failed']:.2%} | {errors} | "
-            f"{r['steps']:.0f} |"
+            f"{r['steps']:.0f} | {1 / r['cpu']:.0f} |"
         )
     return "\n".join(
         [

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wiperjax import Wiper
-from wiperjax.blade.wiper import ENGINE_FIELDS
+from wiperjax.vocabulary.declared import SET_BY_THE_ENGINE
 from wiperjax.vocabulary.parameters import PARAMETERS
 
 
@@ -22,6 +22,7 @@ class Scene:
     duration: float  # s
     sample_times: np.ndarray  # (samples,) s, increasing, in (0, duration]
     scales: tuple  # (m, m/s), () or (cells,): absolute tolerances are rtol times these
+    promise: str = ""  # of the engine there, one line: a scene at which methods fail has one
 
     @property
     def cells(self) -> int:
@@ -55,7 +56,7 @@ class Scene:
 
 def blade_fields(wiper: Wiper) -> dict:
     """Return the physical parameters of a wiper, without the belt and the engine's own fields."""
-    engine = ("belt", *ENGINE_FIELDS)
+    engine = ("belt", *SET_BY_THE_ENGINE)
     names = [f.name for f in dataclasses.fields(wiper) if f.name not in engine]  # type: ignore
     return {name: getattr(wiper, name) for name in names}
 

@@ -1,0 +1,95 @@
+"""`wiperjax bench speed --device gpu`: the engine alone, on one device of jax's.
+
+The workload of `bench speed` (`families.workload`, 0.1 s each) in batches that grow, for an
+accelerator is busy only with many lanes. Whether its events are right is judged as there: at 20 ms,
+against the scalar loop at rtol 1e-12 on this machine's processor.
+"""
+
+import json
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+import xarray as xr
+
+from wiperjax.maps.cells.devices import lane_count
+
+from ..harness import measure
+from ..rivals.engine import RTOL, Engine
+from ..scenes import families
+from . import errors
+from .speed import ACCURACY, PLAINEST, Remembering, effort, timed
+
+KINDS = ("cpu", "gpu")
+SIZES = (2**14, 2**17, 2**20)
+
+
+def found(kind: str) -> str:
+    """Return the name of the device of a ``kind`` of `KINDS` that jax computes on.
+
+    Raises ValueError if it computes on another.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"device must be {' or '.join(KINDS)}, but was {kind!r}")
+    backend = jax.default_backend()
+    if backend != kind:
+        ask = "install jax with its plugin for one" if kind == "gpu" else "set JAX_PLATFORMS=cpu"
+        raise ValueError(f"device must be one that jax has: it computes on {backend}; {ask}")
+    return jax.devices()[0].device_kind
+
+
+def run(output: Path, kind: str, *, quick: bool = False, repeats: int = 3, say=print) -> xr.Dataset:
+    """Return rates over the size of the batch, in every variant of `RTOL`, written to ``output``.
+
+    Raises ValueError as `found` does.
+    """
+    name = found(kind)
+    duration, sizes = (ACCURACY, (1024,)) if quick else (0.1, SIZES)
+    judged = families.workload(16 if quick else 512, ACCURACY)
+    true = errors.truth(judged)
+    rows, calls = [], []
+    variants: list[tuple[type, str]] = [PLAINEST] if quick else list(RTOL)
+    for variant in variants:
+        method, rtol = Engine(*variant), RTOL[variant]
+        right = errors.judge(judged, true, method.prepare(judged, rtol).answer())
+        for cells in sizes:
+            call = method.prepare(families.workload(cells, duration), rtol)
+            started = time.perf_counter()
+            call.warm()
+            rows.append(
+                {
+                    "method": method.name,
+                    "rtol": rtol,
+                    "cells": cells,
+                    "lanes": lane_count(variant[1], cells),
+                    "first_call": time.perf_counter() - started,
+                    "state_error": right.state,
+                    "event_time_error": right.event_time,
+                    "wrong_events": right.wrong,
+                }
+            )
+            calls.append(Remembering(call))
+            say(f"{method.name}, {cells} trajectories: ready in {rows[-1]['first_call']:.1f} s")
+    costs = measure.interleaved(calls, repeats)
+    for row, call, cost in zip(rows, calls, costs, strict=True):
+        row |= timed(cost, row["cells"]) | effort(call.result)
+        turns = sum(float(work.executed) for _, work in call.result) / row["lanes"]
+        row["turn"] = cost.wall / turns  # s
+    memory = jax.devices()[0].memory_stats() or {}  # none of the host's processor
+    dataset = xr.Dataset(
+        {key: ("row", [row[key] for row in rows]) for key in rows[0] if key != "method"},
+        coords={"method": ("row", [row["method"] for row in rows])},
+        attrs={
+            "title": "trajectories per second on one device",
+            "device": name,
+            "machine": measure.machine(),
+            "versions": json.dumps(measure.versions(), sort_keys=True),
+            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "duration": duration,
+            "repeats": repeats,
+            "peak_bytes": float(memory.get("peak_bytes_in_use", np.nan)),
+        },
+    )
+    dataset.to_netcdf(output, engine="h5netcdf")
+    return dataset
