@@ -65,8 +65,10 @@ def regular_times(duration: float, interval: float) -> np.ndarray:
     return times
 
 
-def check_state(initial_state) -> int:
-    """Return n, the number of coordinates. Raises ValueError unless it is (position, velocity)."""
+def check_state(system: AbstractSystem, initial_state) -> int:
+    """Return n, the number of coordinates. Raises ValueError unless it is (position, velocity), of
+    as many as ``system`` says it has.
+    """
     must = "initial_state must be (position, velocity), each n >= 1 finite numbers"
     try:
         position, velocity = (tuple(part) for part in initial_state)
@@ -79,12 +81,22 @@ def check_state(initial_state) -> int:
             continue
         if not checks.is_number(value) or FINITE.outside(value) is not None:
             raise ValueError(f"{must}, but was {checks.shown(initial_state)}")
+    check_coordinates("initial_state", system, len(position))
     return len(position)
 
 
-def coordinates(initial_state) -> tuple[tuple, tuple]:
+def check_coordinates(name: str, system: AbstractSystem, n: int) -> None:
+    """Raises ValueError for a state ``name`` of ``n`` coordinates if ``system`` names others."""
+    own = len(system.coordinates)
+    if own and n != own:
+        raise ValueError(
+            f"{name} must have the {own} coordinates of {type(system).__name__}, but had {n}"
+        )
+
+
+def coordinates(system: AbstractSystem, initial_state) -> tuple[tuple, tuple]:
     """Return (position, velocity) as tuples of floats. Raises ValueError for other shapes."""
-    check_state(initial_state)
+    check_state(system, initial_state)
     position, velocity = (tuple(float(x) for x in part) for part in initial_state)
     return position, velocity
 

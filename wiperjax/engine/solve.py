@@ -131,7 +131,7 @@ def solve(
     check_integration(solver, rtol, zeno_time, max_steps)
     if initial_state is None:
         initial_state = system.default_state()
-    check_tolerances(atol, check_state(initial_state))
+    check_tolerances(atol, check_state(system, initial_state))
     check_observation(
         sample_times, max_events, max_step, observer, statistics_start, start, reverse
     )

@@ -57,7 +57,8 @@ def flow(problem: Problem, state: State) -> State:
     good = jnp.where(state.flagged, int(Result.PAINLEVE_INDETERMINATE), int(Result.FINISHED))
     result = jnp.where(over, good, state.result).astype(jnp.int32)
     moved = moved._replace(
-        time=jnp.where(landed, trial.mark, moved.time),
+        # an event just before a known time may be rounded past it, and time never goes back
+        time=jnp.where(landed | (moved.time > trial.mark), trial.mark, moved.time),
         due=due,
         step=stop_gradient(plan.step),
         last_error=jnp.where(plan.accept, trial.error, state.last_error),
@@ -98,7 +99,9 @@ def jump(problem: Problem, state: State) -> State:
     stuck = (state.streak > ZERO_TIME_EVENTS) | (happens & after.inconsistent)
     stuck = stuck & (state.result == RUNNING)
     result = jnp.where(stuck, int(Result.NO_CONSISTENT_REGIME), result)
-    # a flight too short for the clock: impacts pile up faster than time can tell them apart
+    # a flight too short for the clock: impacts pile up faster than time can tell them apart; what
+    # it only passes, a break or a switch, does not begin it anew
+    passes = (state.regime == Regime.FLIGHT) & (state.due >= contact_slots)
     piled = fires & (after.regime == Regime.FLIGHT) & (state.regime == Regime.FLIGHT)
     piled = piled & (state.streak == 0) & (state.time == state.last_event)
     result = jnp.where(piled, int(Result.ZENO_UNRESOLVED), result).astype(jnp.int32)
@@ -137,7 +140,7 @@ def jump(problem: Problem, state: State) -> State:
         memory=memory,
         last_error=jnp.where(happens, 1.0, state.last_error),
         last_step=jnp.where(happens, 0.0, state.last_step),
-        last_event=jnp.where(happens, after.time, state.last_event),
+        last_event=jnp.where(happens & ~passes, after.time, state.last_event),
         result=result,
         flagged=state.flagged | (happens & after.indeterminate),
         events=state.events + happens,

@@ -45,11 +45,11 @@ class Problem(eqx.Module):
     observer: AbstractObserver
     sample_times: jax.Array | None  # increasing
     signal: Any  # an `averaging.Signal`, or None
+    log_start: Scalar  # time of the first event that is logged
     solver: diffrax.AbstractERK = eqx.field(static=True)
     record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree
     log_capacity: int = eqx.field(static=True, default=0)
     pause_when_full: bool = eqx.field(static=True, default=False)
-    log_start: float = eqx.field(static=True, default=-math.inf)  # time of the first event logged
 
 
 class Integration(NamedTuple):
@@ -69,7 +69,7 @@ class Recording(NamedTuple):
     sample_times: Any = None
     signal: Any = None
     max_events: int = 0
-    log_start: float = -math.inf
+    log_start: Any = -math.inf
     observer: AbstractObserver | None = None
     mark: Any = None
     record: Callable = record_sample
@@ -123,8 +123,8 @@ def make_case(
         signal=recording.signal,
         solver=diffrax.Tsit5() if integration.solver is None else integration.solver,
         record=recording.record,
+        log_start=jnp.asarray(recording.log_start, clock),
         log_capacity=int(recording.max_events),
-        log_start=float(recording.log_start),
         pause_when_full=recording.pause_when_full,
     )
     return Case(problem, position, velocity, start)

@@ -49,7 +49,7 @@ class State(NamedTuple):
     # step control
     step: Scalar  # the controller's next step
     memory: Memory  # of steps and stays, see `recall`
-    last_event: Scalar  # time
+    last_event: Scalar  # time; in flight that of its beginning
     last_error: Scalar  # of the last accepted step, relative to the tolerance,
     last_step: Scalar  # and its length; 1 and 0 after an event
     target: Scalar  # slot of an event being located or foreseen, or -1

@@ -1,0 +1,97 @@
+"""A traced program that is kept answers as one that was traced now, or it is traced now."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from wiperjax.engine import kept
+from wiperjax.engine.kept import Kept, as_arrays
+
+TRACED = []
+
+
+def area(sides, power):
+    TRACED.append(power)
+    return {"area": sides[0] * sides[1] ** power, "sides": sides}
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.setattr(kept, "folder", lambda: tmp_path)
+    TRACED.clear()
+    return tmp_path
+
+
+def sides(n=3):
+    return jnp.arange(1.0, n + 1), jnp.asarray(2.0)
+
+
+def test_the_next_process_does_not_trace(place):
+    first = Kept(area)(sides(), 2)
+    again = Kept(area)(sides(), 2)  # knows nothing of the other but its folder
+    assert TRACED == [2]
+    assert jax.tree.structure(first) == jax.tree.structure(again)
+    np.testing.assert_array_equal(again["area"], [4.0, 8.0, 12.0])
+    np.testing.assert_array_equal(first["area"], again["area"])
+
+
+@pytest.mark.parametrize(
+    "other",
+    [(sides(4), 2), (sides(), 3), (sides(), 2.0), ((jnp.arange(1, 4), jnp.asarray(2.0)), 2)],
+)
+def test_other_kinds_of_arguments_are_other_programs(place, other):
+    program = Kept(area)
+    program(sides(), 2)
+    program(*other)
+    assert len(TRACED) == 2 and len(list(place.iterdir())) == 2
+
+
+@pytest.mark.parametrize("damage", [b"", b"no program", None])
+def test_a_damaged_program_is_traced_again(place, damage):
+    Kept(area)(sides(), 2)
+    (path,) = place.iterdir()
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2] if damage is None else damage)
+    np.testing.assert_array_equal(Kept(area)(sides(), 2)["area"], [4.0, 8.0, 12.0])
+    assert len(TRACED) == 2
+    Kept(area)(sides(), 2)
+    assert len(TRACED) == 2  # and mended
+
+
+def test_code_that_no_version_tells_is_not_kept(place):
+    class Own(eqx.Module):
+        side: jax.Array
+
+    def square(own):
+        return own.side**2
+
+    assert Kept(square)(Own(jnp.asarray(3.0))) == 9.0
+    assert list(place.iterdir()) == []
+
+
+def test_inside_another_trace_it_is_differentiated(place):
+    slope = jax.grad(lambda x: Kept(area)((x, jnp.asarray(2.0)), 2)["area"])(jnp.asarray(3.0))
+    assert slope == 4.0 and list(place.iterdir()) == []
+
+
+def test_nothing_is_kept_where_jax_keeps_nothing(monkeypatch):
+    assert kept.folder() is not None  # as this suite is set up
+    monkeypatch.setattr(kept, "CONFIG", type("Config", (), {"jax_compilation_cache_dir": None}))
+    monkeypatch.setattr(kept.CONFIG, "jax_enable_compilation_cache", True, raising=False)
+    assert kept.folder() is None
+    assert Kept(area)(sides(), 2)["area"][0] == 4.0
+
+
+def test_the_programs_longest_out_of_use_go(place, monkeypatch):
+    monkeypatch.setattr(kept, "MOST_KEPT", 2)
+    for n in (2, 3, 4):
+        Kept(area)(sides(n), 2)
+    assert len(list(place.iterdir())) == 2
+
+
+def test_numbers_that_switch_terms_off_stay_numbers():
+    made = as_arrays({"off": 0, "one": 1.0, "on": 2.5, "each": np.arange(3.0)}, "float32")
+    assert made["off"] == 0 and isinstance(made["off"], int) and isinstance(made["one"], float)
+    assert made["on"].dtype == made["each"].dtype == jnp.float32

@@ -1,0 +1,166 @@
+"""Programs kept as tracing left them: a later process does not trace them again.
+
+JAX keeps what it has compiled by what tracing yields, so it must trace to find it: seconds, for a
+program as long as the engine's. Here what tracing yields (`jax.export`) is kept, too, by all that
+it depends on: this package's source, the libraries' versions, and the kinds of its arguments.
+
+A system of one's own is made of code that no version tells, and is traced in every process.
+"""
+
+import hashlib
+import logging
+import os
+import pickle
+import re
+import threading
+import time
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.core
+import jax.numpy as jnp
+from jax import export
+
+from ..machine import files, provenance
+
+log = logging.getLogger("wiperjax")
+
+MOST_KEPT = 100  # programs in a folder, some 300 kB each: those longest out of use go first
+CONFIG: Any = jax.config  # its names are known to jax alone
+ADDRESS = re.compile(" at 0x[0-9a-f]+>")
+EVENT = "/jax/core/compile/kept"  # so that who counts what jax compiles counts this
+TRACED_WITH = ("jax", "jaxlib", "equinox", "diffrax", "optimistix", "numpy")
+
+
+class Kept:
+    """A function of trees of arrays, traced once for each kind of arguments.
+
+    What is no array in them must be plain: numbers, texts, None. For systems of one's own, inside
+    other traces and where jax keeps no programs it is `equinox.filter_jit` of the function.
+    """
+
+    def __init__(self, function: Callable[..., Any]):
+        self.function = function
+        self.compiled = eqx.filter_jit(function)
+        self.found: dict[Any, Callable[..., Any]] = {}
+        self.lock = threading.Lock()
+
+    def __call__(self, *args: Any) -> Any:
+        place = folder()
+        arrays, plain = eqx.partition(args, eqx.is_array)
+        leaves, tree = jax.tree.flatten(arrays)
+        inside = any(isinstance(x, jax.core.Tracer) for x in leaves)
+        if place is None or inside or not _known(args):
+            return self.compiled(*args)
+        kinds = tuple((x.shape, str(x.dtype), x.weak_type) for x in leaves)
+        others, shape = jax.tree.flatten(plain)
+        key = (kinds, tree, shape, *((type(x), repr(x)) for x in others))
+        with self.lock:
+            if first := key not in self.found:
+                # functions by name: those in a problem are this package's
+                text = ADDRESS.sub(">", repr((self.function.__qualname__, *key, _traced_with())))
+                path = place / hashlib.sha256(text.encode()).hexdigest()
+                start = time.perf_counter()
+                self.found[key] = _read(path) or self._traced(path, leaves, tree, plain)
+                jax.monitoring.record_event_duration_secs(EVENT, time.perf_counter() - start)
+            if first:  # of several threads one traces and compiles
+                return self.found[key](*leaves)
+        return self.found[key](*leaves)
+
+    def _traced(self, path: Path, leaves, tree, plain) -> Callable[..., Any]:
+        """Return the program, traced now and written to `path`."""
+        shapes = []
+
+        def flat(*leaves):
+            found = self.function(*eqx.combine(jax.tree.unflatten(tree, leaves), plain))
+            answers, shape = jax.tree.flatten(found)
+            shapes.append(shape)
+            return answers
+
+        traced = export.export(jax.jit(flat))(*leaves)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            files.write_bytes(path, pickle.dumps((bytes(traced.serialize()), shapes[0])))
+            _clear(path.parent)
+        except (files.StoreError, OSError) as error:
+            log.debug("program not kept: %s", error)
+        return _answering(traced, shapes[0])
+
+
+def as_arrays(tree: Any, precision: str) -> Any:
+    """Turn numbers into arrays, (cells,) where they vary and () where they do not.
+
+    A Python 0 or 1 stays one: its terms, or a power of 1, are left out of the compiled program.
+    """
+
+    def leaf(value):
+        if isinstance(value, int | float) and value in (0, 1):
+            return value
+        return jnp.asarray(value, precision)
+
+    return jax.tree.map(leaf, tree)
+
+
+def folder() -> Path | None:
+    """Return where programs are kept, in the folder of jax's own; None: nowhere."""
+    place, wanted = CONFIG.jax_compilation_cache_dir, CONFIG.jax_enable_compilation_cache
+    return Path(place) / "wiperjax" if place is not None and wanted else None
+
+
+def _read(path: Path) -> Callable[..., Any] | None:
+    """Return the program in `path`; None if there is none."""
+    try:
+        traced, shape = pickle.loads(path.read_bytes())  # of the user's own cache, as jax's
+        program = _answering(export.deserialize(bytearray(traced)), shape)
+        os.utime(path)
+    except FileNotFoundError:
+        return None
+    except Exception as error:  # damaged, whatever way: it is traced again
+        log.debug("%s: not used: %s", path, error)
+        return None
+    return program
+
+
+def _answering(traced: export.Exported, shape) -> Callable[..., Any]:
+    call = jax.jit(traced.call)
+    return lambda *leaves: jax.tree.unflatten(shape, call(*leaves))
+
+
+def _clear(place: Path) -> None:
+    """Removes the programs longest out of use."""
+    kept = sorted(place.iterdir(), key=lambda path: path.stat().st_mtime)
+    for path in kept[:-MOST_KEPT]:
+        path.unlink(missing_ok=True)
+
+
+@cache
+def _traced_with() -> tuple[str, ...]:
+    """What tracing depends on beside the arguments."""
+    source = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        source.update(path.read_bytes())
+    versions = (f"{name} {provenance.version(name)}" for name in TRACED_WITH)
+    return (
+        source.hexdigest(),
+        *versions,
+        jax.default_backend(),
+        str(CONFIG.jax_enable_x64),
+    )
+
+
+def _known(args: Any) -> bool:
+    """Whether all modules in `args` are of classes whose source or version is in the key."""
+    kinds: set[type] = set()
+
+    def note(x: Any) -> bool:
+        kinds.add(type(x))
+        return False
+
+    jax.tree.leaves(args, is_leaf=note)
+    known = (__name__.partition(".")[0], *TRACED_WITH)
+    homes = (x.__module__.partition(".")[0] for x in kinds if issubclass(x, eqx.Module))
+    return all(home in known for home in homes)
