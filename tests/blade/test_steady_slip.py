@@ -9,7 +9,7 @@ import pytest
 
 import wiperjax
 from wiperjax.blade.steady_slip import steady_slip, steady_slip_branches
-from wiperjax.blade.wiper import ENGINE_FIELDS
+from wiperjax.vocabulary.declared import SET_BY_THE_ENGINE
 
 HOPF = {-30: 0.5766, -10: 0.5017, 0: 0.4511, 10: 0.3937, 30: 0.2470}  # V11, degrees -> m/s
 CELLS = 64
@@ -141,7 +141,9 @@ def slip_by_hand(w, i, speed, x, velocity):
         return value[i] if np.ndim(value) else value
 
     one = type(
-        "blade", (), {name: at(name) for name in vars(w) if name not in ("belt", *ENGINE_FIELDS)}
+        "blade",
+        (),
+        {name: at(name) for name in vars(w) if name not in ("belt", *SET_BY_THE_ENGINE)},
     )
     m, h, length = one.tip_mass, one.hinge_mass, one.lip_length
     phi = np.arcsin(x / length)

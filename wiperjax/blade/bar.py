@@ -21,6 +21,8 @@ class Bar(AbstractSystem):
     """
 
     unilateral: ClassVar[bool] = False
+    coordinates: ClassVar[tuple[str, ...]] = ("x",)
+    of_a_blade: ClassVar[bool] = True
     known: ClassVar = PARAMETERS
     lip: Wiper
 

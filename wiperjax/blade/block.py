@@ -5,7 +5,6 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import root_scalar
 
 from ..contact.belts import AbstractBelt, operating_speed
 from ..contact.friction import AbstractFriction, Stribeck
@@ -26,6 +25,8 @@ class Block(AbstractSystem):
     """
 
     unilateral: ClassVar[bool] = False
+    coordinates: ClassVar[tuple[str, ...]] = ("x",)
+    of_a_blade: ClassVar[bool] = True
     known: ClassVar = PARAMETERS
     belt: AbstractBelt
     friction: AbstractFriction
@@ -145,6 +146,8 @@ def unstable_speeds(block: Block) -> tuple[float, float]:
     top = ((shape - 1) / shape) ** (1 / shape)
     if not excess(top) > 0:
         return np.nan, np.nan
+    from scipy.optimize import root_scalar  # a third of a second, which a lip does not need
+
     low = 0.0 if excess(0.0) > 0 else root_scalar(excess, bracket=(0.0, top), xtol=1e-15).root
     if allowed <= 0:
         return scale * low, np.inf

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..contact.belts import CLASSES as BELT_CLASSES
 from ..contact.friction import CLASSES as LAW_CLASSES
+from ..contact.friction import AbstractFriction
 from ..specs.laws import Law, law_of
 from ..specs.tables import Start
 from ..vocabulary.codes import Regime, Result
@@ -43,9 +44,7 @@ def build_wiper(
     if friction.name == "stribeck":  # the law that a wiper has by itself
         own, given = own | set(law.values()), None
     else:
-        usual = {name: entry.reference for name, entry in friction.parameters.items()}
-        numbers = {key: parameters.get(name, usual[name]) for key, name in law.items()}
-        given = (friction.found or LAW_CLASSES[friction.name])(**numbers)
+        given = make_law(friction, parameters)
     belt = {key: parameters[name] for key, name in keys.items() if name in parameters}
     return Wiper(
         belt=BELT_CLASSES[belt_kind](**belt),
@@ -72,6 +71,20 @@ def continued_state(wiper: Wiper, ended: Mapping[str, Any]):
     goes_on &= jnp.abs(x) < wiper.lip_length * jnp.sin(wiper.collapse_angle)
     velocity = jnp.where(sticks, glass, vx), jnp.where(flies, vy, 0.0)
     return ((x, jnp.where(flies, y, 0.0)), velocity), goes_on
+
+
+def make_law(law: Law, parameters: Mapping[str, Any]) -> AbstractFriction:
+    """Return the friction law that a file names, of the numbers in ``parameters`` and, where one is
+    left out, of its reference value.
+
+    Raises ValueError, one line that names the law, for numbers that do not go together.
+    """
+    usual = {name: entry.reference for name, entry in law.parameters.items()}
+    numbers = {key: parameters.get(name, usual[name]) for key, name in law.keys.items()}
+    try:
+        return (law.found or LAW_CLASSES[law.name])(**numbers)
+    except ValueError as error:
+        raise ValueError(f"friction = {law.name!r}: {error}") from error
 
 
 def start_state(wiper: Wiper, start: Start):

@@ -1,10 +1,10 @@
 """Numbers of a system by name: read one, replace one, or a direction to differentiate along.
 
-A name is the path of a field, ``belt.speed`` or ``attack_angle``; for a `Wiper` the names of sweep
-files (``belt_speed``) hold as well, as do those of belt and law of another system.
+A name is the path of a field, ``belt.speed`` or ``attack_angle``; the names of sweep files
+(``belt_speed``) hold as well.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
@@ -14,11 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..contact.system import AbstractSystem
-from ..vocabulary.declared import marked
+from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
 from ..vocabulary.kinds import BELTS, FRICTIONS
 from ..vocabulary.parameters import PARAMETERS, Parameter
 from ..vocabulary.wording import shown
-from .wiper import ENGINE_FIELDS, Wiper
 
 
 def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
@@ -26,9 +25,7 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
 
     Raises ValueError, listing the names there are, if it has no such number.
     """
-    names = _names(system)
-    if isinstance(system, Wiper):
-        names = {name: to for name, to in names.items() if name not in system.idle}
+    names = {name: to for name, to in _names(system).items() if name not in system.idle}
     names |= routes(system)
     if not isinstance(name, str) or name not in names:
         raise ValueError(
@@ -40,11 +37,9 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
 
 def routes(system: AbstractSystem) -> dict[str, tuple[str, ...]]:
     """Parameter of files -> the fields that lead to it: of the system, its belt or its law."""
-    own: Iterable[str] = (x for x in marked(system) if np.ndim(getattr(system, x)) == 0)
-    if isinstance(system, Wiper):  # of a batch of them too
-        blade = (name for name, entry in PARAMETERS.items() if entry.table == "blade")
-        own = (name for name in blade if name not in system.idle)
-    found = {name: (name,) for name in own}
+    known = {**marked(system), **system.known}
+    own = (field.name for field in fields(system) if field.name not in system.idle)
+    found = {name: (name,) for name in own if name in known}
     for field, kinds in (("belt", BELTS), ("friction", FRICTIONS)):
         part = getattr(system, field, None)
         if isinstance(part, eqx.Module):
@@ -124,7 +119,7 @@ def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Call
 def words(system: AbstractSystem) -> dict[str, str]:
     """Return what the first coordinate and the output of ``system`` are called: ``position`` and
     ``velocity``."""
-    if isinstance(system, Wiper):
+    if system.of_a_blade:
         return {"position": "tip position along the glass", "velocity": "tip velocity"}
     return {"position": "first coordinate", "velocity": "output velocity"}
 
@@ -147,7 +142,7 @@ def _names(module: eqx.Module, before: tuple[str, ...] = ()) -> dict[str, tuple[
         route = (*before, field.name)
         if isinstance(inner, eqx.Module):
             found |= _names(inner, route)
-        elif field.name not in ENGINE_FIELDS and np.ndim(inner) == 0:
+        elif field.name not in SET_BY_THE_ENGINE and np.ndim(inner) == 0:
             if not isinstance(inner, bool | str | type(None)):
                 found[".".join(route)] = route
     return found

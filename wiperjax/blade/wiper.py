@@ -17,7 +17,6 @@ from ..vocabulary import checks
 from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS, REFERENCE, described
 
-ENGINE_FIELDS = ("piece", "sides", "constants")  # set by it, not by a person
 _BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
 _OWN_LAW = tuple(FRICTIONS["stribeck"].values())  # numbers of the law that the wiper has by itself
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
@@ -52,6 +51,9 @@ class Wiper(AbstractSystem):
     (checked where they are known: not while traced).
     """
 
+    coordinates: ClassVar[tuple[str, ...]] = ("x", "y")
+    of_a_blade: ClassVar[bool] = True
+    valid_where: ClassVar[str] = "|phi| < collapse_angle"
     known: ClassVar = PARAMETERS
 
     belt: AbstractBelt = SteadyBelt()

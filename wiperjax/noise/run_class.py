@@ -79,7 +79,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         "normal_force_mean": force.mean(),
         "normal_force_max": force.max(),
     }
-    columns |= _events(run, transient, end, None)
+    columns |= _events(run, transient, end, None) | _slips(kept, velocity, end - transient)
     if since is not None:
         near = np.abs(since) <= limits.reversal_window
         columns["normal_force_max_reversal"] = force[near].max() if near.any() else np.nan
@@ -158,6 +158,32 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
         mine = np.where([name == regime for name in regimes], length, 0.0)
         found[f"{regime}_fraction{suffix}"] = float(mine.sum() / whole)
     return found
+
+
+def _slips(run: xr.Dataset, velocity: np.ndarray, window: float) -> dict[str, float]:
+    """What slips out of stick cost in the `window` [s] that the samples of `run` cover: their rate
+    is exact, forces, work and acceleration are those of the samples.
+    """
+    time = np.asarray(run["time"], dtype=float)
+    names = flag_names(run["regime"])
+    regime = np.array([names[int(code)] for code in run["regime"]])
+    out = {code for code, name in flag_names(run["event_kind"]).items() if name == "release"}
+    of_them = np.isin(run["event_kind"], list(out)) & (np.asarray(run["event_time"]) >= time[0])
+    count = int(of_them.sum())
+    friction = np.asarray(run["friction_force"], dtype=float)
+    stick, slip = regime == "stick", np.char.startswith(regime, "slip")
+    drop = 0.0
+    if stick.any() and slip.any():
+        drop = max(np.abs(friction[stick]).max() - np.abs(friction[slip]).min(), 0.0)
+    power = np.zeros(time.size)
+    if "belt_velocity" in run:
+        power = np.where(slip, friction * (np.asarray(run["belt_velocity"]) - velocity), 0.0)
+    return {
+        "slip_rate": count / window,
+        "force_drop": drop,
+        "energy_per_slip": float(np.trapezoid(power, time)) / count if count else 0.0,
+        "acceleration_max": float(np.abs(np.gradient(velocity, time)).max()),
+    }
 
 
 def _since_reversal(run: xr.Dataset, time: np.ndarray) -> np.ndarray:

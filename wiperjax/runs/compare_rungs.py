@@ -4,24 +4,22 @@ A rung suffices if it says what the lip says: the same class, mechanism and band
 amplitude within a stated tolerance; for a reversal, the same ratio of forces too.
 """
 
-import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..blade.rungs import MODELS
+from ..noise.agreement import AMPLITUDE, FREQUENCY, Said, differences, said
 from ..noise.run_class import assess, words
 from ..specs.load import load_scene, parse_scene
 from ..specs.scene import SceneSpec
+from ..vocabulary.codes import BANDS, LABELS, MECHANISMS
 from . import scene
-from .simulate import SAMPLES
 
-FREQUENCY, AMPLITUDE = 0.02, 0.10  # tolerated, relative to the lip
 HINGED = "lip, hinge mass"  # the lip with a tenth of the tip mass at the hinge
 HINGE_SHARE = 0.1
-TURNS = 3  # of a run that is timed
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,9 @@ class Rung:
         amplitude: standard deviation of the tip velocity [m/s]; of the strokes on a belt that
             reverses, unless the class is `reversal`: then the vibration just after V = 0.
         ratio: largest normal force around V = 0 over the mean outside; NaN on a steady belt.
-        seconds, steps: CPU time and trial steps of the motion; compilation, and what a run of no
-            length costs as well (checks, labels), are not counted.
+        steps: trial steps of the motion.
+        seconds: CPU time of a second of motion in a batch of blades around the scene; NaN where it
+            is not known.
         share: CPU time over that of the lip.
         suffices: whether it agrees with the lip.
     """
@@ -49,19 +48,23 @@ class Rung:
     frequency: float
     amplitude: float
     ratio: float
-    seconds: float
     steps: int
+    seconds: float = np.nan
     share: float = 1.0
     suffices: bool = True
 
 
 def compare(
-    path: str | Path, hinged: bool = True, say: Callable[[str], None] = lambda text: None
+    path: str | Path,
+    hinged: bool = True,
+    say: Callable[[str], None] = lambda text: None,
+    costs: Callable[[Mapping[str, SceneSpec]], Mapping[str, float]] = lambda scenes: {},
 ) -> list[Rung]:
     """Return what every rung says of the scene file `path`, poorest first, the lip judged by none.
 
     `hinged`: whether to run the lip with hinge mass too; it is compared, not a rung below.
-    `say` is called with what begins, `SCENE: MODEL`.
+    `say` is called with what begins, `SCENE: MODEL`. `costs` tells what a second of motion of each
+    rung costs [s of CPU time], such as `maps.rung_costs`; it is given those that do not fail.
 
     Raises SpecError for a wrong file; a rung that fails numerically says `failed`.
     """
@@ -73,8 +76,12 @@ def compare(
     for model, spec in specs.items():
         say(f"{name}: {model}")
         rungs[model] = _run(name, model, spec)
-    lip = rungs["lip"]
-    return [_judged(rung, lip) for rung in rungs.values()]
+    say(f"{name}: cost")
+    seconds = costs({model: specs[model] for model in rungs if rungs[model].label != "failed"})
+    rungs = {
+        model: replace(rung, seconds=seconds.get(model, np.nan)) for model, rung in rungs.items()
+    }
+    return [_judged(rung, rungs["lip"]) for rung in rungs.values()]
 
 
 def lowest_sufficient(rungs: Iterable[Rung]) -> str:
@@ -96,14 +103,16 @@ below, but what inertia at the hinge makes of the same blade. Formulas: `wiperja
 A model suffices if it says what the lip says: class, mechanism and band the same, frequency
 within {FREQUENCY:.0%} and amplitude within {AMPLITUDE:.0%}; for a reversal force ratio and
 vibration within {AMPLITUDE:.0%}. The poorest that does is in bold. Any scene or sweep runs on it
-with `--model` (or `model = "bar"` in the file).
+with `--model` (or `model = "bar"` in the file); `wiperjax sweep --model auto` has a probe of some
+cells choose ([maps](maps.md#which-model), also for what a rung costs in a batch).
 
 Amplitude: standard deviation of the tip velocity (of the strokes on a wiping belt; for a
-reversal, the vibration just after it). Steps and CPU time are of one motion on one core; what a
-run of no length costs as well (checks, labels) and compilation are not counted; on a busy machine
-shares scatter by a fifth. The default start of lip and bar is phi = alpha at rest, of the block its
-relaxed spring. The frequency of a squeal that comes and goes is that of its strongest line. Two
-blades on one linkage are no rung: that is two contacts.
+reversal, the vibration just after it). Steps are those of one motion. CPU time is that of the
+engine on one core for a second of motion of one blade, in a batch of 256 around the scene (load
+and speed within 2%), the median of five interleaved turns, without compilation. The default start
+of lip and bar is phi = alpha at rest, of the block its relaxed spring. The frequency of a squeal
+that comes and goes is that of its strongest line. Two blades on one linkage are no rung: that is
+two contacts.
 
 """
 
@@ -127,7 +136,7 @@ def table(results: Iterable[list[Rung]], head: bool = True) -> str:
     `head`: whether the columns' names stand above it.
     """
     names = ["scene", "model", "class", "mechanism", "Hz", "amplitude m/s", "force ratio"]
-    names += ["steps", "CPU s", "of lip", "suffices"]
+    names += ["steps", "CPU ms a s", "of lip", "suffices"]
     lines = [" | ".join(names), " | ".join(["---"] * len(names))] if head else []
     for rungs in results:
         lowest = lowest_sufficient(rungs)
@@ -143,7 +152,7 @@ def table(results: Iterable[list[Rung]], head: bool = True) -> str:
                 f"{rung.amplitude:.3g}" if tells else "",
                 f"{rung.ratio:.2f}" if np.isfinite(rung.ratio) else "",
                 str(rung.steps),
-                f"{rung.seconds:.3f}",
+                f"{1e3 * rung.seconds:.3g}",
                 f"{rung.share:.2f}",
                 "yes" if rung.suffices else "no",
             ]
@@ -159,56 +168,31 @@ def _hinged(spec: SceneSpec) -> SceneSpec:
 
 def _run(name: str, model: str, spec: SceneSpec) -> Rung:
     try:
-        run = scene.run_scene(spec)  # compiles
+        run = scene.run_scene(spec)
     except ValueError:  # no start: a block without steady slip
-        nothing = ("failed", "none", "none", np.nan, np.nan, np.nan, 0.0, 0)
+        nothing = ("failed", "none", "none", np.nan, np.nan, np.nan, 0)
         return Rung(name, model, *nothing)
-    # what a run of no length costs as well (checks, labels) is not the model's
-    spent = np.median([_spent(spec) - _spent(_brief(spec)) for _ in range(TURNS)])
-    seconds = max(float(spent), 0.0)  # a difference, and nothing where the motion costs nothing
     found = assess(run)
-    said = words(found)
-    loud = "velocity_rms"
-    if "velocity_rms_stroke" in found:
-        loud = "vibration_reversal" if said["label"] == "reversal" else "velocity_rms_stroke"
-    ratio = np.nan
-    if "normal_force_max_reversal" in found:
-        ratio = float(found["normal_force_max_reversal"] / found["normal_force_mean_stroke"])
+    heard, named = said(found), words(found)
     return Rung(
         name,
         model,
-        said["label"],
-        said["mechanism"],
-        said["band"],
-        float(found["dominant_frequency"]),
-        float(found[loud]),
-        ratio,
-        seconds,
+        named["label"],
+        named["mechanism"],
+        named["band"],
+        float(heard.frequency),
+        float(heard.amplitude),
+        float(heard.forces),
         int(run.attrs["steps"]),
     )
 
 
-def _spent(spec: SceneSpec) -> float:
-    """Return the processor time [s] of a run that is compiled."""
-    begun = time.process_time()
-    scene.run_scene(spec)
-    return time.process_time() - begun
-
-
-def _brief(spec: SceneSpec) -> SceneSpec:
-    """Return the scene cut to one sample interval."""
-    interval = spec.run.sample_interval or spec.run.duration / SAMPLES
-    short = spec.run.model_copy(update={"duration": interval, "sample_interval": interval})
-    return spec.model_copy(update={"run": short})
-
-
 def _judged(rung: Rung, lip: Rung) -> Rung:
-    same = (rung.label, rung.mechanism, rung.band) == (lip.label, lip.mechanism, lip.band)
-    if same and lip.label not in ("quiet", "failed", "collapsed"):
-        if lip.label != "reversal":
-            same &= abs(rung.frequency - lip.frequency) <= FREQUENCY * lip.frequency
-        else:
-            same &= abs(rung.ratio - lip.ratio) <= AMPLITUDE * lip.ratio
-        same &= abs(rung.amplitude - lip.amplitude) <= AMPLITUDE * lip.amplitude
-    fields = vars(rung) | {"share": rung.seconds / (lip.seconds or np.nan), "suffices": bool(same)}
-    return Rung(**fields)
+    suffices = bool(differences(_said(rung), _said(lip)).tolerated)
+    return replace(rung, share=rung.seconds / lip.seconds, suffices=suffices)
+
+
+def _said(rung: Rung) -> Said:
+    tables = (LABELS, rung.label), (MECHANISMS, rung.mechanism), (BANDS, rung.band)
+    codes = (np.asarray(table[word]) for table, word in tables)
+    return Said(*codes, *map(np.asarray, (rung.frequency, rung.amplitude, rung.ratio)))

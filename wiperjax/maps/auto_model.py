@@ -1,0 +1,146 @@
+"""`model = "auto"`: the poorest rung of the ladder that says what the lip says of some cells.
+
+The cells of a probe are spread over the grid as the digest of the specification has it, so that the
+same sweep is always given the same model. All rungs compute them; the poorest whose every cell is
+the lip's, within the tolerances of `noise.agreement`, computes the map. From then on the sweep is
+that of this model, as if a person had named it, and its attributes say why.
+"""
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..machine.files import StoreError
+from ..noise.agreement import Differences, Said, differences, said
+from ..specs.errors import SpecError
+from ..store import manifest
+from ..store.whole import open_map
+from ..vocabulary.kinds import AUTO, MODELS
+from .block import Evaluate
+from .computing import Blocks, computing
+from .refine.grid import Grid
+from .refine.points import Points
+
+FEWEST, MOST = 5, 7  # binary digits of the number of cells in a probe: 32 to 128
+SHARE = 32  # one of so many cells in between
+*POORER, LIP = MODELS
+CHOICE, PROBE = "model_choice", "model_probe"  # attributes of the map
+
+
+def on_chosen_model(spec: Any, *, evaluate: Evaluate | None = None, workers: Any = None) -> Any:
+    """The sweep `spec` on the model that a probe chooses, if it asks for one by `auto`; else as it
+    is. `evaluate`, `workers`: as in `sweep`.
+    """
+    if getattr(spec, "model", None) != AUTO:
+        return spec
+    blocks, _ = computing(spec, evaluate, workers)
+    return _chosen(spec, blocks)
+
+
+def as_chosen_for(output: Path, spec: Any) -> Any:
+    """The sweep `spec` on the model that was chosen for the map at `output`, finished or not, if
+    one was and `spec` asks for it by `auto`; else as it is. That the map is of this sweep, the
+    driver sees to.
+    """
+    if getattr(spec, "model", None) != AUTO:
+        return spec
+    attrs: Mapping[str, Any] = {}
+    if (found := manifest.read(manifest.parts_of(output))) is not None:
+        attrs = found["map"]["attrs"]
+    elif output.is_file():
+        with suppress(StoreError), open_map(output) as ds:
+            attrs = ds.attrs
+    if attrs.get("model") not in MODELS or not {CHOICE, PROBE} <= attrs.keys():
+        return spec
+    return spec.on(str(attrs["model"]), {name: str(attrs[name]) for name in (CHOICE, PROBE)})
+
+
+def probe_cells(spec: Any) -> np.ndarray:
+    """Numbers of the cells of a probe, ascending: a scrambled Sobol sequence over the axes, its
+    seed the digest of `spec`. All cells of a map that has no more.
+    """
+    digits = int(np.clip(np.log2(max(spec.size / SHARE, 1)), FEWEST, MOST))
+    if spec.size <= 2**digits:
+        return np.arange(spec.size)
+    from scipy.stats import qmc  # half a second
+
+    draws = qmc.Sobol(len(spec.shape), rng=int(spec.digest()[:16], 16)).random_base2(digits)
+    places = (draws * spec.shape).astype(np.int64)
+    return np.unique(np.ravel_multi_index(tuple(places.T), spec.shape))
+
+
+class Unlike(NamedTuple):
+    """How a rung differs from the lip on a probe.
+
+    Attributes:
+        differing: cells in which the difference is not tolerated.
+        renamed: those of them of another class, mechanism or band.
+        frequency, amplitude, forces: largest relative differences in the others.
+    """
+
+    differing: int
+    renamed: int
+    frequency: float
+    amplitude: float
+    forces: float
+
+    @classmethod
+    def of(cls, found: Differences) -> "Unlike":
+        """Of the differences in each cell."""
+        largest = (float(np.max(x[~found.name], initial=0.0)) for x in found[1:])
+        return cls(int((~found.tolerated).sum()), int(found.name.sum()), *largest)
+
+
+def _chosen(spec: Any, blocks: Blocks) -> Any:
+    """The sweep on the poorest model that suffices."""
+    rungs: dict[str, Any] = {}
+    refused: dict[str, str] = {}
+    for model in POORER:
+        try:
+            rungs[model] = spec.on(model)
+        except SpecError as error:
+            refused[model] = str(error)
+    cells, unlike = probe_cells(spec), {}
+    if rungs:
+        lip = _said(spec.on(LIP), cells, blocks)
+        told = {model: _said(rung, cells, blocks) for model, rung in rungs.items()}
+        unlike = {model: Unlike.of(differences(found, lip)) for model, found in told.items()}
+    model = next((model for model, found in unlike.items() if not found.differing), LIP)
+    probed = {name: found._asdict() for name, found in unlike.items()}
+    probed |= {name: {"refused": why} for name, why in refused.items()}
+    attributes = {
+        CHOICE: _words(model, unlike, refused, len(cells)),
+        PROBE: json.dumps({"cells": len(cells) if rungs else 0} | probed, sort_keys=True),
+    }
+    return spec.on(model, attributes)
+
+
+def _said(spec: Any, cells: np.ndarray, blocks: Blocks) -> Said:
+    """What a model says of some cells of a sweep; statistics and names are all that it computes."""
+    points = Points(spec, Grid(spec.axes, 0), cells, room=2**MOST)
+    (block,) = blocks(points, {0: (0, points.size)})
+    return said(block.columns)
+
+
+def _words(model: str, unlike: Mapping[str, Unlike], refused: Mapping[str, str], cells: int) -> str:
+    """What was chosen and at what disagreement, in one line."""
+    parts = []
+    for name, found in unlike.items():
+        if name == model:
+            most = f"frequency within {_percent(found.frequency)}"
+            most += f", amplitude within {_percent(found.amplitude)}"
+            parts.insert(0, f"as the lip in all {cells} cells of a probe ({most})")
+            break  # richer ones were not needed
+        named = f"{found.renamed} by another name"
+        parts.append(f"{name} is unlike the lip in {found.differing} of {cells} cells ({named})")
+    parts += [f"{name} cannot stand for it ({why})" for name, why in refused.items()]
+    return f"{model}: {'; '.join(parts)}"
+
+
+def _percent(share: float) -> str:
+    """A bound in words; what no one can hear is not told to its last digit."""
+    return f"{max(100 * share, 0.01):.2g} %"
