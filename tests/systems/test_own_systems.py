@@ -1,6 +1,7 @@
 """Systems of one's own through the public way only: a file, or a mapping shaped like one."""
 
 import linecache
+import os
 import subprocess
 import sys
 
@@ -92,6 +93,27 @@ def test_a_map_opens_plots_and_tells_itself_without_the_module_and_without_jax(
     assert "load 1 N" in found.stdout and "mass 1 kg" in found.stdout
 
 
+@pytest.mark.parametrize("command", ["sweep", "simulate", "follow"])
+def test_settings_precede_the_module_of_a_system(command, tmp_path):
+    """It may start jax's device, and what is set after that does not count: maps of systems of
+    one's own were computed on one core, by other programs than `verify` has."""
+    (tmp_path / "early.py").write_text(
+        "import os\nraise RuntimeError('while_loop' in os.environ.get('XLA_FLAGS', ''))\n"
+    )
+    tables = "run.duration = 1.0"
+    if command == "sweep":
+        tables = "axes.k.values = [1.0]\nrun.transient = 1.0\nrun.window = 1.0"
+    (tmp_path / "own.toml").write_text(f"system = 'early:One'\n{tables}\n")
+    words = [command, "own.toml", "-o", "out.h5"]
+    words += ["--over", "k", "--from", "0", "--to", "1"] if command == "follow" else []
+    environment = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
+    found = subprocess.run(
+        [sys.executable, "-m", "wiperjax", *words],
+        capture_output=True, text=True, cwd=tmp_path, env=environment,
+    )  # fmt: skip
+    assert "RuntimeError: True" in found.stderr and found.stderr.count("\n") == 1
+
+
 def test_a_scene_is_the_same_motion_as_its_cell_and_knows_its_class(oscillators):
     scene = {key: SWEEP[key] for key in ("system", "classes")}
     scene |= {"belt": {"speed": 0.4}, "parameters": {"stiffness": 2.0}}
@@ -102,6 +124,10 @@ def test_a_scene_is_the_same_motion_as_its_cell_and_knows_its_class(oscillators)
     assert int(found.label) == int(cell.label)
     tone = float(cell.dominant_frequency)
     assert float(found.dominant_frequency) == pytest.approx(tone, rel=1e-3)
+    # of the cell exact, of the run from its samples
+    for name, near in (("slip_rate", 2e-2), ("force_drop", 1e-2), ("energy_per_slip", 3e-2)):
+        assert float(found[name]) == pytest.approx(float(cell[name]), rel=near), name
+    assert float(found.acceleration_max) == pytest.approx(float(cell.acceleration_max), rel=5e-2)
     assert run.attrs["stiffness"] == 2.0 and list(run.axis.values) == ["x"]
     np.testing.assert_array_equal(run.output, run.velocity[:, 0])
 
@@ -196,6 +222,7 @@ KEYS = {
     "blade": ({"attack_angle": 5.0}, r"blade: must be left out with system = .*\[parameters\]"),
     "model": ("bar", r"model: must be left out with system"),
     "parameters": ({"mas": 1.0}, r"parameters.mas: unknown key; did you mean 'mass'\?"),
+    "sensitivities": ({"parameters": ["mas"]}, r"sensitivities.parameters: 'mas': .*'mass'"),
     "start": ({"position": [0.0, 1.0]}, r"start.position: must be a list of 1 numbers \(x\)"),
     "belt": ({"kind": "wiping"}, r"belt.frequency: is missing; with kind = 'wiping'"),
 }
@@ -206,6 +233,17 @@ def test_a_key_that_does_not_suit_the_system_is_one_line(key):
     value, words = KEYS[key]
     with pytest.raises(SpecError, match=words):
         wiperjax.parse_sweep(SWEEP | {"axes": {"stiffness": {"values": [1.0]}}, key: value})
+
+
+def test_numbers_of_a_law_that_do_not_go_together_name_it():
+    numbers = {"friction": "coulomb", "mu_static": 0.2, "mu_minimum": 1.0}
+    with pytest.raises(ValueError, match="^friction = 'coulomb': dynamic must be at most static"):
+        wiperjax.sweep(SWEEP | {"system": "own_systems:Damped", "parameters": numbers})
+
+
+def test_a_parameter_of_the_wiper_is_not_sent_to_its_tables():
+    with pytest.raises(SpecError, match=r"axes.attack_angle: unknown key; must be one of mass"):
+        wiperjax.parse_sweep(SWEEP | {"axes": {"attack_angle": {"values": [1.0]}}})
 
 
 def test_numbers_outside_their_range_are_one_line_in_files_and_in_python():

@@ -84,34 +84,31 @@ class Declared(Family):
     def check(self, spec: Any, axes: Mapping[str, Any]) -> None:
         for table, why in _OF_THE_WIPER.items():
             if table in spec.model_fields_set:
-                raise Fault(table, f"must be left out with system = {self.name!r}: {why}")
+                raise Fault(table, f"must be left out with system = {spec.system!r}: {why}")
         for key in _OF_ITS_START:
             if getattr(spec.start, key) is not None:
-                must = f"must be left out with system = {self.name!r}, which has no"
+                must = f"must be left out with system = {spec.system!r}, which has no"
                 what = "lip" if key == "angle" else "steady slip that is known in advance"
                 raise Fault(f"start.{key}", f"{must} {what}")
         if self.belt is None and "belt" in spec.model_fields_set:
-            raise Fault("belt", f"must be left out with system = {self.name!r}: it has no belt")
-        if getattr(spec, "sensitivities", None) is not None:
-            must = f"must be left out with system = {self.name!r}: a map has derivatives of a wiper"
-            raise Fault("sensitivities", must)
+            raise Fault("belt", f"must be left out with system = {spec.system!r}: it has no belt")
         self._check_given(spec)
         self._check_start(spec.start)
         self.parameters(spec)  # two of one name
         if self.belt is None and spec.classes.quiet_velocity is None:
-            must = f"is missing; {self.name!r} has no belt that a velocity could be compared with"
+            must = f"is missing; {spec.system!r} has no belt that a velocity could be compared with"
             raise Fault("classes.quiet_velocity", must)
 
     def _check_given(self, spec: Any) -> None:
         if (law := spec.given.get("friction")) is not None:
             if self.default_law is None:
-                must = f"must be left out with system = {self.name!r}: it has no field for it"
+                must = f"must be left out with system = {spec.system!r}: it has no field for it"
                 raise Fault("parameters.friction", must)
             if not isinstance(law, str):
                 must = "must be the name of a law in quotes"
                 raise Fault("parameters.friction", f"{must}, was {show(law)}")
         numbers = {name: value for name, value in spec.given.items() if name != "friction"}
-        check_given(numbers, self.parameters(spec))
+        check_given(numbers, self.parameters(spec), self.elsewhere)
 
     def _check_start(self, start: Any) -> None:
         n = len(self.coordinates)

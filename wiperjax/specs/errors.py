@@ -5,12 +5,13 @@ most and says which key, what it must be and what it was.
 """
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.parameters import PARAMETERS, Parameter
 from ..vocabulary.wording import shorten, shown
 
 AXIS_FORMS = "{ start = ..., stop = ..., num = ... } or { values = [...] }"
@@ -43,6 +44,15 @@ class Fault(ValueError):
         super().__init__(f"{key}: {problem}" if key else problem)
         self.key = key
         self.problem = problem
+
+
+@contextmanager
+def as_error():
+    """Has a `Fault` of a check outside of any file raised as a `SpecError`."""
+    try:
+        yield
+    except Fault as fault:
+        raise SpecError(str(fault)) from None
 
 
 _LONGEST_KEY = 40
@@ -96,13 +106,19 @@ def sentence(model: type[BaseModel], failed: ValidationError) -> str:
     return " ".join((f"{where}: {problem}" if location else problem).split())
 
 
-def unknown(key: str, allowed: Sequence[str], model: type[BaseModel] | None = None) -> str:
-    """Words for an unknown key: the key that may be meant, the table it belongs in, or all keys."""
+def unknown(
+    key: str,
+    allowed: Sequence[str],
+    model: type[BaseModel] | None = None,
+    elsewhere: Mapping[str, Parameter] = PARAMETERS,
+) -> str:
+    """Words for an unknown key: the key that may be meant, the table it belongs in (by `elsewhere`
+    or the `model` of the file), or all keys."""
     key = key[: 2 * _LONGEST_KEY]  # what is compared costs the product of the lengths
     if close := difflib.get_close_matches(key, allowed, n=1):
         return f"unknown key; did you mean {close[0]!r}?"
-    if key in PARAMETERS:
-        return f"unknown key here; it belongs in [{PARAMETERS[key].table}] or [axes]"
+    if key in elsewhere:
+        return f"unknown key here; it belongs in [{elsewhere[key].table}] or [axes]"
     if model is not None:
         for table, field in model.model_fields.items():
             is_table = get_origin(field.annotation) is not dict  # else its keys are names

@@ -6,6 +6,7 @@ A family knows the parameters of a system and what a file may say of it; `blade.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ class Family(ABC):
     name: str
     coordinates: tuple[str, ...]
     """Names of its coordinates; empty where only its start tells how many there are."""
+    elsewhere: Mapping[str, Parameter] = MappingProxyType({})
+    """Parameters that a file may state in tables of their own, by which a wrong key is answered."""
 
     @abstractmethod
     def belt_kind(self, spec: Any) -> str | None:

@@ -41,11 +41,15 @@ class Law:
         return replace(self, parameters={**self.parameters, **held})
 
 
-def check_given(given: Mapping[str, Any], known: Mapping[str, Parameter]) -> None:
+def check_given(
+    given: Mapping[str, Any],
+    known: Mapping[str, Parameter],
+    elsewhere: Mapping[str, Parameter],
+) -> None:
     """Raises Fault for an entry of `[parameters]` that is no parameter, or outside its range."""
     for name, value in given.items():
         if name not in known:
-            raise Fault(f"parameters.{name}", unknown(name, list(known)))
+            raise Fault(f"parameters.{name}", unknown(name, list(known), elsewhere=elsewhere))
         if not is_number(value, arrays=False):
             raise Fault(f"parameters.{name}", f"must be a number, was {show(value)}")
         if problem := known[name].problem(value):

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..vocabulary.kinds import STARTS, WAYS, WIPER
+from ..vocabulary.kinds import AUTO, STARTS, WAYS, WIPER
 from ..vocabulary.ranges import MOST_CELLS
 from .errors import Fault, show, unknown
 from .tables import Pair, Table
@@ -91,6 +91,8 @@ def swept_last(axes: Any, starts: Any) -> Any:
 def check_starts(spec: Any) -> None:
     """Raises Fault for starts that cannot be had in a sweep."""
     starts: Starts = spec.starts
+    if spec.model == AUTO:  # a probe of single cells does not tell what motions there are
+        raise Fault("model", "must be a model by name with [starts], was 'auto'")
     for table in ("start", "sensitivities"):
         if table in spec.model_fields_set and getattr(spec, table) is not None:
             raise Fault(table, "must be left out with [starts]")

@@ -7,22 +7,25 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, model_validator
+from pydantic import BaseModel, PrivateAttr, model_validator
 
-from ..vocabulary.kinds import BELTS
+from ..vocabulary.kinds import BELTS, WIPER
 from ..vocabulary.ranges import MOST_CELLS
 from ..vocabulary.wording import digits
 from .axis import Axis
-from .errors import Fault, SpecError, show, unknown
+from .errors import Fault, as_error, unknown
 from .refine import Refine, check
 from .reversal import FLIP, flip_time
+from .sensitivities import (
+    SLOPE_RTOL,
+    SLOPE_SOLVER,
+    Sensitivities,
+    by_its_axes,
+    check_sensitivities,
+)
 from .starts import Starts, check_starts, swept_last
 from .system import System
-from .tables import (
-    Classes,
-    Sensitivities,
-    SweepRun,
-)
+from .tables import Classes, SweepRun, SweptModel
 
 FORMAT = 2
 """Version of the meaning of a specification; part of its digest."""
@@ -31,21 +34,14 @@ FORMAT = 2
 MOST_BYTES = 4 * 10**6  # of a sweep or scene file: an axis of a hundred thousand listed values
 
 
-RTOL, SLOPE_RTOL = 1e-6, 1e-9
-"""Tolerance of the integrator unless the file has one: for the motion, and for its derivatives.
-
-At the second, derivatives that are called fine are right to 1e-3 (docs/gradients.md)."""
+RTOL = 1e-6
+"""Tolerance of the integrator unless the file has one, or asks for derivatives."""
 
 SOLVER = {"float64": "dopri8", "float32": "tsit5"}
 """Runge-Kutta method unless the file has one, by the precision of the state.
 
 The method of order 8 is cheaper and more accurate (docs/maps.md). In single precision rounding
 takes what it gains, and more: four times the steps at 1e-5 (docs/bench/speed.md)."""
-
-SLOPE_SOLVER = "tsit5"
-"""The same with sensitivities: at `SLOPE_RTOL` longer steps of Dopri8 leave twice the error that
-the tests of derivatives allow."""
-
 
 SAMPLES_A_PERIOD = 5
 """Samples of a period of the highest squeal, unless the file says how many there are."""
@@ -61,6 +57,7 @@ class SweepSpec(System):
     axis varies fastest (`[starts] along` is made the last). Made by `load_sweep` or `parse_sweep`.
     """
 
+    model: SweptModel = "lip"
     axes: dict[str, Axis]
     run: SweepRun
     classes: Classes = Classes()
@@ -68,43 +65,46 @@ class SweepSpec(System):
     starts: Starts | None = None
     refine: Refine | None = None
 
+    _choice: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def choice(self) -> Mapping[str, Any]:
+        """Attributes that say why this model was chosen; none where a person named it."""
+        return self._choice
+
+    def on(self, model: str, choice: Mapping[str, Any] | None = None) -> "SweepSpec":
+        """The same sweep on another rung, and the `choice` of it.
+
+        Raises: SpecError, one line, where that model cannot stand for its blades.
+        """
+        spec = self.model_copy(update={"model": model})
+        spec._choice = dict(choice or {})
+        with as_error():
+            spec._check_system(spec.axes)
+        return spec
+
     @model_validator(mode="before")
     @classmethod
-    def _sweeps_its_last_axis(cls, data: Any) -> Any:
-        if isinstance(data, Mapping) and "starts" in data:
-            return {**data, "axes": swept_last(data.get("axes"), data["starts"])}
-        return data
+    def _depends_on_other_tables(cls, data: Any) -> Any:
+        """Axes in the order of `[starts]`; derivatives of another system, by its axes."""
+        if not isinstance(data, Mapping):
+            return data
+        if "starts" in data:
+            data = {**data, "axes": swept_last(data.get("axes"), data["starts"])}
+        return by_its_axes(data)
 
     def with_sensitivities(self) -> "SweepSpec":
-        """The same sweep with derivatives; as the file asks for them, else the default ones.
+        """The same sweep with derivatives; as the file asks for them, else the default ones (of
+        another system than the wiper, by its axes).
 
         Raises: SpecError, one line, where they cannot be had.
         """
-        asked = self.sensitivities or Sensitivities()
+        own: dict[str, Any] = {} if self.system == WIPER else {"parameters": list(self.axes)}
+        asked = self.sensitivities or Sensitivities(**own)
         spec = self.model_copy(update={"sensitivities": asked})
-        try:
-            spec._check_sensitivities(asked)
-        except Fault as fault:
-            raise SpecError(str(fault)) from None
+        with as_error():
+            check_sensitivities(spec, asked)
         return spec
-
-    def _check_sensitivities(self, asked: Sensitivities) -> None:
-        if self.starts is not None:
-            raise Fault("starts", "must be left out with sensitivities")
-        for name in asked.parameters:
-            if name not in self.parameter_names:
-                problem = unknown(name, list(self.parameter_names))
-                raise Fault("sensitivities.parameters", f"{show(name)}: {problem}")
-        if len(set(asked.parameters)) < len(asked.parameters):
-            raise Fault("sensitivities.parameters", "must not name a parameter twice")
-        if self.model != "lip":
-            raise Fault("model", f"must be 'lip' with sensitivities, was {self.model!r}")
-        if self.run.precision != "float64":
-            must = "must be 'float64' with sensitivities"
-            raise Fault("run.precision", f"{must}, was {self.run.precision!r}")
-        if self.rtol > SLOPE_RTOL:
-            must = f"must be left out or at most {SLOPE_RTOL:g} with sensitivities"
-            raise Fault("run.rtol", f"{must}, was {self.rtol:g}")
 
     @model_validator(mode="after")
     def _is_consistent(self) -> "SweepSpec":
@@ -113,7 +113,8 @@ class SweepSpec(System):
         sweepable = self.family.sweepable(self)
         for name in self.axes:
             if name not in sweepable:
-                raise Fault(f"axes.{name}", unknown(name, list(sweepable)))
+                problem = unknown(name, list(sweepable), elsewhere=self.family.elsewhere)
+                raise Fault(f"axes.{name}", problem)
         if self.size > MOST_CELLS:
             raise Fault("axes", f"must make at most {MOST_CELLS} cells, made {digits(self.size)}")
         for name, axis in self.axes.items():
@@ -125,7 +126,7 @@ class SweepSpec(System):
         self._check_system(self.axes)
         self._check_strokes()
         if self.sensitivities is not None:
-            self._check_sensitivities(self.sensitivities)
+            check_sensitivities(self, self.sensitivities)
         if self.starts is not None:
             check_starts(self)
         if self.refine is not None:

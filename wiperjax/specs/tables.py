@@ -14,7 +14,6 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Field,
     ValidationInfo,
     create_model,
     field_validator,
@@ -68,9 +67,10 @@ Title = Annotated[str, AfterValidator(_one_line)]
 Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
 if TYPE_CHECKING:
-    ModelName = SolverName = BeltName = str
+    ModelName = SweptModel = SolverName = BeltName = str
 else:
     ModelName = Literal[tuple(kinds.MODELS)]
+    SweptModel = Literal[(*kinds.MODELS, kinds.AUTO)]
     SolverName = Literal[kinds.SOLVERS]
     BeltName = Literal[tuple(kinds.BELTS)]
 
@@ -163,30 +163,6 @@ class SweepRun(Table):
             must = "must be at least 1e-06 with precision = 'float32'"
             raise Fault("rtol", f"{must}, was {self.rtol:g}")
         return self
-
-
-class Sensitivities(Table):
-    """Derivatives of the outcomes by parameters, and when they are believed.
-
-    Attributes:
-        parameters: names of blade or belt parameters.
-        check: share of the cells that is checked by central differences.
-        step: of those, relative to the parameter (angles: to 1 rad).
-        grazing: smallest grazing margin at which derivatives still count as valid (at least 1e4
-            rtol).
-        settled: largest relative difference of the tip velocity's standard deviation between the
-            first and the last whole periods of the settled window.
-    """
-
-    parameters: Annotated[list[str], Field(min_length=1)] = [
-        "attack_angle",
-        "normal_load",
-        "belt_speed",
-    ]
-    check: float = 0.05
-    step: float = 1e-5
-    grazing: float = 1e-4
-    settled: float = 0.05
 
 
 class SceneRun(Table):

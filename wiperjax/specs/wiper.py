@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..vocabulary.kinds import BELTS, LAW_PARAMETERS, WIPER
+from ..vocabulary.kinds import AUTO, BELTS, LAW_PARAMETERS, WIPER
 from ..vocabulary.parameters import PARAMETERS, Parameter
 from ..vocabulary.ranges import TIP
 from ..vocabulary.wording import digits
@@ -21,6 +21,7 @@ class Wiper(Family):
 
     name = WIPER
     coordinates = ("x", "y")
+    elsewhere = PARAMETERS
 
     def belt_kind(self, spec: Any) -> str:
         return spec.belt.kind
@@ -55,7 +56,7 @@ class Wiper(Family):
         law, stated, own = spec.blade.friction, self.stated(spec), self.law(spec)
         if spec.given and own.found is None:
             raise Fault("parameters", "must be left out without system; the wiper has [blade]")
-        check_given(spec.given, own.parameters)
+        check_given(spec.given, own.parameters, self.elsewhere)
         for name in LAW_PARAMETERS - set(self.parameters(spec)):
             if name in axes or name in stated:
                 key = f"axes.{name}" if name in axes else f"blade.{name}"
@@ -76,7 +77,7 @@ class Wiper(Family):
             if most > least:
                 must = f"must be at most mu_static ({least:g}) with this friction"
                 raise Fault(key_of("mu_minimum"), f"{must}, was {most:g}")
-        if spec.model != "lip":
+        if spec.model not in ("lip", AUTO):
             _check_rung(spec, values, key_of)
 
     def meaning(self, spec: Any) -> dict[str, Any]:

@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from ..blade.build import build_wiper, continued_state, start_state
+from ..blade import numbers
+from ..blade.build import build_wiper, continued_state, make_law, start_state
 from ..blade.rungs import on_rung, start_on_rung
 from ..blade.wiper import Wiper
 from ..contact.belts import CLASSES as BELT_CLASSES
 from ..contact.belts import AbstractBelt
-from ..contact.friction import CLASSES as LAW_CLASSES
 from ..contact.system import AbstractSystem
 from ..specs.declared import Declared
 from ..specs.laws import law_of
@@ -54,14 +54,26 @@ def build(spec: System, parameters: Mapping[str, Any]) -> Built:
         keys = BELTS[kind].items()
         given["belt"] = BELT_CLASSES[kind](**{key: parameters[name] for key, name in keys})
     if (law := family.law(spec)) is not None:
-        numbers = {key: parameters[name] for key, name in law.keys.items()}
-        given["friction"] = (law.found or LAW_CLASSES[law.name])(**numbers)
+        given["friction"] = make_law(law, parameters)
     try:
         return Built(family.found(**given), None)
     except TypeError as error:
         raise ValueError(
             f"system: {family.name} cannot be made of its parameters: {error}"
         ) from error
+
+
+def routes(spec: System, built: Built) -> dict[str, tuple[str, ...]]:
+    """Return, for each parameter of files, the fields that lead to it from the system."""
+    family = spec.family
+    if not isinstance(family, Declared):
+        return numbers.routes(built.system)
+    found = {name: (name,) for name in family.own}
+    if (kind := family.belt_kind(spec)) is not None:
+        found |= {name: ("belt", key) for key, name in BELTS[kind].items()}
+    if (law := family.law(spec)) is not None:
+        found |= {name: ("friction", key) for key, name in law.keys.items()}
+    return found
 
 
 def start(spec: System, built: Built, stated: Start | None = None):

@@ -6,9 +6,9 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..blade.steady_slip import steady_slip
-from ..blade.wiper import ENGINE_FIELDS, Wiper
+from ..blade.wiper import Wiper
 from ..numerics.types import Scalar
-from ..vocabulary.declared import parameter
+from ..vocabulary.declared import SET_BY_THE_ENGINE, parameter
 
 
 class SoftLip(Wiper):
@@ -22,7 +22,6 @@ class SoftLip(Wiper):
     """
 
     unilateral: ClassVar[bool] = False
-    coordinates: ClassVar[tuple[str, ...]] = ("x", "y")
     contact_stiffness: Scalar = parameter(
         2000.0, "N/m/m", above=0, long_name="contact stiffness of the glass"
     )
@@ -48,7 +47,7 @@ class SoftLip(Wiper):
 
     def sliding_near(self):
         """The steady slip of the rigid lip, pressed in by its normal force there."""
-        names = (field.name for field in fields(Wiper) if field.name not in ENGINE_FIELDS)
+        names = (field.name for field in fields(Wiper) if field.name not in SET_BY_THE_ENGINE)
         rigid = steady_slip(Wiper(**{name: getattr(self, name) for name in names}))
         x, y = self.default_state()[0]
         known = jnp.isfinite(rigid.x)

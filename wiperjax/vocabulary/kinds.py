@@ -20,6 +20,7 @@ SYSTEMS: Mapping[str, str] = MappingProxyType(
     {
         "flutter": "wiperjax.systems.flutter:ModeCoupling",
         "soft_lip": "wiperjax.systems.soft_lip:SoftLip",
+        "head_and_tip": "wiperjax.systems.head_and_tip:HeadAndTip",
         "oscillator": "wiperjax.systems.oscillator:Oscillator",
         "chain2": "wiperjax.systems.chain:Chain2",
         "chain3": "wiperjax.systems.chain:Chain3",
@@ -36,6 +37,9 @@ MODELS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Rung of the ladder, the poorest first -> how its motion starts by default."""
+
+AUTO = "auto"
+"""Instead of a rung: the poorest that says the same as the lip of some cells of a sweep."""
 
 WAYS = ("up", "down")
 """Ways in which an axis is swept, each cell from where its neighbour ended."""

@@ -1,4 +1,4 @@
-"""The table of what a map stores for each cell: names, types, units, meanings.
+"""What a map stores for each cell: names, types, units, meanings.
 
 A column that a caller offers beyond it is an error, one of it that is missing is left out.
 """
@@ -23,7 +23,6 @@ from .codes import (
     TOLD,
     VALIDITY,
 )
-from .parameters import PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -202,74 +201,23 @@ ENDED_ELSEWHERE = ("result", "final_position", "final_velocity", "final_regime")
 """The same of a system of one's own."""
 
 
-def attributes(name: str, of: Mapping[str, Any]) -> dict[str, Any]:
-    """CF attributes of a column in a map with the attributes `of`: forces are per metre of blade,
-    those of a system of one's own are not.
-    """
-    found = SCHEMA[name].attributes()
-    if SYSTEM in of and "units" in found:
-        for per_metre, whole in (("N/m", "N"), ("N s/m", "N s"), ("J/m", "J")):
-            found["units"] = found["units"].replace(per_metre, whole)
-    return found
-
-
-SYSTEM = "system"
-"""Attribute of a map of a system of one's own: its import path."""
-
 SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error")
 """Columns that only a map of several starts has; shares, only of random ones."""
 
-DIFFERENTIABLE = (
-    *("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms", "velocity_mean"),
-    *("belt_speed_rms", "normal_force_mean", "normal_force_max", "gap_max", "impact_impulse_max"),
-    *("growth_rate", "linear_frequency", "final_x", "final_y", "final_vx", "final_vy"),
-)
-"""Outcomes that have derivatives by parameters. Labels, codes, counts and the dominant frequency (a
-choice among lines) have none by nature; statistics of the reversal have none because the edges of
-their window cut steps."""
+_OF_DERIVATIVES = (
+    Column("sensitivity_code", "int8", "", "whether the derivatives hold", VALIDITY,
+        comment="not fine: the derivatives are NaN",
+    ),
+    Column("grazing_margin", "float64", "1", "smallest depth or clearance of an event guard",
+        comment="relative to the size of the guard; 0: an event just grazed",
+    ),
+    Column(
+        "sensitivity_agreement", "float64", "1",
+        "largest relative difference of a derivative from central differences",
+        comment="NaN: not checked, or not fine",
+    ),
+)  # fmt: skip
 
-
-def sensitivity_name(outcome: str, parameter: str) -> str:
-    """Name of the variable that holds d(outcome)/d(parameter)."""
-    return f"d_{outcome}_d_{parameter}"
-
-
-def is_derivative(name: str) -> bool:
-    """Whether `name` is one of `sensitivity_name`."""
-    return name.startswith("d_") and "_d_" in name[2:]
-
-
-def _sensitivity_columns() -> tuple[Column, ...]:
-    known = {column.name: column for column in _TABLE}
-    columns = [
-        Column(
-            "sensitivity_code", "int8", "", "whether the derivatives hold", VALIDITY,
-            comment="not fine: the derivatives are NaN",
-        ),
-        Column(
-            "grazing_margin", "float64", "1", "smallest depth or clearance of an event guard",
-            comment="relative to the size of the guard; 0: an event just grazed",
-        ),
-        Column(
-            "sensitivity_agreement", "float64", "1",
-            "largest relative difference of a derivative from central differences",
-            comment="NaN: not checked, or not fine",
-        ),
-    ]  # fmt: skip
-    for name in DIFFERENTIABLE:
-        for parameter in PARAMETERS.values():
-            below = "" if parameter.edge_unit == "1" else f"/({parameter.edge_unit})"
-            columns.append(
-                Column(
-                    sensitivity_name(name, parameter.name),
-                    "float64",
-                    f"({known[name].units}){below}",
-                    f"derivative of {known[name].long_name} by {parameter.long_name}",
-                )
-            )
-    return tuple(columns)
-
-
-SCHEMA: Mapping[str, Column] = {
-    column.name: column for column in (*_TABLE, *_sensitivity_columns())
-}
+SCHEMA: Mapping[str, Column] = {column.name: column for column in (*_TABLE, *_OF_DERIVATIVES)}
+"""Every column that has the same name in all maps; those of derivatives have the names of
+parameters in theirs (`columns.sensitivity_name`)."""

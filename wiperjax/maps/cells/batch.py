@@ -1,18 +1,18 @@
 """The engine's side of a sweep: cells of a specification in, columns of the map out."""
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ...contact.belts import SteadyBelt
-from ...contact.system import AbstractSystem
 from ...datasets.map_dataset import raster_index
 from ...engine.carry.problem import Integration, Recording, make_case
-from ...engine.lanes import Outcome, Pool, run_pool
+from ...engine.kept import Kept, as_arrays
+from ...engine.lanes import Pool, run_pool
 from ...engine.observers.margins import watch
 from ...engine.observers.reversal import ReversalTotals
 from ...engine.observers.totals import RegimeTotals
@@ -23,7 +23,8 @@ from ...systems.build import Built, belt_of, build, go_on, start
 from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
-from .devices import capacity, deal, dearest_first, lane_count
+from .devices import capacity, deal, dearest_first, lane_count, roomy, spread
+from .linear import slip_of
 
 RING = 4  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
 
@@ -49,28 +50,29 @@ def evaluate(
     the start of ``spec``.
     """
     built, position, velocity = prepare(spec, index, room, ended)
-    settings, limit = _settings(spec), jnp.int32(spec.run.max_steps)
-    sampling = Sampling.of(spec, finer)
+    settings, run = Settings.of(spec), Run.of(spec, finer)
 
     def compute(cells, count):
         system, position, velocity = cells
-        outcome, samples, effort = _compute(
-            system, position, velocity, count, limit, sampling, settings
-        )
-        return outcome, sampling.rows(samples, spec.run.raster), effort
+        outcome, samples, effort = _compute(system, position, velocity, count, run, settings)
+        return outcome, run.rows(samples, spec.run.raster), effort
 
     precision, size = spec.run.precision, position[0].shape[-1]
     cells = (
-        _arrays(built.system, precision),
+        as_arrays(built.system, precision),
         _full(position, size, precision),
         _full(velocity, size, precision),
     )
     order = dearest_first(built.wiper, len(index))
-    (outcome, signal), effort = deal(compute, cells, order)
-    if finer > 1:
-        return sampled(spec, signal, belt_of(built.system), len(index))
-    with compiling.apart("naming"):
-        return columns_of(spec, outcome, signal, effort, built, len(index))
+    with ThreadPoolExecutor(1) as beside:  # a small program compiles while the engine's does
+        wanted = built.wiper is not None and finer == 1
+        slip = beside.submit(spread, slip_of, built.wiper) if wanted else None
+        (outcome, signal), effort = deal(compute, cells, order)
+        if finer > 1:
+            return sampled(spec, signal, belt_of(built.system), len(index))
+        with compiling.apart("naming"):
+            found = None if slip is None else slip.result()
+            return columns_of(spec, outcome, signal, effort, built, found, len(index))
 
 
 def prepare(
@@ -101,39 +103,49 @@ def prepare(
     return built, position, velocity
 
 
-class _Settings(NamedTuple):
-    """What a compilation depends on beside shapes: plain numbers, so static."""
+class Settings(NamedTuple):
+    """What a compilation depends on beside shapes: static."""
 
-    transient: float
-    window: float
-    rtol: float
-    atol: float | None
     precision: str
     solver: str
-    zeno_time: float
-    samples: int
-    raster: int | None
-    event_log: int | None
-    reversal_window: float
+    room: int  # samples that a case has room for
+    regimes: bool  # whether they are sampled, too
+    event_log: int
+
+    @classmethod
+    def of(cls, spec) -> "Settings":
+        """Return those of ``spec``."""
+        run = spec.settings
+        regimes, log = run.raster is not None, run.event_log or 0
+        return cls(run.precision, run.solver, roomy(run.samples), regimes, log)
 
 
-def _settings(spec) -> _Settings:
-    run = spec.settings
-    given = {name: getattr(run, name) for name in _Settings._fields[:-1]}
-    return _Settings(**given, reversal_window=spec.classes.reversal_window)
+class Run(NamedTuple):
+    """How cells are integrated and sampled, traced: another window or tolerance, and a finer look,
+    compile nothing. Times in s.
+    """
 
-
-class Sampling(NamedTuple):
-    """How the settled window is sampled; traced, so that a finer look compiles nothing."""
-
-    interval: jax.Array  # [s]
+    transient: jax.Array
+    window: jax.Array
+    rtol: jax.Array
+    atol: jax.Array | None
+    zeno_time: jax.Array
+    reversal_window: jax.Array
+    max_steps: jax.Array
+    interval: jax.Array  # of samples
     count: jax.Array
 
     @classmethod
-    def of(cls, spec, finer: int = 1) -> "Sampling":
-        """Return the sampling that ``spec`` asks for, ``finer`` times as fine."""
-        count = finer * spec.samples
-        return cls(jnp.asarray(spec.run.window / count), jnp.asarray(count, jnp.int32))
+    def of(cls, spec, finer: int = 1) -> "Run":
+        """Return what ``spec`` asks for, with ``finer`` times as many samples."""
+        run, count = spec.settings, finer * spec.samples
+        names = ("transient", "window", "rtol", "atol", "zeno_time")
+        given = {name: getattr(run, name) for name in names}
+        given["reversal_window"] = spec.classes.reversal_window
+        given["interval"] = run.window / count
+        numbers = {name: None if x is None else jnp.asarray(x, float) for name, x in given.items()}
+        wholes = {"max_steps": run.max_steps, "count": count}
+        return cls(**numbers, **{name: jnp.asarray(x, jnp.int32) for name, x in wholes.items()})
 
     def rows(self, samples: Samples, raster: int | None) -> Samples:
         """Return what the engine has recorded as (cases, samples) each; of the regimes the
@@ -151,67 +163,49 @@ class Sampling(NamedTuple):
         return found._replace(regime=found.regime[:, raster_index(count, raster)])
 
 
-def _arrays(system: AbstractSystem, precision: str) -> AbstractSystem:
-    """Turn parameters into arrays, (cells,) where they vary and () where they do not.
-
-    A Python 0 or 1 stays one: its terms, or a power of 1, are left out of the compiled program.
-    """
-
-    def leaf(value):
-        if isinstance(value, int | float) and value in (0, 1):
-            return value
-        return jnp.asarray(value, precision)
-
-    return jax.tree.map(leaf, system)
-
-
 def _full(pair, size, precision):
     return tuple(jnp.broadcast_to(jnp.asarray(x, precision), (size,)) for x in pair)
 
 
-@eqx.filter_jit
-def _compute(
-    system, position, velocity, count, max_steps, sampling: Sampling, s: _Settings
-) -> tuple[Outcome, Any, Any]:
-    """Run the cells of one share. A program for one device: compiled for several together it
-    would round otherwise, and a map would depend on the number of cores.
+def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=False):
+    """Return what `run_pool` does of cells; to be called inside `jax.jit`. ``watched``: with
+    `margins` in the record.
     """
-    return outcomes(system, position, velocity, count, max_steps, sampling, s)
-
-
-def outcomes(
-    system, position, velocity, count, max_steps, sampling: Sampling, s: _Settings, watched=False
-):
-    """`_compute`, to be called inside `jax.jit`; ``watched``: with `margins` in the record."""
     steady = isinstance(belt_of(system), SteadyBelt | None)
-    totals = RegimeTotals(s.transient)
+    totals = RegimeTotals(run.transient)
     if not steady:
-        totals = ReversalTotals(s.transient, s.reversal_window)
+        totals = ReversalTotals(run.transient, run.reversal_window)
     if watched:
         totals = watch(system, totals)
     solver = SOLVERS[s.solver]()
     cases = position[0].shape[-1]
     signal = Signal(
-        s.transient,
-        sampling.interval,
-        sampling.count,
-        room=cases * (s.samples + RING),
+        run.transient,
+        run.interval,
+        run.count,
+        room=cases * (s.room + RING),
         ring=RING,
         inner=not steady,  # of a steady belt the statistics tell it
-        regimes=s.raster is not None,
+        regimes=s.regimes,
     )
     case = make_case(
         system,
-        s.transient + s.window,
+        run.transient + run.window,
         (position, velocity),
-        Integration(solver, s.rtol, s.atol, max_steps, zeno_time=s.zeno_time),
+        Integration(solver, run.rtol, run.atol, run.max_steps, zeno_time=run.zeno_time),
         Recording(
             signal=signal,
-            max_events=s.event_log or 0,
-            log_start=s.transient,
+            max_events=s.event_log,
+            log_start=run.transient,
             observer=totals,
-            mark=s.transient,
+            mark=run.transient,
         ),
         dtype=jnp.dtype(s.precision),
     )
     return run_pool(Pool(case, count), lane_count(s.precision, cases))
+
+
+_compute = Kept(outcomes)
+"""The cells of one share run. A program for one device: compiled for several together it would
+round otherwise, and a map would depend on the number of cores.
+"""

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...blade.steady_slip import SteadySlip
 from ...contact.belts import AbstractBelt, SteadyBelt
 from ...engine.carry.state import EventLog
 from ...engine.lanes import Outcome
@@ -14,17 +15,20 @@ from ...numerics.arrays import cellwise
 from ...systems.build import Built, belt_of
 from ...vocabulary.codes import Result
 from ...vocabulary.schema import EVENT_COLUMNS, SCHEMA
-from .devices import spread
-from .linear import growth, slip_of
+from .linear import growth
 
 
-def columns_of(spec, outcome: Outcome, signal, effort, built: Built, count: int) -> dict[str, Any]:
-    """Return what `evaluate` returns, from the answers of the engine."""
+def columns_of(
+    spec, outcome: Outcome, signal, effort, built: Built, slip: SteadySlip | None, count: int
+) -> dict[str, Any]:
+    """Return what `evaluate` returns, from the answers of the engine and the steady slip of the
+    blades, if they are blades.
+    """
     run = spec.run
     useful, executed = effort
-    belt, wiper = belt_of(built.system), built.wiper
+    belt, blade = belt_of(built.system), built.wiper is not None
     columns = _columns(outcome, run, belt, count) | sampled(spec, signal, belt, count)
-    columns |= ended(outcome, wiper is not None)
+    columns |= ended(outcome, blade)
     if run.raster is not None:
         columns["regime_raster"] = signal.regime
     if spec.starts is not None:
@@ -32,7 +36,7 @@ def columns_of(spec, outcome: Outcome, signal, effort, built: Built, count: int)
     if outcome.log is not None:
         columns |= _events(outcome.log, run)
     columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
-    return columns if wiper is None else columns | growth(spread(slip_of, wiper), count)
+    return columns if slip is None else columns | growth(slip, count)
 
 
 def sampled(spec, signal, belt: AbstractBelt | None, count: int) -> dict[str, Any]:

@@ -90,6 +90,14 @@ def devices() -> list:
     return found[:1] * len(found) if found[0].platform == "cpu" else found
 
 
+def on_accelerator() -> bool:
+    """Whether jax computes on a device of another kind than the host's processor."""
+    return jax.default_backend() != "cpu"
+
+
+FEW = 256  # cells of a share: up to these a block is filled up to a power of two
+
+
 def capacity(cells: int, shares: int | None = None) -> int:
     """Cells a block is filled up to, so that blocks of about the same size have the same shapes.
 
@@ -97,8 +105,17 @@ def capacity(cells: int, shares: int | None = None) -> int:
     """
     shares = shares or len(devices())
     share = -(-cells // shares)
-    step = max(64, (1 << (share - 1).bit_length()) // 8)
-    return -(-share // step) * step * shares
+    if share <= FEW:
+        return max(64, 1 << (share - 1).bit_length()) * shares
+    return roomy(share) * shares
+
+
+def roomy(count: int) -> int:
+    """Return ``count`` rounded up by at most a quarter: counts that are nearly the same then share
+    a compiled program.
+    """
+    step = max(1, (1 << (count - 1).bit_length()) // 8)
+    return -(-count // step) * step
 
 
 # on one core, at most: what a turn touches stays near in the caches, and few lanes idle at the end
@@ -113,6 +130,6 @@ CASES_PER_LANE = 8  # at least: the last cases of a block leave lanes empty
 
 def lane_count(precision: str, cases: int) -> int:
     """Return how many trajectories of ``cases`` are in flight at a time on one device."""
-    most = LANES[precision] if jax.default_backend() == "cpu" else WIDE
+    most = WIDE if on_accelerator() else LANES[precision]
     lanes = min(most, cases // CASES_PER_LANE)
     return max(1, lanes - lanes % 64 if lanes > 64 else lanes)  # whole vectors

@@ -7,12 +7,18 @@ import numpy as np
 from ...blade.steady_slip import SteadySlip, steady_slip
 from ...blade.wiper import Wiper
 from ...contact.belts import operating_speed
+from ...engine.kept import Kept, as_arrays
 from ...numerics.arrays import cellwise
 from ...systems.build import build
 
 
 def slip_of(wiper: Wiper) -> SteadySlip:
     """Steady slip of wipers at the speed that their belt is judged by."""
+    return _slip_of(as_arrays(wiper, "float64"))
+
+
+@Kept
+def _slip_of(wiper: Wiper) -> SteadySlip:
     return steady_slip(wiper, operating_speed(wiper.belt))
 
 

@@ -13,13 +13,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ....blade.numbers import at
+from ....engine.kept import as_arrays
+from ....systems.build import routes
 from ....vocabulary.codes import VALIDITY, Result
-from ....vocabulary.parameters import PARAMETERS
-from ....vocabulary.schema import DIFFERENTIABLE, sensitivity_name
+from ....vocabulary.columns import differentiable, sensitivity_name
+from ....vocabulary.kinds import WIPER
 from .. import batch
 from ..columns import columns_of
-from ..devices import deal, dearest_first
-from .tangents import SECOND, start_of, tangents_of, value_of, whole
+from ..devices import deal, dearest_first, spread
+from ..linear import slip_of
+from .tangents import SECOND, check_fields, start_of, tangents_of, whole
 from .validity import GRAZING, check, drawn, is_settled, mask_contested, mask_rounding
 
 
@@ -27,55 +31,55 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     """Return the columns of `cells.evaluate`, and those of the sensitivities that ``spec`` asks."""
     asked, run = spec.sensitivities, spec.run
     names, count = asked.parameters, len(index)
+    outcomes = differentiable(spec.system == WIPER, spec.belt_kind is not None)
     built, position, _ = batch.prepare(spec, index)
-    wiper = built.wiper
-    assert wiper is not None  # `[sensitivities]` is refused elsewhere
-    size = position[0].shape[-1]
-    base = batch._arrays(wiper, run.precision)
-    theta = {name: whole(value_of(wiper, name), size) for name in names}
-    settings, limit = batch._settings(spec), jnp.int32(run.max_steps)
-    sampling = batch.Sampling.of(spec)
+    size, ways = position[0].shape[-1], routes(spec, built)
+    base = as_arrays(built.system, run.precision)
+    theta = {name: whole(at(ways[name])(built.system), size) for name in names}
+    check_fields(spec, ways, names)
+    settings, motion = batch.Settings.of(spec), batch.Run.of(spec)
 
     def start(theta):
-        return start_of(base, theta, spec)
+        return start_of(base, ways, theta, spec)
 
     (state, _), seeds = start(theta), []
     for name in names:
         # per unit of files: an angle in degrees
-        unit = float(PARAMETERS[name].to_si(1.0))
+        unit = float(spec.parameter_table[name].to_si(1.0))
         seed = {n: jnp.full(size, unit if n == name else 0.0) for n in names}
         seeds.append((seed, *jax.jvp(start, (theta,), (seed,))[1]))
     seeds = jax.tree.map(lambda *x: jnp.stack(x), *seeds)
 
     def compute(given, number):
-        wiper, theta, state, seeds = given
+        system, theta, state, seeds = given
         *found, samples, effort = tangents_of(
-            wiper, theta, state, seeds, number, limit, sampling, settings
+            system, ways, theta, state, seeds, number, motion, settings
         )
-        return *found, sampling.rows(samples, run.raster), effort
+        return *found, motion.rows(samples, run.raster), effort
 
-    order = dearest_first(wiper, count)
+    order = dearest_first(built.wiper, count)
     (outcome, slopes, signal), effort = deal(compute, (base, theta, state, seeds[:2]), order)
-    columns = columns_of(spec, outcome, signal, effort, built, count)
+    slip = None if built.wiper is None else spread(slip_of, built.wiper)
+    columns = columns_of(spec, outcome, signal, effort, built, slip, count)
     slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
 
     watched = outcome.observed
     seconds = {SECOND[field]: x for field, x in watched.seconds._asdict().items()}
     code = np.full(count, VALIDITY["fine"], np.int8)
-    mask_contested(slopes, columns | seconds, theta, base, asked)
+    mask_contested(slopes, columns | seconds, theta, base, spec)
     mask_rounding(slopes, columns, spec)
     code[watched.margin < max(asked.grazing, GRAZING * spec.rtol)] = VALIDITY["near_grazing"]
     checked = np.flatnonzero(drawn(index, asked.check))
     agreement = np.full(count, np.nan)
     if checked.size:
-        other, gaps = check(spec, theta, base, columns, slopes, checked, watched.word)
+        other, gaps = check(spec, ways, theta, base, columns, slopes, checked, watched.word)
         agreement[checked] = np.max(list(gaps.values()), axis=0)
         code[checked[other]] = VALIDITY["sequence_changes"]
     code[~is_settled(columns, spec)] = VALIDITY["unsettled"]
     code[outcome.result != Result.FINISHED] = VALIDITY["not_differentiable"]
 
     holds = code == VALIDITY["fine"]
-    for outcome_name in DIFFERENTIABLE:
+    for outcome_name in outcomes:
         for k, name in enumerate(names):
             slope = slopes[outcome_name][:, k]
             good = holds & np.isfinite(slope)

@@ -5,13 +5,15 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from ....blade import numbers
-from ....blade.build import start_state
+from ....blade.numbers import at
 from ....blade.steady_slip import steady_slip
-from ....blade.wiper import Wiper
 from ....contact.belts import operating_speed
+from ....contact.system import AbstractSystem
+from ....systems.build import Built, belt_of, build, start
 from .. import batch
+from ..batch import Run, Settings
 from ..columns import ended, statistics
 
 LARGEST = {  # outcomes that are largest values, by their names in `margins.Peaks`
@@ -24,66 +26,84 @@ LARGEST = {  # outcomes that are largest values, by their names in `margins.Peak
 SECOND = {field: f"second_{field}" for field in LARGEST}  # and what comes next
 
 
-def with_parameters(wiper: Wiper, values: dict[str, Any]) -> Wiper:
-    """Return ``wiper`` with the parameters ``values``, name -> SI value, put in."""
-    to = numbers.routes(wiper)
+def with_parameters(
+    system: AbstractSystem, ways: dict[str, tuple[str, ...]], values: dict[str, Any]
+) -> AbstractSystem:
+    """Return ``system`` with the parameters ``values``, name -> SI value, put in where the ``ways``
+    (`build.routes`) lead."""
 
-    def leaves(w):
-        return [numbers.at(to[name])(w) for name in values]
+    def leaves(s):
+        return [at(ways[name])(s) for name in values]
 
-    return eqx.tree_at(leaves, wiper, list(values.values()))
+    return eqx.tree_at(leaves, system, list(values.values()))
+
+
+def check_fields(spec, ways, names) -> None:
+    """Raises ValueError where a system makes other fields of its parameters when it is made: a
+    parameter is differentiated in its place, and those would not follow.
+    """
+    given = spec.cells(np.array([0]))
+    system = build(spec, given).system
+    for name in names:
+        step = 1e-6 * (np.abs(given[name]) + 1e-3)
+        for moved in (given[name] + step, given[name] - step):
+            try:
+                made = build(spec, {**given, name: moved}).system
+            except ValueError:  # beyond an end of what it may be
+                continue
+            if not eqx.tree_equal(made, with_parameters(system, ways, {name: moved})):
+                must = f"must not name {name!r}: {spec.system} makes other fields of it"
+                raise ValueError(f"sensitivities.parameters {must}, which would not follow")
+
+
+def found_of(system, outcome, window) -> dict[str, Any]:
+    """Return what a trajectory leaves that has derivatives, and the runners-up of largest values,
+    (cells,) each."""
+    seconds = outcome.observed.seconds._asdict()
+    found = statistics(outcome, window) | {SECOND[k]: x for k, x in seconds.items()}
+    return found | (ended(outcome, True) if system.of_a_blade else {})
 
 
 @eqx.filter_jit
-def tangents_of(wiper, theta, state, seeds, count, limit, sampling, s):
+def tangents_of(system, ways, theta, state, seeds, count, run: Run, s: Settings):
     """Run the cells of one share with all tangents; slopes come as (cells, parameters)."""
 
-    def run(theta, state):
-        w = with_parameters(wiper, theta)
+    def motion(theta, state):
+        moved = with_parameters(system, ways, theta)
         position, velocity = state
         outcome, signal, effort = batch.outcomes(
-            w, position, velocity, count, limit, sampling, s, watched=True
+            moved, position, velocity, count, run, s, watched=True
         )
-        seconds = outcome.observed.seconds._asdict()
-        found = statistics(outcome, s.window) | ended(outcome, True)
-        found |= {SECOND[k]: x for k, x in seconds.items()}
-        return found, (outcome, signal, effort)
+        return found_of(system, outcome, run.window), (outcome, signal, effort)
 
     def push(dtheta, dstate):
-        return jax.jvp(run, (theta, state), (dtheta, dstate), has_aux=True)
+        return jax.jvp(motion, (theta, state), (dtheta, dstate), has_aux=True)
 
     _, slopes, (outcome, signal, effort) = jax.vmap(push, out_axes=(None, -1, None))(*seeds)
     return outcome, slopes, signal, effort
 
 
 @eqx.filter_jit
-def plain(wiper, theta, state, count, limit, sampling, s):
-    w = with_parameters(wiper, theta)
+def plain(system, ways, theta, state, count, run: Run, s: Settings):
+    moved = with_parameters(system, ways, theta)
     position, velocity = state
-    outcome, _, effort = batch.outcomes(
-        w, position, velocity, count, limit, sampling, s, watched=True
-    )
-    found = statistics(outcome, s.window) | ended(outcome, True)
-    return found, outcome.observed.word, effort
+    outcome, _, effort = batch.outcomes(moved, position, velocity, count, run, s, watched=True)
+    return found_of(system, outcome, run.window), outcome.observed.word, effort
 
 
-def start_of(wiper, theta, spec):
+def start_of(system, ways, theta, spec):
     """Return the initial state, and the outcomes that need no trajectory, (cells,) each."""
-    w = with_parameters(wiper, theta)
-    linear = steady_slip(w, operating_speed(w.belt))
-    known = {
-        "belt_speed_rms": w.belt.rms,
-        "growth_rate": linear.growth_rate,
-        "linear_frequency": linear.frequency,
-    }
+    moved = with_parameters(system, ways, theta)
+    belt = belt_of(moved)
+    known = {} if belt is None else {"belt_speed_rms": belt.rms}
+    wiper: Any = moved if moved.of_a_blade else None
+    if wiper is not None:
+        linear = steady_slip(wiper, operating_speed(wiper.belt))
+        known |= {"growth_rate": linear.growth_rate, "linear_frequency": linear.frequency}
     size = next(iter(theta.values())).shape[-1]
-    state = start_state(w, spec.start)
+    state = start(spec, Built(moved, wiper))
     return jax.tree.map(lambda x: whole(x, size), (state, known))
 
 
 def whole(value, size) -> jax.Array:
     return jnp.broadcast_to(jnp.asarray(value, jnp.float64), (size,))
-
-
-def value_of(wiper: Wiper, name: str):
-    return numbers.at(numbers.routes(wiper)[name])(wiper)

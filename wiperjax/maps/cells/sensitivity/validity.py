@@ -1,17 +1,20 @@
 """Whether a derivative can be believed: grazing, changes of word, contested cells."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ....blade.wiper import Wiper
+from ....contact.system import AbstractSystem
 from ....noise.spectrum import dominant_frequency
 from ....numerics.arrays import cellwise
-from ....vocabulary.parameters import PARAMETERS
-from ....vocabulary.schema import DIFFERENTIABLE, SCHEMA
+from ....vocabulary.columns import DIFFERENTIABLE
+from ....vocabulary.parameters import Parameter
+from ....vocabulary.schema import SCHEMA
 from ....vocabulary.thresholds import silence
-from .. import batch
+from ..batch import Run, Settings
 from ..devices import capacity, deal
 from .tangents import LARGEST, SECOND, plain, start_of
 
@@ -33,18 +36,18 @@ GRAZING = 1e4  # times the tolerance: at this margin a derivative is 1.5e-4 off
 SAME = 1e-5  # relative difference of two derivatives that are one
 
 
-def mask_contested(slopes, columns, theta, wiper, asked) -> None:
+def mask_contested(slopes, columns, theta, system, spec) -> None:
     """Make NaN the derivatives, in ``slopes``, of a largest value that another peak, with another
     derivative, overtakes within the finite-difference step."""
-    count = len(columns["result"])
+    count, asked = len(columns["result"]), spec.sensitivities
     for field, second in SECOND.items():
         name = LARGEST[field]
         gap = columns[name] - columns[second]
-        least = FLOOR * _outcome_scale(name, columns, wiper)
+        least = FLOOR * _outcome_scale(name, columns, system)
         contested = np.zeros(count, bool)
         for k, parameter in enumerate(theta):
-            unit = float(PARAMETERS[parameter].to_si(1.0))
-            scale = _scale(parameter, np.asarray(theta[parameter])[:count]) / unit
+            entry = spec.parameter_table[parameter]
+            scale = _scale(entry, np.asarray(theta[parameter])[:count]) / float(entry.to_si(1.0))
             slope, jump = scale * slopes[name][:, k], scale * (slopes[name] - slopes[second])[:, k]
             differs = np.abs(jump) > SAME * np.maximum(np.abs(slope), least)
             contested |= differs & (gap < max(STENCIL) * asked.step * np.abs(jump))
@@ -56,13 +59,16 @@ def mask_rounding(slopes, columns, spec) -> None:
     the end of a quiet cell: there steps are as long as the integrator stays stable, and what the
     start has left decays by its leave, not by the equations.
     """
-    rests = columns["velocity_rms"] < REST * np.abs(columns["belt_speed_rms"])
+    speed = columns.get("belt_speed_rms", spec.classes.quiet_velocity)  # without a belt
+    rests = columns["velocity_rms"] < REST * np.abs(speed)
     masked = {"velocity_rms": rests} | dict.fromkeys(LEFT_OVER, is_quiet(columns, spec))
     for name, where in masked.items():
+        if name not in slopes:  # of another system than the wiper
+            continue
         slopes[name] = np.where(where[:, None], np.nan, slopes[name])
 
 
-def check(spec, theta, base, columns, slopes, checked, word):
+def check(spec, ways, theta, base, columns, slopes, checked, word):
     """Return (whether the events are others, relative differences) of the cells ``checked``.
 
     The second is a dict (outcome, parameter) -> (len(checked),). A difference is relative to the
@@ -72,7 +78,8 @@ def check(spec, theta, base, columns, slopes, checked, word):
     asked, n = spec.sensitivities, len(checked)
     names = list(theta)
     copies = len(STENCIL) * len(names) * n
-    scale = {name: _scale(name, np.asarray(x)[checked]) for name, x in theta.items()}
+    known = spec.parameter_table
+    scale = {name: _scale(known[name], np.asarray(x)[checked]) for name, x in theta.items()}
     size = capacity(copies)
     whole = theta[names[0]].shape[-1]
     # every cell with each parameter at all places of the stencil; filled up with the last
@@ -80,8 +87,10 @@ def check(spec, theta, base, columns, slopes, checked, word):
     place = np.concatenate([place, np.full(size - copies, checked[-1])])
     moved = {name: np.asarray(x)[place].copy() for name, x in theta.items()}
     inside = {
-        name: _is_inside(name, np.asarray(theta[name])[checked], max(STENCIL) * asked.step * size_)
-        for name, size_ in scale.items()
+        name: _is_inside(
+            known[name], np.asarray(theta[name])[checked], max(STENCIL) * asked.step * s
+        )
+        for name, s in scale.items()
     }
     for k, name in enumerate(names):
         for j, steps in enumerate(STENCIL):
@@ -89,22 +98,21 @@ def check(spec, theta, base, columns, slopes, checked, word):
             moved[name][part] += steps * asked.step * scale[name] * inside[name]
     at = jax.tree.map(lambda x: x[place] if eqx.is_array(x) and x.shape == (whole,) else x, base)
     moved = jax.tree.map(jnp.asarray, moved)
-    state, known = start_of(at, moved, spec)
-    settings, limit = batch._settings(spec), jnp.int32(spec.run.max_steps)
-    settings = settings._replace(rtol=max(1e-3 * settings.rtol, 1e-13))
-    sampling = batch.Sampling.of(spec)
+    state, further = start_of(at, ways, moved, spec)
+    settings, run = Settings.of(spec), Run.of(spec)
+    run = run._replace(rtol=jnp.asarray(max(1e-3 * spec.rtol, 1e-13)))
 
     def compute(given, number):
-        wiper, theta, state = given
-        return plain(wiper, theta, state, number, limit, sampling, settings)
+        system, theta, state = given
+        return plain(system, ways, theta, state, number, run, settings)
 
     (found, words), _ = deal(compute, (at, moved, state), np.arange(copies))
-    found |= {name: np.asarray(x)[:copies] for name, x in known.items()}
+    found |= {name: np.asarray(x)[:copies] for name, x in further.items()}
     other = np.any(words.reshape(-1, n) != word[checked], axis=0)
     gaps = {}
     for k, name in enumerate(names):
-        unit = float(PARAMETERS[name].to_si(1.0))
-        for outcome in DIFFERENTIABLE:
+        unit = float(known[name].to_si(1.0))
+        for outcome in (name for name in DIFFERENTIABLE if name in slopes):
             value = found[outcome].reshape(len(names), len(STENCIL), n)[k]
             change = np.tensordot(list(STENCIL.values()), value, 1) / asked.step
             slope = slopes[outcome][checked, k] / unit * scale[name]
@@ -116,27 +124,32 @@ def check(spec, theta, base, columns, slopes, checked, word):
     return other, gaps
 
 
-def _scale(name: str, value: np.ndarray) -> np.ndarray:
+def _scale(entry: Parameter, value: np.ndarray) -> np.ndarray:
     """Size of a parameter, which its finite-difference step is relative to."""
-    if PARAMETERS[name].unit == "rad":
+    if entry.unit == "rad":
         return np.ones_like(value)
-    return np.where(value == 0, PARAMETERS[name].reference or 1.0, np.abs(value))
+    return np.where(value == 0, entry.reference or 1.0, np.abs(value))
 
 
-def _outcome_scale(name: str, columns, wiper: Wiper) -> np.ndarray:
-    """Size of an outcome by what it is: the load for forces, the lip for lengths, and so on."""
-    speed = np.asarray(columns["belt_speed_rms"])
-    load, length, mass = (  # the wiper has some cells more, which fill up
-        cellwise(x, len(speed)) for x in (wiper.normal_load, wiper.lip_length, wiper.tip_mass)
-    )
-    size = {"1": np.ones_like(speed), "m/s": speed, "N/m": load, "m": length, "N s/m": mass * speed}
+def _outcome_scale(name: str, columns, system: AbstractSystem) -> np.ndarray:
+    """Size of an outcome by what it is: the load for forces, the lip for lengths, and so on; of
+    another system than the wiper, its own value where no more is known."""
+    count = len(columns["result"])
+    size = {"1": np.ones(count)}
+    if "belt_speed_rms" in columns:
+        size["m/s"] = np.asarray(columns["belt_speed_rms"])
+    if system.of_a_blade:
+        blade: Any = system
+        load, length, mass = (  # the wiper has some cells more, which fill up
+            cellwise(x, count) for x in (blade.normal_load, blade.lip_length, blade.tip_mass)
+        )
+        size |= {"N/m": load, "m": length, "N s/m": mass * size["m/s"]}
     return np.asarray(size.get(SCHEMA[name].units, np.abs(columns[name])))
 
 
-def _is_inside(name: str, value: np.ndarray, step: np.ndarray) -> np.ndarray:
+def _is_inside(entry: Parameter, value: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Whether a parameter may be changed by ``step`` both ways: at an end of its range it is not
     checked."""
-    entry = PARAMETERS[name]
     low, high = entry.to_edge(value - step), entry.to_edge(value + step)
     return (low >= entry.range.low) & (high <= entry.range.high)
 
@@ -154,7 +167,7 @@ def is_settled(columns, spec) -> np.ndarray:
     reverses, the window is a stroke and cannot be judged.
     """
     run = spec.run
-    if spec.belt.kind != "steady":
+    if spec.belt_kind not in ("steady", None):
         return np.ones(len(columns["result"]), bool)
     signal = np.asarray(columns["signal"], np.float64)
     settled = np.zeros(len(signal), bool)

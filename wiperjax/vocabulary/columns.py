@@ -1,0 +1,99 @@
+"""Columns of a map by their names: those of `schema.SCHEMA`, and derivatives of some of them, which
+have the names of parameters in theirs: d_velocity_rms_d_attack_angle."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from .parameters import PARAMETERS
+from .schema import SCHEMA, Column
+
+SYSTEM = "system"
+"""Attribute of a map of a system of one's own: its import path."""
+
+OF_A_WIPER = ("final_x", "final_y", "final_vx", "final_vy", "growth_rate", "linear_frequency")
+"""Columns of a lip's tip and of its steady slip: another system has none of them."""
+
+DIFFERENTIABLE = (
+    *("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms", "velocity_mean"),
+    *("belt_speed_rms", "normal_force_mean", "normal_force_max", "gap_max", "impact_impulse_max"),
+    *("growth_rate", "linear_frequency", "final_x", "final_y", "final_vx", "final_vy"),
+)
+"""Outcomes that have derivatives by parameters. Labels, codes, counts and the dominant frequency (a
+choice among lines) have none by nature; statistics of the reversal have none because the edges of
+their window cut steps."""
+
+
+def differentiable(of_a_wiper: bool, on_a_belt: bool) -> tuple[str, ...]:
+    """Those of `DIFFERENTIABLE` that a map of such a system has."""
+    absent: tuple[str, ...] = () if of_a_wiper else OF_A_WIPER
+    absent += () if on_a_belt else ("belt_speed_rms",)
+    return tuple(name for name in DIFFERENTIABLE if name not in absent)
+
+
+def sensitivity_name(outcome: str, parameter: str) -> str:
+    """Name of the variable that holds d(outcome)/d(parameter)."""
+    return f"d_{outcome}_d_{parameter}"
+
+
+def derivative(name: str) -> tuple[str, str] | None:
+    """(outcome, parameter) of a name that `sensitivity_name` made; None of another."""
+    for outcome in DIFFERENTIABLE:
+        start = sensitivity_name(outcome, "")
+        if name.startswith(start) and name != start:
+            return outcome, name.removeprefix(start)
+    return None
+
+
+def column_of(name: str) -> Column:
+    """The column of a name: of `SCHEMA`, or of a derivative. Raises: KeyError if it is neither."""
+    if derivative(name) is not None:
+        return Column(name, "float64", "", name.replace("_", " "))
+    return SCHEMA[name]
+
+
+def ordered(names: Iterable[str]) -> list[str]:
+    """Those of `names` that are columns, in the order of maps: as in `SCHEMA`, then derivatives by
+    outcome and, in it, by parameter as `PARAMETERS` has them and then as they are given."""
+    given = list(names)
+    apart = [(name, parts) for name in given if (parts := derivative(name)) is not None]
+    known = list(PARAMETERS)
+
+    def place(entry: tuple[str, tuple[str, str]]) -> tuple[int, int]:
+        _, (outcome, parameter) = entry
+        last = known.index(parameter) if parameter in known else len(known)
+        return DIFFERENTIABLE.index(outcome), last
+
+    apart.sort(key=place)
+    return [*(name for name in SCHEMA if name in given), *(name for name, _ in apart)]
+
+
+def attributes_of(name: str, of: Mapping[str, Any]) -> dict[str, Any]:
+    """CF attributes of a column in a map with the attributes `of`: forces are per metre of blade,
+    those of a system of one's own are not.
+    """
+    if (parts := derivative(name)) is not None:
+        return _of_derivative(*parts, of)
+    found = column_of(name).attributes()
+    if "units" in found:
+        found["units"] = _units(found["units"], of)
+    return found
+
+
+def _units(units: str, of: Mapping[str, Any]) -> str:
+    if SYSTEM in of:
+        for per_metre, whole in (("N/m", "N"), ("N s/m", "N s"), ("J/m", "J")):
+            units = units.replace(per_metre, whole)
+    return units
+
+
+def _of_derivative(outcome: str, parameter: str, of: Mapping[str, Any]) -> dict[str, Any]:
+    stated = (each.rpartition(": ") for each in of.get("parameter_units", "").split("; "))
+    units = {name: unit for name, _, unit in stated}
+    known = PARAMETERS.get(parameter)
+    unit = units.get(parameter, known.edge_unit if known else "1")
+    words = known.long_name if known and SYSTEM not in of else parameter.replace("_", " ")
+    what = SCHEMA[outcome]
+    return {
+        "long_name": f"derivative of {what.long_name} by {words}",
+        "units": f"({_units(what.units, of)})" + (f"/({unit})" if unit != "1" else ""),
+    }
