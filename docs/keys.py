@@ -15,9 +15,10 @@ from pydantic_core import PydanticUndefined
 from wiperjax.specs.axis import Axis
 from wiperjax.specs.refine import Refine
 from wiperjax.specs.scene import SceneSpec
+from wiperjax.specs.sensitivities import Sensitivities
 from wiperjax.specs.starts import Starts
 from wiperjax.specs.sweep import SweepSpec
-from wiperjax.specs.tables import ALLOWED, Classes, SceneRun, Sensitivities, Start, SweepRun, Table
+from wiperjax.specs.tables import ALLOWED, Classes, SceneRun, Start, SweepRun, Table
 from wiperjax.vocabulary.kinds import BELTS, FRICTIONS
 from wiperjax.vocabulary.parameters import PARAMETERS, Parameter
 
@@ -31,7 +32,8 @@ units, per metre of blade. A table or key without "must be given" may be left ou
 TOP = {
     "title": "a line that headings of pictures bear",
     "system": 'import path "module:Class" of [a system of your own](your_own_system.md)',
-    "model": "which rung of the [ladder](ladder.md) stands for the blade",
+    "model": 'which rung of the [ladder](ladder.md) stands for the blade; `"auto"`, of a sweep '
+    "only: [the poorest that does](maps.md#which-model)",
 }
 
 

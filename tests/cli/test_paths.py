@@ -58,7 +58,7 @@ def alarm():
 
 def computed_by(monkeypatch, stub):
     """A stub in place of the engine, in sweeps and where they are verified."""
-    for module in ("driver", "verify"):
+    for module in ("computing", "verify"):
         monkeypatch.setattr(f"wiperjax.maps.{module}.engine", lambda: (stub, {}))
 
 

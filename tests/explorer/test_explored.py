@@ -9,12 +9,14 @@ import xarray as xr
 from stub_sweep import evaluate, make_spec
 
 from wiperjax.cli import main
+from wiperjax.explorer import motion
 from wiperjax.explorer.box import box_spec
 from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
 from wiperjax.explorer.explored import explored, open_explored, plain
 from wiperjax.explorer.scale import NOTHING, painted
 from wiperjax.explorer.static import nearest, write_static
+from wiperjax.explorer.worker import Worker
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
 from wiperjax.specs.load import parse_scene
@@ -170,3 +172,16 @@ def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch)
 def test_words_are_one_plain_line():
     assert plain("a\n\x1b[31mb $$x$$ \\(y\\)") == "a [31mb  x   y\\)"
     assert len(plain("x" * 10_000)) == 200
+
+
+def test_the_first_motion_is_computed_once_before_a_window_asks(whole, monkeypatch):
+    computed, shown = [], []
+    monkeypatch.setattr(motion, "motion_of", lambda *asked: computed.append(asked) or "motion")
+    worker, place = Worker(), motion.first_place(whole)
+    motion.wish_ahead(worker, whole)
+    worker._pool.submit(lambda: None).result(60)
+    assert len(computed) == 1  # no window yet
+    motion.wish_motion(worker, "window", whole, place, shown.append)
+    worker._pool.submit(lambda: None).result(60)
+    assert (len(computed), shown) == (1, ["motion"])
+    worker.stop()

@@ -64,8 +64,9 @@ def one_less(name, parameter, value):
     return float(values[np.argmin(np.abs(values - value)) - 1])
 
 
-def evaluated(scenes, run_of):
-    """Cells of `scenes`, their remedies and the other cases, keyed by name."""
+def evaluated(scenes, run_of, **changes):
+    """Cells of `scenes`, their remedies and the other cases, keyed by name; run as the sweep
+    `run_of`, but for `changes` of its `[run]`."""
     cases = {}
     for name in scenes:
         cases[name] = parameters(name)
@@ -76,4 +77,6 @@ def evaluated(scenes, run_of):
     for name, (scene, values) in OTHERS.items():
         if scene in scenes:
             cases[name] = changed(parameters(scene), **values)
-    return Cases(remedies(run_of), cases).evaluate()
+    like = remedies(run_of)
+    like = like.model_copy(update={"run": like.run.model_copy(update=changes)})
+    return Cases(like, cases).evaluate()

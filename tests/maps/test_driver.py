@@ -28,7 +28,7 @@ from wiperjax.cli import main
 from wiperjax.machine import provenance
 from wiperjax.machine.files import StoreError
 from wiperjax.machine.phases import during
-from wiperjax.maps import block, driver
+from wiperjax.maps import block, computing, driver
 from wiperjax.maps.block import evaluate_block
 from wiperjax.maps.verify import verify
 from wiperjax.specs.load import parse_sweep
@@ -252,7 +252,7 @@ def test_a_sweep_by_other_software_is_refused(tmp_path, name, monkeypatch):
     spec, path = make_spec(), tmp_path / "map.h5"
     half_done(path, spec, 2)
     made = block.made_by(spec)
-    monkeypatch.setattr(driver, "made_by", lambda spec: made | {name: "other"})
+    monkeypatch.setattr(computing, "made_by", lambda spec: made | {name: "other"})
     with pytest.raises(StoreError, match=f"{name} was {re.escape(made[name])}, now other"):
         run(spec, path, resume=True)
     assert len(block_files(path)) == 2
@@ -294,3 +294,8 @@ def test_a_folder_that_is_not_ours_is_left_alone(tmp_path):
         with pytest.raises(StoreError, match="thesis.txt: is no part of a sweep"):
             run(spec, path, force=force)
     assert (parts_of(path) / "thesis.txt").read_text() == "precious"
+
+
+def test_a_number_is_no_workers():
+    with pytest.raises(ValueError, match=r"^workers must be those of .*configure.* but was 2$"):
+        driver.sweep(make_spec(), evaluate=evaluate, workers=2)

@@ -13,6 +13,7 @@ from wiperjax.cli import main
 from wiperjax.modes.over import VERDICTS, beside, shares
 from wiperjax.systems.chain import Chain3
 from wiperjax.systems.flutter import ModeCoupling
+from wiperjax.systems.head_and_tip import HeadAndTip
 from wiperjax.systems.soft_lip import SoftLip
 
 
@@ -112,6 +113,99 @@ def test_a_soft_glass_flutters_within_the_closed_border():
             assert flutters == (spread < 0)
             unlike.add(flutters)
     assert unlike == {True, False}
+
+
+def four_by_hand(system: HeadAndTip):
+    """M, C, K of head and tip around steady sliding, and the normal force there."""
+    s, c = np.sin(system.attack_angle), np.cos(system.attack_angle)
+    along, across = np.array([s, -c]), np.array([c, s])
+
+    def between(axial, bending):
+        lip = axial * np.outer(along, along) + bending * np.outer(across, across)
+        return np.block([[lip, -lip], [-lip, lip]])
+
+    mu, k, h = system.friction.static, system.contact_stiffness, system.hardening
+    stiff = between(system.axial_stiffness, system.bending_stiffness)
+    stiff += np.diag([system.support_along, system.support_across, 0, 0])
+    damping = between(system.lip_damping, system.lip_damping)
+    damping += system.support_damping * np.diag([1.0, 1.0, 0, 0])
+    soft = np.linalg.solve(stiff, [0, 0, mu, 1])[3], np.linalg.solve(stiff, [0, 0, 0, 1])[3]
+    pressed = brentq(lambda p: k * p * (1 + h * p) - system.load, 0, 1)
+
+    def missed(p):  # the penetration under the force that it makes
+        force = k * p * (1 + h * p)
+        return pressed - (soft[0] * force - soft[1] * system.load) - p
+
+    depth = brentq(missed, 0, 1)
+    slope = k * (1 + 2 * h * depth)
+    stiff[2, 3] += mu * slope
+    stiff[3, 3] += slope
+    mass = np.diag([system.head_mass] * 2 + [system.tip_mass] * 2)
+    return mass, damping, stiff, k * depth * (1 + h * depth)
+
+
+@pytest.mark.parametrize("angle, load", [(-20, 15.0), (-5, 30.0), (10, 15.0)])
+def test_head_and_tip_have_the_modes_of_matrices_written_out(angle, load):
+    system = HeadAndTip(attack_angle=np.radians(angle), load=load)
+    found = wiperjax.modes(system)
+    mass, damping, stiff, force = four_by_hand(system)
+    inverse = np.linalg.inv(mass)
+    whole = np.block([[np.zeros((4, 4)), np.eye(4)], [-inverse @ stiff, -inverse @ damping]])
+    values = np.linalg.eigvals(whole)
+    exact = np.sort_complex(values[values.imag > 0])
+    own = np.sort_complex(found.real_part.values + 2j * np.pi * found.frequency.values)
+    np.testing.assert_allclose(own, exact, rtol=1e-9)
+    assert float(found.normal_force) == pytest.approx(force, rel=1e-10)
+    assert (own.real.max() > 0) == (angle < 0)  # chatter of a blade that leans against the belt
+
+
+def test_a_clamped_head_leaves_the_lip_on_soft_glass():
+    """K = [[k t^2 + k_b/cos^2, -k t + mu k_c], [-k t, k + k_c]], with errors of first order."""
+    angle, mu, kc, k, kb = 0.9, 0.9, 4000.0, 2000.0, 1100.0
+    t = np.tan(angle)
+    stiff = [[k * t**2 + kb / np.cos(angle) ** 2, -k * t + mu * kc], [-k * t, k + kc]]
+    exact = np.linalg.eigvals(-np.array(stiff) / 0.01)
+    assert np.all(exact.imag != 0)  # it flutters
+    errors = []
+    for stiffer in (1e3, 1e4):
+        system = HeadAndTip(
+            head_mass=1 / stiffer**1.5,
+            support_along=1e3 * stiffer,
+            support_across=k,
+            axial_stiffness=1e3 * stiffer,
+            bending_stiffness=kb,
+            attack_angle=angle,
+            contact_stiffness=kc,
+            hardening=0.0,
+            support_damping=0.0,
+            lip_damping=0.0,
+            friction=Coulomb(mu),
+        )
+        found = wiperjax.modes(system)
+        squares = (found.real_part.values + 2j * np.pi * found.frequency.values) ** 2
+        near = np.min(np.abs(squares[:, None] - exact), axis=0)
+        errors.append(np.max(near / np.abs(exact)))
+    assert errors[1] < 1e-2 and errors[0] / errors[1] == pytest.approx(10, rel=0.3)
+
+
+@pytest.mark.slow
+def test_a_blade_that_chatters_grows_at_its_eigenvalue_and_then_sticks_and_slips():
+    system = HeadAndTip(attack_angle=np.radians(-20))
+    mode = wiperjax.modes(system)
+    place = mode.position.values
+    start = tuple(place + [1e-10, 0.0, 0.0, 0.0]), (0.0,) * 4
+    run = wiperjax.simulate(system, 0.8, initial_state=start, sample_interval=1e-4, rtol=1e-10)
+    size = np.linalg.norm(run.position.values - place, axis=1)
+    time = run.time.values
+    peaks = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])) + 1
+    late = peaks[(time[peaks] > 0.15) & (size[peaks] < 1e-5)]
+    assert np.polyfit(time[late], np.log(size[late]), 1)[0] == pytest.approx(
+        float(mode.real_part[0]), rel=5e-3
+    )
+    late = run.sel(time=slice(0.7, None))
+    assert {"stick", "slip_neg"} <= {
+        run.regime.attrs["flag_meanings"].split()[int(k)] for k in np.unique(late.regime)
+    }
 
 
 def test_a_chain_without_damping_rings_at_its_own_frequencies():

@@ -17,6 +17,7 @@ matplotlib.use("Agg")
 from wiperjax import plots
 from wiperjax.datasets import map_dataset
 from wiperjax.noise import classes
+from wiperjax.plots import files
 from wiperjax.plots.maps import categories, planes
 from wiperjax.plots.style import axes as plot_axes  # noqa: E402
 from wiperjax.plots.style import palette  # noqa: E402
@@ -410,7 +411,7 @@ def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypat
     partial.attrs |= {"cells": 459, "cells_done": 216}
     parts = tmp_path / "map.h5.parts"
     parts.mkdir()
-    monkeypatch.setattr(whole, "open_partial", lambda path, variables: partial)
+    monkeypatch.setattr(files, "open_partial", lambda path, wide: partial)
     for picture in ("overview", "regimes"):
         plots.plot_file(parts, tmp_path / f"{picture}.png", picture=picture, dpi=30)
     texts = [entry.get_label() for entry in categories.category_legend(partial)]

@@ -252,7 +252,11 @@ def test_small_angles_on_an_axis_are_noted():
     assert sweep(GOOD).notes() == []
 
 
-@pytest.mark.parametrize("path", sorted(SWEEPS.glob("*.toml")), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path",
+    [*sorted(SWEEPS.glob("*.toml")), *sorted(SWEEPS.glob("systems/*.toml"))],
+    ids=lambda path: path.name,
+)
 def test_shipped_sweeps_load_and_say_what_they_show(path):
     assert load_sweep(path).size > 1
     assert path.read_text().startswith("# ")

@@ -82,6 +82,10 @@ def folder(tmp_path, monkeypatch):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(SWEEP)
     Path("sweeps/scenes").mkdir()
+    shipped = "sweeps/systems/head_and_tip.toml"
+    small = re.sub(r"num = \d+", "num = 2", (CHECKOUT / shipped).read_text())
+    Path("sweeps/systems").mkdir()
+    Path(shipped).write_text(small)
     squeal = (CHECKOUT / "sweeps/scenes/squeal.toml").read_text()
     Path("sweeps/scenes/squeal.toml").write_text(squeal)
     wiperjax.sweep(wiperjax.load_sweep("sweeps/quick.toml"), "MAP.h5")

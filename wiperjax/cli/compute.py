@@ -1,9 +1,11 @@
 """Commands that compute maps: a sweep, and a sample of its cells again."""
 
 import contextlib
+import importlib
 import os
 import shlex
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +17,7 @@ from .options import (
     MAP_SUFFIXES,
     STILL_SUFFIXES,
     Force,
-    Model,
+    SweptModel,
     check_input,
     check_output,
     configure,
@@ -74,7 +76,7 @@ def sweep(
     local_cluster: Processes = None,
     sensitivities: Derivatives = False,
     block: Block = None,
-    model: Model = None,
+    model: SweptModel = None,
     target_error: Target = None,
     refine: Finer = None,
 ) -> None:
@@ -85,11 +87,18 @@ def sweep(
     if force and resume:
         raise ValueError("--force starts anew and --resume continues: give one of them")
     check_who(workers, scheduler, local_cluster)
+    embedded = scheduler is None and local_cluster is None
+    if embedded:
+        configure(workers)  # before the file is read: a system of one's own may start jax's device
     spec = load_sweep(file, model)
     if target_error is not None:
         spec = at_error(spec, target_error, file)
     if sensitivities:
         spec = spec.with_sensitivities()
+    if resume:
+        from ..maps.auto_model import as_chosen_for
+
+        spec = as_chosen_for(output, spec)
     finer = refinement(spec, refine, file)
     name = usual_picture(spec)
     drawing = output.with_suffix(".png") if picture and name else None
@@ -98,28 +107,22 @@ def sweep(
     )
     print_plan(spec, 1 if scheduler else local_cluster or workers or len(os.sched_getaffinity(0)))
 
-    embedded = scheduler is None and local_cluster is None
-    if embedded:
-        configure(workers)
+    from ..maps.auto_model import CHOICE, on_chosen_model
     from ..maps.driver import sweep as sweep_map
 
-    stated: dict[str, Any] = {
-        "--workers": workers,
-        "--scheduler": scheduler,
-        "--local-cluster": local_cluster,
-        "--model": model,
-        "--target-error": target_error,
-        "--refine": refine,
-    }
-    command = ["wiperjax", "sweep", str(file), "-o", str(output)]
-    command += ["--sensitivities"] if sensitivities else []
-    command += [] if picture else ["--no-picture"]
-    for option, value in stated.items():
-        command += [] if value is None else [option, str(value)]
+    if drawing is not None:
+        load_beside("wiperjax.plots.files")
+    words = typed(
+        file, output, sensitivities, picture, workers=workers, scheduler=scheduler,
+        local_cluster=local_cluster, model=model, target_error=target_error, refine=refine,
+    )  # fmt: skip
     chosen: dict[str, Any] = {} if block is None else {"block": block}
-    chosen |= {"resume": resume, "force": force, "command": shlex.join(command)}
+    chosen |= {"resume": resume, "force": force, "command": shlex.join(words)}
     with who_computes(embedded, scheduler, local_cluster) as others:
         try:
+            spec = on_chosen_model(spec, workers=others.get("workers"))
+            if spec.choice:
+                print(f"model    {spec.choice[CHOICE]}", flush=True)
             dataset = sweep_map(spec, output, **others, **chosen)
         except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
             print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
@@ -131,12 +134,33 @@ def sweep(
     if finer is not None:
         from .refine import run
 
-        run(output, finer, workers, scheduler, local_cluster, command[1:])
+        run(output, finer, workers, scheduler, local_cluster, words[1:])
     if drawing is not None:
         from ..plots import plot_file
 
         plot_file(output, drawing, picture=name, force=redraw)
         print(f"picture  {drawing}")
+
+
+def load_beside(module: str) -> None:
+    """Imports a module in a thread, while others compile and compute: no part of a second then, for
+    who needs it later."""
+
+    def load() -> None:
+        with contextlib.suppress(ImportError):  # who needs it says so
+            importlib.import_module(module)
+
+    threading.Thread(target=load, daemon=True).start()
+
+
+def typed(file: Path, output: Path, sensitivities: bool, picture: bool, **stated: Any) -> list[str]:
+    """Words of the command, for the file and for who goes on with it."""
+    words = ["wiperjax", "sweep", str(file), "-o", str(output)]
+    words += ["--sensitivities"] if sensitivities else []
+    words += [] if picture else ["--no-picture"]
+    for name, value in stated.items():
+        words += [] if value is None else [f"--{name.replace('_', '-')}", str(value)]
+    return words
 
 
 def check_who(workers: int | None, scheduler: str | None, processes: int | None) -> None:

@@ -6,6 +6,7 @@ They have one home, `sweeps/` of the checkout. A wheel carries that folder as `w
 
 import difflib
 import tomllib
+from collections import ChainMap
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -42,11 +43,12 @@ def example(
 
 
 def examples() -> tuple[dict[str, Traversable], dict[str, Traversable]]:
-    """The shipped files by name: scenes (`squeal`) and sweeps (`reference`, `remedies/squeal`)."""
+    """The shipped files by name: scenes (`squeal`) and sweeps (`reference`, `systems/flutter`)."""
     home: Traversable = resources.files("wiperjax") / "examples"
     if not home.is_dir():
         home = Path(__file__).parents[2] / "sweeps"
-    return _below(home / "scenes"), _below(home) | _below(home / "remedies", "remedies/")
+    further = (_below(home / folder, f"{folder}/") for folder in ("remedies", "systems"))
+    return _below(home / "scenes"), _below(home) | dict(ChainMap(*further))
 
 
 def _below(folder: Traversable, prefix: str = "") -> dict[str, Traversable]:

@@ -28,10 +28,10 @@ def simulate(
     """Compute one trajectory: samples over time and every event."""
     from ..specs.load import load_scene
 
+    configure(1)  # before the file is read: a system of one's own may start jax's device
     spec = load_scene(file, model)
     check_output(output, MAP_SUFFIXES, force, file)
 
-    configure(1)
     from ..runs.scene import run_scene
     from ..store.whole import write_dataset
 
@@ -68,6 +68,7 @@ def follow(
     """Follow the limit cycle of a scene over a parameter, stable and unstable."""
     from ..specs.load import load_scene
 
+    configure(1)
     spec = load_scene(file)
     if (second is None, second_low is None, second_high is None) not in ((True,) * 3, (False,) * 3):
         raise ValueError("--second, --second-from and --second-to belong together: give all three")
@@ -79,7 +80,6 @@ def follow(
     for path in pictures.values():
         check_output(path, PICTURE_SUFFIXES, force, file)
 
-    configure(1)
     from ..cycles.branch.from_scene import follow_scene
     from ..plots import plot_file
     from ..store.whole import write_dataset
@@ -107,16 +107,17 @@ def ladder(
     """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
     from ..specs.load import load_scene
 
+    configure(1)
     for file in files:
         load_scene(file)  # wrong ones are named before any work
     if output is not None:
         check_output(output, (".md",), force, *files)
-    configure(1)
+    from ..maps.rung_costs import rung_costs
     from ..runs.compare_rungs import compare, preface, summary, table
 
     results = []
     for file in files:
-        results.append(compare(file, say=_working))
+        results.append(compare(file, say=_working, costs=rung_costs))
         print(table(results[-1:], head=len(results) == 1), end="", flush=True)
     if output is not None:
         text = preface() + summary(results) + "\n" + table(results)

@@ -20,6 +20,15 @@ Model = Annotated[
         show_default="the file's, or lip",
     ),
 ]
+SweptModel = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MODEL",
+        help="Instead of the file's: block (on a belt), bar (the lip held on the glass), lip (all) "
+        "or auto: the poorest that says the same as the lip of some cells.",
+        show_default="the file's, or lip",
+    ),
+]
 Begin = Annotated[float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")]
 End = Annotated[float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")]
 Curves = Annotated[

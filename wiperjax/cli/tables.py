@@ -15,8 +15,8 @@ def print_plan(spec: Any, cores: int) -> None:
 
     known = spec.parameter_table
     for name, values in spec.axes_values().items():
-        unit = known[name].edge_unit
-        print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit} ({values.size} values)")
+        unit = "" if known[name].edge_unit == "1" else f"{known[name].edge_unit} "
+        print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit}({values.size} values)")
     print(f"{'cells':<17} {words(spec, cores)}")
     for note in spec.notes():
         print(f"note: {note}", file=sys.stderr)

@@ -32,6 +32,8 @@ class AbstractSystem(eqx.Module):
 
     unilateral: ClassVar[bool] = True  # False: always touching, under a prescribed normal force
     coordinates: ClassVar[tuple[str, ...]] = ()  # their names in maps and runs; else q0, q1, ..
+    of_a_blade: ClassVar[bool] = False  # coordinates are those of a tip [m], forces per metre [N/m]
+    valid_where: ClassVar[str] = ""  # the model holds: words for a start from where it does not
 
     known: ClassVar[Mapping[str, Parameter]] = {}  # of parameters that it does not declare itself
 
@@ -41,6 +43,11 @@ class AbstractSystem(eqx.Module):
     def _repr_html_(self) -> str:
         """Its parameters with their units, as a notebook shows them."""
         return card(self, self.known)
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Names of the numbers that have no part, because another field stands for them."""
+        return ()
 
     @property
     def coupled(self) -> bool:

@@ -13,10 +13,9 @@ import xarray as xr
 from ..machine.provenance import version
 from ..vocabulary.cf import CONVENTIONS, plain_attributes
 from ..vocabulary.codes import LABELS
+from ..vocabulary.columns import SYSTEM, attributes_of, column_of, ordered
 from ..vocabulary.kinds import MODELS, WIPER
 from ..vocabulary.parameters import PARAMETERS
-from ..vocabulary.schema import SCHEMA, SYSTEM
-from ..vocabulary.schema import attributes as attributes_of
 
 
 def raster_index(samples: int, instants: int) -> list[int]:
@@ -32,12 +31,12 @@ def select(columns: Mapping[str, Any], length: int, starts: int = 0) -> dict[str
     Raises: `ValueError` if a column is not in the schema (it would be lost unseen), has another
     shape, or is one of integers and holds what its type cannot.
     """
-    if strange := sorted(set(columns) - set(SCHEMA)):
+    names = ordered(columns)
+    if strange := sorted(set(columns) - set(names)):
         raise ValueError(f"columns must be in schema.SCHEMA, but {', '.join(strange)} are not")
     chosen = {}
-    for name, column in SCHEMA.items():
-        if name not in columns:
-            continue
+    for name in names:
+        column = column_of(name)
         given = np.asarray(columns[name])
         several = (starts,) if starts and column.each_start else ()
         leading = (length, *several)
@@ -153,6 +152,8 @@ def _attributes(spec: Any) -> dict[str, Any]:
         entry = known.get(name)
         attrs[name] = float(entry.to_edge(value)) if entry else value
         units.append(f"{name}: {entry.edge_unit if entry else '1'}")
+    if SYSTEM in meaning:  # nobody knows those of its axes, which derivatives are by
+        units += [f"{name}: {known[name].edge_unit}" for name in spec.axes]
     attrs["parameter_units"] = "; ".join(units)
     attrs["belt_kind"] = str(meaning.get("belt") or "")
     if "friction" in meaning:
@@ -161,6 +162,7 @@ def _attributes(spec: Any) -> dict[str, Any]:
         attrs[SYSTEM] = str(meaning[SYSTEM])
     else:
         attrs["model"] = str(meaning.get("model", "lip"))
+        attrs |= getattr(spec, "choice", {})
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
     usual = MODELS.get(attrs.get("model", ""), "that of the system")
     attrs["start"] = json.dumps(start, sort_keys=True) if start else usual
@@ -238,7 +240,7 @@ def coordinate(entry: Mapping[str, Any]) -> np.ndarray:
 
 def dimensions(name: str, description: Mapping[str, Any]) -> tuple[str, ...]:
     """Dimensions of the variable `name` in a map from the result of `describe`."""
-    column = SCHEMA[name]
+    column = column_of(name)
     several = ("start",) if column.each_start and start_count(description) else ()
     further = (column.along,) if column.along else ()
     return (*description["coords"], *several, *further)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..datasets.map_dataset import assemble
 from ..maps.block import Evaluate
-from ..maps.driver import computing
+from ..maps.computing import computing
 from ..plots.style.axes import is_geometric
 from ..specs.load import parse_sweep
 from ..vocabulary.kinds import WAYS

@@ -1,11 +1,16 @@
 """The motion of a cell: simulated, told, and made ready to be shown."""
 
+from collections.abc import Callable, Hashable
+from functools import partial
 from typing import Any
+
+import numpy as np
 
 from .cells import scene_of, simulated, toml_of
 from .content import Content, content_of
 from .explored import Explored
 from .numbers import COMPARED, SECONDS, audio, heading, table
+from .worker import Worker
 
 
 def motion_of(
@@ -26,3 +31,36 @@ def motion_of(
         "scene": toml_of(scene),
     }
     return content
+
+
+def wish_motion(
+    worker: Worker,
+    whose: Hashable,
+    explored: Explored,
+    place: dict[str, int],
+    done: Callable[[Any], None],
+    start: Any = None,
+    reference: float = 1.0,
+) -> None:
+    """Has `motion_of` a cell computed for a window; `done` as in `Worker.wish`."""
+    what = (id(explored), tuple(place.items()), str(start), reference)
+    worker.wish(whose, what, partial(motion_of, explored, place, start, reference), done)
+
+
+def wish_ahead(worker: Worker, explored: Explored) -> None:
+    """Has the motion that a window shows first computed before there is one: compiling takes
+    seconds, in which a browser opens. A window then waits for this one; it also tells of a failure.
+    """
+    if explored.spec is not None:
+        wish_motion(worker, "ahead", explored, first_place(explored), lambda found: None)
+
+
+def first_place(explored: Explored) -> dict[str, int]:
+    """The cell that a window shows first, near the middle of each axis."""
+    return {dim: _off_zero(explored.ds[dim].values) for dim in explored.dims}
+
+
+def _off_zero(values: np.ndarray) -> int:
+    """The middle of an axis, or its neighbour: a blade at exactly 0 is a program of its own."""
+    middle = len(values) // 2
+    return middle if values[middle] != 0 or len(values) < 2 else min(middle + 1, len(values) - 1)

@@ -16,7 +16,7 @@ from .downloads import Downloads
 from .explored import Explored, escaped, plain
 from .finer_part import FinerPart
 from .map_panel import WIDTH, MapPanel
-from .motion import motion_of
+from .motion import first_place, wish_motion
 from .motion_panel import FIRST, MotionPanel
 from .style import PAGE
 from .widgets import LIVE, button, choice, slider, words
@@ -83,7 +83,7 @@ class Page:
         self.x, self.y = choose_plane(explored.ds, None, None) if x is None else (x, y or "")
         name = escaped(explored.ds.attrs.get("title") or explored.name)
         self.title.text = f"<h1>{name}</h1><p class='note'>{escaped(explored.name)}</p>"
-        self.at = place or {dim: _off_zero(explored.ds[dim].values) for dim in explored.dims}
+        self.at = place or first_place(explored)
         chosen = str(self.variable.value) if self.above.children else ""
         self._widgets(chosen, start)
         self._plane()
@@ -194,12 +194,8 @@ class Page:
         explored, place, start = self.explored, self.place(), self.begin()
         self.say("computing ...")
         reference = self.full_scale()
-        what = (id(explored), tuple(place.items()), str(start), reference)
-        begun = time.perf_counter()
-        self.worker.wish(
-            self, what, partial(motion_of, explored, place, start, reference),
-            partial(self._later, begun),
-        )  # fmt: skip
+        later = partial(self._later, time.perf_counter())
+        wish_motion(self.worker, self, explored, place, later, start, reference)
 
     def _later(self, begun: float, found: Any) -> None:
         """Shows what the worker found, in the thread of the server."""
@@ -233,9 +229,3 @@ class Page:
     def say(self, text: str, fault: bool = False) -> None:
         """Shows a line of state."""
         self.status.text = f'<p class="{"fault" if fault else "note"}">{escaped(text)}</p>'
-
-
-def _off_zero(values: np.ndarray) -> int:
-    """The middle of an axis, or its neighbour: a blade at exactly 0 is a program of its own."""
-    middle = len(values) // 2
-    return middle if values[middle] != 0 or len(values) < 2 else min(middle + 1, len(values) - 1)

@@ -21,6 +21,7 @@ from tornado.ioloop import IOLoop
 from ..maps.block import Evaluate
 from .box import Boxes
 from .explored import Explored
+from .motion import wish_ahead
 from .page import Page
 from .worker import Worker
 
@@ -71,6 +72,7 @@ def serve(
     http.add_sockets(sockets)
     server = BaseServer(IOLoop.current(), tornado, http)
     server.start()
+    wish_ahead(worker, explored)
     shown = "127.0.0.1" if host in ("0.0.0.0", "::") else host
     return server, f"http://{shown}:{found}/"
 

@@ -8,9 +8,8 @@ import numpy as np
 import xarray as xr
 
 from ..blade.numbers import traceable
-from ..blade.wiper import Wiper
 from ..contact.system import AbstractSystem
-from ..engine.arguments import check_integration, check_system, tolerances
+from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
 from ..engine.lanes import Outcome, Pool, run_pool
 from ..engine.observers.totals import RegimeTotals
@@ -58,10 +57,7 @@ def basins(
     max_steps = checks.whole("max_steps", max_steps, COUNT)
     zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
     position, velocity = _arrays(starts)
-    if isinstance(system, Wiper) and len(position) != 2:
-        raise ValueError(
-            f"starts must have the 2 coordinates of Wiper, but had {len(position)} of them"
-        )
+    check_coordinates("starts", system, len(position))
     integration = Integration(
         solver, float(rtol), tolerances(atol, len(position)), max_steps, zeno_time=zeno_time
     )

@@ -8,7 +8,6 @@ import os
 import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,16 +26,15 @@ from ..store.mending import finished, salvage
 from ..store.whole import listed, open_map
 from ..vocabulary import checks
 from ..vocabulary.ranges import MOST_CELLS, Range
-from .block import Block, Evaluate, block_size, engine, evaluate_block, made_by
+from .auto_model import as_chosen_for, on_chosen_model
+from .block import Block, Evaluate, block_size
+from .computing import Blocks, Spans, computing
 from .estimate import check_memory, check_room
 from .progress import Report
 from .starts import whole_lines
 
 if TYPE_CHECKING:
     from .cluster import Workers
-
-Spans = Mapping[int, tuple[int, int]]  # number of a block -> first cell, the one after the last
-Blocks = Callable[[Any, Spans], Iterator[Block]]
 
 
 class SweepInterrupted(KeyboardInterrupt):
@@ -85,8 +83,11 @@ def sweep(
     _check(resume, force, progress, block, evaluate, output)
     source = Path(spec) if isinstance(spec, str | os.PathLike) else None
     spec = _sweep(spec)
-    block = whole_lines(spec, block or block_size(spec, 1 if workers is None else workers.count))
+    if output is not None and resume:
+        spec = as_chosen_for(Path(output), spec)
+    spec = on_chosen_model(spec, evaluate=evaluate, workers=workers)
     blocks, known = computing(spec, evaluate, workers)
+    block = whole_lines(spec, block or block_size(spec, 1 if workers is None else workers.count))
     known |= dict(identity or {})
     with account() as spent:
         task = Task(spec, blocks, int(block), known, progress, command, spent, workers)
@@ -160,18 +161,6 @@ def _check(resume, force, progress, block, evaluate, output) -> None:
         checks.path("output", output)
 
 
-def computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[str, str]]:
-    """What computes blocks, and what of it must not change within a map."""
-    known = made_by(spec)
-    if workers is not None:
-        known |= workers.made_by(spec, evaluate)
-        return partial(workers.blocks, evaluate=evaluate), known
-    if evaluate is None:
-        evaluate, described = engine()
-        known |= described
-    return partial(_one_by_one, evaluate=evaluate), known
-
-
 def check_made_by(path: Path, attrs: Mapping[str, Any], known: Mapping[str, str]) -> None:
     """Raises `StoreError` unless the map at `path` was made as this process would make it."""
     made = json.loads(attrs.get("identity", "{}"))
@@ -200,13 +189,6 @@ def _sweep(spec: Any) -> Any:
         must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
         raise ValueError(f"{must}, but was {checks.shown(spec)}")
     return spec
-
-
-def _one_by_one(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]:
-    for number, (start, stop) in spans.items():
-        begun = time.perf_counter()
-        columns, occupancy = evaluate_block(spec, np.arange(start, stop), evaluate)
-        yield Block(number, columns, occupancy, time.perf_counter() - begun)
 
 
 def _compute(task: Task, store: BlockStore, report: Report) -> None:

@@ -5,6 +5,7 @@ what the sweep is to find out: the guess is that of the reference map, and says 
 """
 
 import errno
+import itertools
 import os
 import shutil
 from collections.abc import Iterator
@@ -16,49 +17,42 @@ import numpy as np
 
 from ..machine.files import StoreError
 from ..vocabulary.codes import LABELS
+from ..vocabulary.columns import OF_A_WIPER, column_of, differentiable, sensitivity_name
 from ..vocabulary.kinds import WIPER
-from ..vocabulary.schema import (
-    DIFFERENTIABLE,
-    SCHEMA,
-    SEVERAL_STARTS,
-    Column,
-    sensitivity_name,
-)
+from ..vocabulary.schema import SCHEMA, SEVERAL_STARTS, Column
 
 RATE = 150.0  # s of motion a second and core: the reference map at rtol 1e-6 (AMD EPYC, avx512)
 COMPILATION = 15.0  # s
 REVERSING = ("reversal", "stroke", "tone_")  # in the names of what only a belt that reverses has
 OF_A_SYSTEM = ("final_position", "final_velocity")  # of one's own
-OF_A_WIPER = ("final_x", "final_y", "final_vx", "final_vy", "growth_rate", "linear_frequency")
 DERIVATIVES = ("sensitivity_code", "grazing_margin", "sensitivity_agreement")
 
 
 def columns(spec: Any) -> Iterator[Column]:
     """Columns of the schema that the cells of a sweep have."""
-    wanted: set[str] = set()
     absent: set[str] = set(OF_A_SYSTEM if spec.system == WIPER else OF_A_WIPER)
     if spec.belt_kind is None:
         absent.add("belt_speed_rms")
     turns = spec.belt_kind not in (None, "steady")
-    if spec.sensitivities is not None:
-        parameters = spec.sensitivities.parameters
-        wanted = {sensitivity_name(o, p) for o in DIFFERENTIABLE for p in parameters}
-        wanted.update(DERIVATIVES)
-    for name, column in SCHEMA.items():
+    for name, entry in SCHEMA.items():
         if name in absent:
             has = False
-        elif column.along == "raster_time":
+        elif entry.along == "raster_time":
             has = spec.run.raster is not None
         elif name in SEVERAL_STARTS:
-            has = spec.starts is not None and (spec.starts.random or not column.along)
-        elif name.startswith("event_") or column.along == "event":
+            has = spec.starts is not None and (spec.starts.random or not entry.along)
+        elif name.startswith("event_") or entry.along == "event":
             has = spec.run.event_log is not None
-        elif name in DERIVATIVES or name.startswith("d_"):
-            has = name in wanted
+        elif name in DERIVATIVES:
+            has = spec.sensitivities is not None
         else:
             has = turns or not any(word in name for word in REVERSING)
         if has:
-            yield column
+            yield entry
+    if spec.sensitivities is not None:
+        outcomes = differentiable(spec.system == WIPER, spec.belt_kind is not None)
+        for outcome, parameter in itertools.product(outcomes, spec.sensitivities.parameters):
+            yield column_of(sensitivity_name(outcome, parameter))
 
 
 def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
@@ -69,10 +63,10 @@ def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
     lengths |= {"class": len(LABELS), "coordinate": len(spec.family.coordinates)}
     starts = spec.starts.count if spec.starts else 1
     plain = packed = 0
-    for column in columns(spec):
-        size = lengths[column.along] * np.dtype(column.dtype).itemsize
-        size *= starts if column.each_start else 1
-        plain, packed = (plain, packed + size) if column.along else (plain + size, packed)
+    for entry in columns(spec):
+        size = lengths[entry.along] * np.dtype(entry.dtype).itemsize
+        size *= starts if entry.each_start else 1
+        plain, packed = (plain, packed + size) if entry.along else (plain + size, packed)
     return plain, packed
 
 

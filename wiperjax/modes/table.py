@@ -38,7 +38,8 @@ def modes_of(matrix: np.ndarray, basis: np.ndarray) -> Modes:
     values = np.take_along_axis(values, order, axis=-1)
     shapes = np.take_along_axis(basis @ vectors[..., :m, :], order[..., None, :], axis=-1)
     largest = np.take_along_axis(shapes, np.abs(shapes).argmax(axis=-2)[..., None, :], axis=-2)
-    return Modes(values, shapes / largest)
+    with np.errstate(invalid="ignore"):  # NaN where there is no steady sliding
+        return Modes(values, shapes / largest)
 
 
 def modes(system: AbstractSystem, near=None) -> xr.Dataset:
@@ -97,9 +98,7 @@ def _dataset(system: AbstractSystem, found: Linear) -> xr.Dataset:
     shown = np.isfinite(values)
     values, shapes = values[shown], shapes[:, shown]
     n = len(found.position)
-    names = list(system.coordinates) or (
-        ["x", "y"][:n] if isinstance(system, Wiper) else [f"q{i}" for i in range(n)]
-    )
+    names = list(system.coordinates) or [f"q{i}" for i in range(n)]
     size = np.maximum(np.abs(values), np.finfo(float).tiny)
 
     def about(long_name: str, units: str = "1") -> dict[str, str]:

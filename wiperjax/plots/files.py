@@ -13,9 +13,9 @@ from PIL import Image
 from ..datasets.run_dataset import is_run
 from ..machine.files import StoreError, check_output, replacing
 from ..store.levels import is_refined
+from ..store.partial import open_partial
 from ..store.whole import borders, open_map
 from ..vocabulary import checks
-from ..vocabulary.schema import SCHEMA
 from .catalogue import PICTURES, Drawn, draw, find
 from .curves import with_curves
 from .door import check_options
@@ -140,8 +140,8 @@ def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset,
 
     Raises: `StoreError` if it is none of them, or no cell is computed yet.
     """
-    cellwise = [name for name, column in SCHEMA.items() if raster or not column.along]
-    with open_map(path, cellwise) as ds:
+    parts = Path(path).is_dir()
+    with open_partial(path, wide=raster) if parts else open_map(path) as ds:
         if "label" in ds:
             refined = Path(path).is_file() and is_refined(path)
             yield with_borders(ds, borders(path)) if refined else ds, "map"

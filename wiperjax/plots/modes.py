@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from .maps.planes import SIGNED, suited
+from .maps.planes import SIGNED, suited, usual_plane
 from .style.axes import edges, label, long_name, page, set_axis, shown
 from .style.caption import set_caption
 from .style.palette import BOUNDARY, UNKNOWN
@@ -19,17 +19,18 @@ def axes_of(ds: xr.Dataset) -> list[str]:
 
 def modes_page(ds: xr.Dataset) -> Figure:
     """Page of modes over a sweep: over one axis real part and frequency of each (lock-in); over two
-    or more the largest real part over the last two, the others at their middle, and its zero line.
+    or more the largest real part over two, as a map is drawn, the others at their middle.
 
     Raises: `ValueError` for modes over no axis.
     """
     names = axes_of(ds)
     if not names:
         raise ValueError("modes must be over an axis of two values or more to be drawn")
-    cut = {name: ds.sizes[name] // 2 for name in names[:-2]}
     one = {str(n): 0 for n in ds["growth_rate"].dims if ds.sizes[n] == 1}
-    ds = ds.isel(cut | one)
-    return _lock_in(ds, names[-1]) if len(names) == 1 else _plane(ds, names[-1], names[-2])
+    x, y = usual_plane(names)
+    if x is None or y is None:
+        return _lock_in(ds.isel(one), names[0])
+    return _plane(ds.isel(one | {n: ds.sizes[n] // 2 for n in names if n not in (x, y)}), x, y)
 
 
 def _lock_in(ds: xr.Dataset, over: str) -> Figure:

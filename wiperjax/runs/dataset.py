@@ -9,9 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade.bar import Bar
-from ..blade.block import Block
-from ..blade.wiper import ENGINE_FIELDS, Wiper
+from ..blade.wiper import Wiper
 from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
 from ..contact.system import AbstractSystem
@@ -20,6 +18,7 @@ from ..engine.carry.state import EventLog, State, final_velocity
 from ..vocabulary import cf
 from ..vocabulary.cf import units_text
 from ..vocabulary.codes import RESULTS, Event, Regime
+from ..vocabulary.declared import SET_BY_THE_ENGINE
 from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.schema import EVENT_COLUMNS
@@ -30,8 +29,7 @@ EVENTS = {event.name.lower(): int(event) for event in Event}
 
 def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -> xr.Dataset:
     """Return the dataset of a finished loop state."""
-    blade = isinstance(given, Wiper | Bar | Block)
-    whose = " of the tip" if blade else ""
+    whose = " of the tip" if given.of_a_blade else ""
     reached = int(state.sample_index)
     samples = jax.tree.map(lambda x: np.asarray(x)[:reached], state.samples)
     times = np.asarray(problem.sample_times)[:reached]
@@ -42,7 +40,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         attrs: dict[str, Any] = {"long_name": long_name}
         if flags is not None:
             attrs |= cf.flags(flags)
-        elif units == "s" or (units is not None and blade):  # other units are known of a blade only
+        elif units == "s" or (units is not None and given.of_a_blade):  # else unknown
             attrs["units"] = units
         return attrs
 
@@ -68,7 +66,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
             if belt is not None
             else {}
         ),
-        **({} if blade else _output(given, samples, times)),
+        **({} if given.of_a_blade else _output(given, samples, times)),
         **{
             EVENT_COLUMNS[field]: ("event", getattr(log, field), meaning)
             for field, meaning in events.items()
@@ -80,13 +78,13 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         "result": ((), code(state.result), about("how the trajectory ended", flags=RESULTS)),
     }
     n = len(state.position)
-    names = ["x", "y"][:n] if blade else list(given.coordinates) or [f"q{i}" for i in range(n)]
+    names = list(given.coordinates) or [f"q{i}" for i in range(n)]
     coords = {
         "time": ("time", times, about("time", "s")),
         "axis": ("axis", names, about("coordinate")),
     }
     parameters = _parameters(given)
-    known = {name: PARAMETERS[name].unit for name in parameters if blade and name in PARAMETERS}
+    known = {name: PARAMETERS[name].unit for name in parameters if name in given.known}
     attrs = {
         "Conventions": cf.CONVENTIONS,
         "system": type(given).__name__,
@@ -120,7 +118,7 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in fields(module):  # type: ignore[arg-type]
         name, value = prefix + field.name, getattr(module, field.name)
-        if field.name in ENGINE_FIELDS or (isinstance(module, Wiper) and field.name in module.idle):
+        if field.name in SET_BY_THE_ENGINE or field.name in getattr(module, "idle", ()):
             continue
         if isinstance(value, eqx.Module):
             found[name] = type(value).__name__

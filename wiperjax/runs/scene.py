@@ -17,8 +17,8 @@ from ..specs.scene import SceneSpec
 from ..systems.build import build, start
 from ..vocabulary import cf, checks
 from ..vocabulary.cf import units_text
+from ..vocabulary.columns import SYSTEM
 from ..vocabulary.kinds import MODELS, WIPER
-from ..vocabulary.schema import SYSTEM
 from .dataset import as_lip
 from .simulate import simulate
 

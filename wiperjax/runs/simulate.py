@@ -10,14 +10,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
 from ..blade.numbers import traceable
-from ..blade.wiper import Wiper
 from ..contact.guards import starting_sides
 from ..contact.regimes import forces
 from ..contact.space import contact
@@ -31,6 +29,7 @@ from ..engine.arguments import (
 )
 from ..engine.carry.problem import Case, Integration, Problem, Recording, make_case
 from ..engine.carry.state import EventLog, State
+from ..engine.kept import Kept
 from ..engine.observers.base import Nothing
 from ..engine.solve import active, begin
 from ..engine.step import advance
@@ -95,11 +94,8 @@ def simulate(
     times = regular_times(duration, sample_interval)
 
     given, system = system, traceable(system)
-    start = coordinates(system.default_state() if initial_state is None else initial_state)
-    if isinstance(system, Wiper) and len(start[0]) != 2:
-        raise ValueError(
-            f"initial_state must have the 2 coordinates of Wiper, but had {len(start[0])}"
-        )
+    start = system.default_state() if initial_state is None else initial_state
+    start = coordinates(system, start)
     atol = tolerances(atol, len(start[0]))
     integration = Integration(solver, float(rtol), atol, most, zeno_time=zeno_time)
     padded = _padded(times)
@@ -159,7 +155,7 @@ def _account(case: Case, integration: Integration, state: State) -> dict[str, An
     }
 
 
-@eqx.filter_jit
+@Kept
 def _begin(case: Case) -> State:
     """Return the loop state at the start, with the first sample taken: no run is without any."""
     problem, state = case.problem, begin(case)
@@ -170,7 +166,7 @@ def _begin(case: Case) -> State:
     return state._replace(samples=samples, sample_index=state.sample_index + 1)
 
 
-@eqx.filter_jit
+@Kept
 def _advance(problem: Problem, state: State) -> State:
     """Go on with an empty event log until it is full, enough steps are done, or all is over."""
     state = state._replace(log=state.log._replace(count=jnp.zeros_like(state.log.count)))
@@ -188,7 +184,7 @@ def _check_start(system: AbstractSystem, start, result: int) -> None:
     system = system.on_sides(sides)
     found = zip(sides, system.switches(t, q, v), system.ends(t, q, v), strict=True)
     if any(side * s < 0 or (s == 0 and end) for side, s, end in found):
-        where = " (|phi| < collapse_angle)" if isinstance(system, Wiper) else ""
+        where = f" ({system.valid_where})" if system.valid_where else ""
         raise ValueError(f"initial_state must lie where the model holds{where}, but was {start}")
     if result == Result.INCONSISTENT_START:
         gap = float(system.gap(t, q)) if system.unilateral else 0.0

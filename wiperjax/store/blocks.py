@@ -27,7 +27,7 @@ from ..datasets import map_dataset
 from ..machine.files import StoreError, log, naming, reason, write_bytes
 from ..machine.lock import acquire, release
 from ..machine.paths import oddity
-from ..vocabulary import schema
+from ..vocabulary.columns import ordered
 from . import manifest
 from .folder import LOCK, clear, remove_temporary, scan
 from .manifest import MANIFEST, parts_of
@@ -208,8 +208,8 @@ class BlockStore:
         if content is None:
             return None
         with h5py.File(io.BytesIO(content), "r") as file:
-            wanted = [name for name in schema.SCHEMA if names is None or name in names]
-            columns = {name: np.asarray(file[name]) for name in wanted if name in file}
+            wanted = [name for name in ordered(file) if names is None or name in names]
+            columns = {name: np.asarray(file[name]) for name in wanted}
             return columns, float(np.asarray(file.attrs["wall_time"]))
 
     def check(self) -> list[int]:

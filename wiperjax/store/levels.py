@@ -19,7 +19,7 @@ import xarray as xr
 
 from ..machine.files import StoreError, replacing, temporary_beside
 from ..vocabulary import cf
-from ..vocabulary.schema import SCHEMA, attributes
+from ..vocabulary.columns import attributes_of, column_of, ordered
 from . import checksums
 from .spill import SpillFile
 
@@ -81,7 +81,7 @@ def _write_level(file: Any, level: Level) -> None:
     _variable(group, LIST, level.index, attrs | {"units": "1"})
     _variable(group, FACTOR, level.factor, FACTOR_ATTRS)
     for name, values in level.columns.items():
-        _variable(group, name, values, attributes(name, file.attrs))
+        _variable(group, name, values, attributes_of(name, file.attrs))
     group.attrs["level"] = level.number
 
 
@@ -125,14 +125,14 @@ def read_levels(path: str | Path, variables: Sequence[str] | None = None) -> lis
         for name in names:
             group: Any = file[name]
             axes = str(group[LIST].attrs["compress"]).split()
-            columns = [c for c in SCHEMA if c in group and (variables is None or c in variables)]
+            columns = [c for c in ordered(group) if variables is None or c in variables]
             found.append(
                 Level(
                     int(name[6:]),
                     {axis.removesuffix(FINE): group[axis][...] for axis in axes},
                     group[LIST][...],
                     group[FACTOR][...],
-                    {column: group[column][...] for column in columns},
+                    {name: group[name][...] for name in columns},
                 )
             )
     return found
@@ -161,7 +161,7 @@ def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | 
     axes = {name: values[:: 2 ** (last - level)] for name, values in levels[-1].axes.items()}
     levels = [one for one in levels if one.number <= level]
     shape = tuple(len(values) for values in axes.values())
-    names = [n for n in SCHEMA if n in ds and ds[n].dims == tuple(axes)]
+    names = [n for n in ordered(map(str, ds)) if ds[n].dims == tuple(axes)]
     if variables is not None:
         names = [n for n in names if n in variables]
     size = int(np.prod([float(n) for n in shape]))
@@ -170,7 +170,7 @@ def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | 
             f"{path}: level {level} is a grid of {size:.3g} points; name fewer `variables`, or a "
             "coarser level"
         )
-    found = {name: np.full(size, SCHEMA[name].missing, SCHEMA[name].dtype) for name in names}
+    found = {name: np.full(size, column_of(name).missing, column_of(name).dtype) for name in names}
     computed = np.zeros(size, dtype=np.int8)
 
     def put(places: list[np.ndarray], number: int, columns: Mapping[str, Any]) -> None:
@@ -187,7 +187,7 @@ def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | 
         counts = tuple(len(values) for values in one.axes.values())
         put(list(np.unravel_index(one.index, counts)), one.number, one.columns)
     dims = tuple(axes)
-    variables_ = {n: (dims, v.reshape(shape), attributes(n, ds.attrs)) for n, v in found.items()}
+    variables_ = {n: (dims, v.reshape(shape), attributes_of(n, ds.attrs)) for n, v in found.items()}
     words = {"long_name": "whether the point was looked at", "units": "1"}
     variables_["computed"] = (dims, computed.reshape(shape), words)
     coords = {name: ((name,), values, ds[name].attrs) for name, values in axes.items()}

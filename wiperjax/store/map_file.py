@@ -19,7 +19,8 @@ import numpy as np
 
 from ..datasets import map_dataset
 from ..machine.files import StoreError, log, replacing
-from ..vocabulary import cf, schema
+from ..vocabulary import cf
+from ..vocabulary.columns import attributes_of, column_of
 from . import checksums
 from .blocks import BlockStore
 from .partial import Reader
@@ -146,7 +147,7 @@ def _write(
             shape = tuple(len(coords[name]["values"]) for name in dims)
             chunk = chunk_shape(shape)
             for name in names:
-                column = schema.SCHEMA[name]
+                column = column_of(name)
                 variable = file.create_variable(
                     name,
                     dims,
@@ -156,7 +157,7 @@ def _write(
                     compression_opts=4,
                     shuffle=True,
                 )
-                variable.attrs.update(schema.attributes(name, described["attrs"]))
+                variable.attrs.update(attributes_of(name, described["attrs"]))
                 if beside and "start" in dims:
                     variable.attrs["coordinates"] = " ".join(sorted(beside))
             each = math.prod(shape) // store.cells  # numbers of a cell; a slab has whole cells

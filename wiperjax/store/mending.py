@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from ..machine.files import StoreError, log, naming
-from ..vocabulary import schema
+from ..vocabulary.columns import ordered
 from . import checksums
 from .blocks import BlockStore
 from .checksums import REST, Piece
@@ -55,7 +55,7 @@ def salvage(output: Path, damaged: Sequence[Piece], store: BlockStore) -> None:
     """
     done = store.done()
     with h5py.File(output, "r") as file:
-        names = [name for name in schema.SCHEMA if name in file]
+        names = ordered(file)
         lost = {
             int(number)
             for name in names

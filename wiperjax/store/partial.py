@@ -8,7 +8,8 @@ import xarray as xr
 
 from ..datasets import map_dataset
 from ..machine.files import StoreError
-from ..vocabulary import cf, codes, schema
+from ..vocabulary import cf, codes
+from ..vocabulary.columns import column_of, ordered
 from .blocks import BlockStore
 
 
@@ -21,7 +22,7 @@ class Reader:
         self._columns: dict[str, np.ndarray] = {}
         self._times: dict[int, float] = {}
         self._load(0)
-        self.names = [name for name in schema.SCHEMA if name in self._columns]
+        self.names = ordered(self._columns)
 
     @property
     def wall_time(self) -> float:
@@ -32,7 +33,7 @@ class Reader:
         """Columns `names` of the cells from `start` up to `stop`."""
         columns = {
             name: np.empty(
-                (stop - start, *self._columns[name].shape[1:]), dtype=schema.SCHEMA[name].dtype
+                (stop - start, *self._columns[name].shape[1:]), dtype=column_of(name).dtype
             )
             for name in names
         }
@@ -63,7 +64,9 @@ class Reader:
         self._number, self._columns = number, columns
 
 
-def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> xr.Dataset:
+def open_partial(
+    parts: str | Path, variables: Sequence[str] | None = None, *, wide: bool = True
+) -> xr.Dataset:
     """Map of an unfinished sweep, in memory, with a mask `done` (int8, 1 where the cell is
     computed).
 
@@ -74,6 +77,7 @@ def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> x
 
     - `parts`: the folder `MAP.h5.parts`.
     - `variables`: names of those to read, all of them if None.
+    - `wide`: also those with a dimension beside those of the map.
 
     Raises: `StoreError` if there is no such store.
     """
@@ -89,10 +93,12 @@ def open_partial(parts: str | Path, variables: Sequence[str] | None = None) -> x
         start, stop = store.span(int(number))
         done[start:stop] = 1
         for name, values in found[0].items():
+            if column_of(name).along and not wide:
+                continue
             if name not in columns:
                 columns[name] = np.full(
                     (store.cells, *values.shape[1:]),
-                    schema.SCHEMA[name].missing,
+                    column_of(name).missing,
                     dtype=values.dtype,
                 )
             columns[name][start:stop] = values

@@ -21,7 +21,8 @@ from wiperjax.maps.cluster import Workers
 from wiperjax.specs.load import SpecError, parse_sweep
 from wiperjax.store.manifest import parts_of
 from wiperjax.store.whole import open_map
-from wiperjax.vocabulary import codes, schema
+from wiperjax.vocabulary import codes
+from wiperjax.vocabulary import columns as columns_by_name
 
 CELLS, BLOCK = 224, 112
 STILL = 1e-3  # Hz: a belt that keeps its speed
@@ -102,7 +103,7 @@ def test_derivatives_agree_with_central_differences(found, columns):
 def test_what_does_not_hold_is_masked(columns):
     bad = columns["sensitivity_code"] != codes.VALIDITY["fine"]
     names = [name for name in columns if name.startswith("d_")]
-    assert len(names) == 3 * len(schema.DIFFERENTIABLE)
+    assert len(names) == 3 * len(columns_by_name.DIFFERENTIABLE)
     for name in names:
         assert np.all(np.isnan(columns[name][bad])), name
     assert np.all(np.isnan(columns["sensitivity_agreement"][bad]))
@@ -116,7 +117,7 @@ def test_units_are_those_of_files(columns):
     assert {n for n in foretold if n.startswith("d_")} == {n for n in columns if n.startswith("d_")}
     fine = columns["sensitivity_code"] == codes.VALIDITY["fine"]
     np.testing.assert_allclose(columns["d_belt_speed_rms_d_belt_speed"][fine], 0.5**0.5)
-    units = schema.SCHEMA["d_velocity_rms_d_attack_angle"].attributes()["units"]
+    units = columns_by_name.attributes_of("d_velocity_rms_d_attack_angle", {})["units"]
     assert units == "(m/s)/(degrees)"
 
 
@@ -181,7 +182,7 @@ def test_a_peak_is_that_of_a_quartic_and_so_is_its_derivative(correction):
 
 def test_a_largest_value_about_to_be_overtaken_is_masked():
     """The runner-up 1e-5 below catches up within two steps of 1e-5 where its slope is another."""
-    asked = blades(step=1e-5).sensitivities
+    spec = blades(step=1e-5)
     count, seconds = 4, list(tangents.SECOND.values())
     below = np.array([1e-5, 1e-5, 1e-2, 1e-5])
     columns = {
@@ -196,7 +197,7 @@ def test_a_largest_value_about_to_be_overtaken_is_masked():
         columns |= {name: np.zeros(count), second: np.zeros(count)}
         slopes |= {name: np.zeros((count, 1)), second: np.zeros((count, 1))}
     theta = {"normal_load": np.full(count, 15.0)}
-    validity.mask_contested(slopes, columns, theta, Wiper(), asked)
+    validity.mask_contested(slopes, columns, theta, Wiper(), spec)
     assert np.isnan(slopes["normal_force_max"][:, 0]).tolist() == [True, False, False, False]
     assert np.all(slopes["gap_max"] == 0)
 
@@ -251,8 +252,9 @@ def test_sizes_of_outcomes_are_those_of_the_cells(name):
     """The wiper of a block has more cells than the block: a tip mass on an axis ended in a
     TypeError, after the work."""
     wiper = Wiper(**{name: np.linspace(1e-3, 2e-3, 64)})
-    columns = {key: np.array([0.3, 0.5, 0.7]) for key in schema.DIFFERENTIABLE}
-    for key in schema.DIFFERENTIABLE:
+    columns = {key: np.array([0.3, 0.5, 0.7]) for key in columns_by_name.DIFFERENTIABLE}
+    columns["result"] = np.zeros(3)
+    for key in columns_by_name.DIFFERENTIABLE:
         assert validity._outcome_scale(key, columns, wiper).shape == (3,)
     scale = validity._outcome_scale("impact_impulse_max", columns, wiper)
     np.testing.assert_allclose(scale, np.broadcast_to(wiper.tip_mass, 64)[:3] * [0.3, 0.5, 0.7])
@@ -274,7 +276,7 @@ def test_a_sweep_with_them_has_a_tolerance_of_its_own_and_records_it():
     plain = tolerances()
     asked = plain.with_sensitivities()
     assert (plain.rtol, asked.rtol) == (1e-6, 1e-9)
-    assert batch._settings(asked).rtol == 1e-9
+    assert batch.Run.of(asked).rtol == 1e-9
     # the text by which maps are compared knows no difference between stated and left out, and
     # that of a map without derivatives is what it was
     assert '"rtol":1e-06,' in plain.canonical()

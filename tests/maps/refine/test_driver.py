@@ -14,7 +14,7 @@ import wiperjax
 from wiperjax.cli import main
 from wiperjax.machine.files import StoreError
 from wiperjax.machine.provenance import RUN_ATTRIBUTES
-from wiperjax.maps import block, driver
+from wiperjax.maps import block, computing, driver
 from wiperjax.maps.refine.points import Points
 from wiperjax.maps.verify import verify
 from wiperjax.specs.errors import SpecError
@@ -244,7 +244,7 @@ def test_maps_that_cannot_be_refined(tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="has no level 1; it is not refined"):
         open_map(path, level=1)
     made = block.made_by(border_spec())
-    monkeypatch.setattr(driver, "made_by", lambda spec: made | {"jax": "0.1"})
+    monkeypatch.setattr(computing, "made_by", lambda spec: made | {"jax": "0.1"})
     with pytest.raises(StoreError, match=r"was made otherwise \(jax was .*, now 0.1\)"):
         refined(path, DISC, levels=2)
 

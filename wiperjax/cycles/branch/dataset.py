@@ -4,7 +4,6 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
-from ...blade.wiper import Wiper
 from ...machine import provenance
 from ...vocabulary import cf, checks
 from .follow import Branch
@@ -32,13 +31,12 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     """
     checks.instance("branch", branch, Branch, "a branch of follow(...)")
     first = branch.cycles[0]
-    blade = isinstance(first.system, Wiper)
     name, attrs, to_file = numbers.stored(first.system, branch.over)
 
     words = numbers.words(first.system)
 
     def about(text, units):
-        unit = {"units": units} if blade or units in "1s" else {}
+        unit = {"units": units} if first.system.of_a_blade or units in "1s" else {}
         return {"long_name": text.format(**words), **unit}
 
     variables = {

@@ -20,7 +20,6 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
-from ...blade.wiper import Wiper
 from ...contact.system import AbstractSystem
 from ...engine.arguments import check_state, check_system
 from ...engine.observers.totals import Reach, RegimeTotals
@@ -85,7 +84,7 @@ def up_and_down(
         must = "period must be a function of the system that gives its period"
         raise ValueError(f"{must}, but was {checks.shown(period)}")
     if initial_state is not None:
-        check_state(initial_state)
+        check_state(system, initial_state)
     given, system = system, numbers.traceable(system, over)
     state = _ends(system, over, values, initial_state)
     ways = jnp.stack([values, values[::-1]])
@@ -134,7 +133,7 @@ def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns)
 
     flags = {"long_name": "how the trajectory ended"} | cf.flags(RESULTS)
     words = numbers.words(given)
-    metre, speed = ("m", "m/s") if isinstance(given, Wiper) else (None, None)
+    metre, speed = ("m", "m/s") if given.of_a_blade else (None, None)
     maximum = np.where(fair[..., None], peaks, np.nan)
     about = {"long_name": f"maxima of the {words['position']}"}
     about |= {"units": metre} if metre else {}

@@ -4,7 +4,6 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
-from ...blade.wiper import Wiper
 from ...machine import provenance
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import CurveEnd
@@ -40,10 +39,10 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
         for i, curve in enumerate(curves)
         for k in range(len(curve.special))
     ]
-    blade, words = isinstance(system, Wiper), numbers.words(system)
+    words, shown = numbers.words(system), ("m", "s", "1") if system.of_a_blade else ("s", "1")
 
     def about(text: str, units: str) -> dict[str, str]:
-        return {"long_name": text} | ({"units": units} if blade or units in "1s" else {})
+        return {"long_name": text} | ({"units": units} if units in shown else {})
 
     variables, names = {}, []
     for k, name in enumerate(curves[0].names):

@@ -8,7 +8,7 @@ import numpy as np
 from ...datasets.map_dataset import select
 from ...machine.files import StoreError
 from ...store.levels import Level, read_levels
-from ...vocabulary.schema import SCHEMA
+from ...vocabulary.columns import column_of
 from .grid import Grid
 
 Columns = dict[str, np.ndarray]
@@ -25,7 +25,7 @@ class Bank:
     def put(self, index: np.ndarray, columns: Mapping[str, Any], factor: Any) -> None:
         """Adds points, in place of those that are there; of each, its numbers alone."""
         columns = select(columns, len(index))
-        columns = {name: x for name, x in columns.items() if not SCHEMA[name].along}
+        columns = {name: x for name, x in columns.items() if not column_of(name).along}
         factor = np.broadcast_to(np.asarray(factor, dtype=np.int16), len(index))
         keep = ~np.isin(self.index, index, assume_unique=True)
         every = np.concatenate([self.index[keep], index])

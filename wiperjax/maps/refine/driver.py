@@ -31,7 +31,8 @@ from ...store.whole import borders, open_map
 from ...vocabulary import checks
 from ...vocabulary.wording import not_there
 from ..block import Evaluate, block_size
-from ..driver import Task, check_made_by, computing, fill
+from ..computing import computing
+from ..driver import Task, check_made_by, fill
 from .bank import Bank
 from .criterion import Criterion
 from .grid import Grid

@@ -10,7 +10,7 @@ from ..block import Block
 
 
 def linear_blocks(spec: Any, spans: Any) -> Iterator[Block]:
-    """As the blocks of `driver.computing`, with the columns of `criterion.LINEAR` alone."""
+    """As the blocks of `computing.computing`, with the columns of `criterion.LINEAR` alone."""
     from ..cells.linear import linear  # jax, where something is computed
 
     for number, (start, stop) in spans.items():

@@ -24,8 +24,9 @@ class Points:
     Rasters, event logs and derivatives are the map's alone: a point has statistics and a class.
     """
 
-    def __init__(self, spec: Any, grid: Grid, index: np.ndarray, factor: int = 1):
-        """`factor`: times as long a transient and window as in the map's sweep `spec`."""
+    def __init__(self, spec: Any, grid: Grid, index: np.ndarray, factor: int = 1, room: int = ROOM):
+        """`factor`: times as long a transient and window as in the map's sweep `spec`; `room`: of
+        the program that computes them."""
         run = {"raster": None, "event_log": None, "rtol": spec.rtol}
         run["solver"] = spec.settings.solver
         run |= {"transient": factor * spec.run.transient, "window": factor * spec.run.window}
@@ -37,7 +38,7 @@ class Points:
         table = spec.parameter_table
         found = grid.values(index).items()
         self._values = {name: np.asarray(table[name].to_si(x)) for name, x in found}
-        self.index, self.room = index, ROOM
+        self.index, self.room = index, room
         self._of = {"sweep": spec.digest(), "levels": grid.levels, "factor": factor}
 
     def __getattr__(self, name: str) -> Any:

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 
 from ...vocabulary.cf import flag_names
 from ...vocabulary.codes import LABELS
-from ...vocabulary.schema import is_derivative
+from ...vocabulary.columns import derivative
 from ...vocabulary.wording import not_there
 from ..style.axes import (
     edges,
@@ -43,16 +43,23 @@ def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str
     """
     for name in (x, y):
         check_dim(ds, name)
-    long = [dim for dim in map_dims(ds) if ds.sizes[dim] > 1]
-    if x is None:
-        x = next((dim for dim in ("attack_angle", *long) if dim in long and dim != y), None)
-    if y is None:
-        y = next((dim for dim in ("belt_speed", *long[::-1]) if dim in long and dim != x), None)
+    x, y = usual_plane([dim for dim in map_dims(ds) if ds.sizes[dim] > 1], x, y)
     if x is None or y is None or x == y:
         raise ValueError(
             "a map needs at least two axes of more than one value to be drawn as a plane; "
             "the picture 'line' draws one axis"
         )
+    return x, y
+
+
+def usual_plane(
+    long: list[str], x: str | None = None, y: str | None = None
+) -> tuple[str | None, str | None]:
+    """Which of the dimensions `long` are drawn across and up, where `x` or `y` does not say it."""
+    if x is None:
+        x = next((dim for dim in ("attack_angle", *long) if dim in long and dim != y), None)
+    if y is None:
+        y = next((dim for dim in ("belt_speed", *long[::-1]) if dim in long and dim != x), None)
     return x, y
 
 
@@ -149,7 +156,7 @@ def value_map(
     ended = [LABELS["failed"], LABELS["collapsed"], -1]
     values = np.ma.masked_where(np.isin(plane["label"].transpose(y, x).values, ended), values)
     if norm is None:
-        norm, cmap = suited(values, is_derivative(name), cmap)
+        norm, cmap = suited(values, derivative(name) is not None, cmap)
     ax.set_facecolor(UNKNOWN)
     mesh = ax.pcolormesh(
         edges(shown(ds[x])[0]), edges(shown(ds[y])[0]), values, norm=norm, cmap=cmap,

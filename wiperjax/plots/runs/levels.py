@@ -3,8 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-import scipy.signal
-import scipy.signal.windows as windows
 import xarray as xr
 
 from ...datasets.run_dataset import is_steady, pitch, sample_interval, signal
@@ -55,6 +53,8 @@ def lines(ds: xr.Dataset, quantity: str = "velocity", component: int = 0) -> Lin
     """Amplitude spectrum of one quantity of a run, from 20 Hz (or half of a lower tone) up to what
     is heard. Raises: `ValueError` for a quantity that is not there, or samples that are not even.
     """
+    import scipy.signal  # most of a second, which pictures of maps do not need
+
     values = signal(ds, quantity, component)
     step = sample_interval(ds)
     numbers = np.asarray(values, dtype=float)
@@ -109,8 +109,10 @@ def levels(
     top = min(top, 0.5 / step)
     # One column for each two pixels at most: a long run is no reason for a large image.
     hop = max(1, min(samples // 8, numbers.size // 100), numbers.size // 1000)
+    from scipy.signal import ShortTimeFFT, windows  # as in `lines`
+
     weights = windows.hann(samples, sym=False)
-    transform = scipy.signal.ShortTimeFFT(
+    transform = ShortTimeFFT(
         weights, hop, 1 / step, mfft=max(256, 2 * samples), scale_to="magnitude"
     )
     # Only windows that lie inside: the ends of a signal are clicks.

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure, SubFigure
 from ...datasets.run_dataset import is_run, pitch
 from ...noise.run_class import assess, words
 from ...vocabulary.codes import Result
+from ...vocabulary.columns import SYSTEM
 from ...vocabulary.kinds import BELTS
 from ...vocabulary.parameters import PARAMETERS
-from ...vocabulary.schema import SYSTEM
 from .axes import SHOWN, number
 from .palette import readable
 
