@@ -3,7 +3,6 @@
 import dataclasses
 
 import diffrax
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from reference.blade import Mechanics, Steady, Trapezoid, simulate
@@ -168,7 +167,6 @@ def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
     chart.to_netcdf(tmp_path / "f.h5", engine="h5netcdf")
     figure = failures_plot.draw(chart)
     words = [text.get_text() for text in figure.axes[0].texts]
-    plt.close(figure)
     assert words.count("not run") == 5 and words.count("never right") == 3
     text = failures_text.failures_text(chart, "f.png")
     assert "near Painleve, Moreau-Jean: error" in text and "Newton's impact law" in text

@@ -548,7 +548,7 @@ def _others(name, samples):
 def test_options_of_pictures(name, options, samples):
     of_map = name.endswith("_map") or name in ("map_overview", "along_axis")
     dataset = samples["map" if of_map else "run"]
-    before = plt.get_fignums()  # others of this process may have left some
+    before = plt.get_fignums()
     line = refusal(PICTURES[name], dataset, **options)
     assert line.startswith(
         (

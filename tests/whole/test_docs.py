@@ -144,8 +144,10 @@ def test_python_runs(page, maps, monkeypatch):
     """Block after block, as a reader would; `__name__` is not `__main__`, so scripts for a queue of
     jobs, whose library is not installed here, are compiled and their imports checked, no more."""
     import matplotlib
+    import matplotlib.pyplot as plt
 
     matplotlib.use("Agg")
+    plt.close("all")  # `.plot()` draws into the current figure: not into another test's
     monkeypatch.chdir(maps)
     queue = types.ModuleType("dask_jobqueue")
     queue.SLURMCluster = None  # type: ignore[attr-defined]

@@ -2,12 +2,9 @@
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from ..harness.compare import against_us
 from . import words
@@ -96,9 +93,8 @@ def work_precision(dataset: xr.Dataset, clock: str = "wall", error: str = "state
     scenes = dataset.scene.values
     columns = min(4, len(scenes) + 1)
     rows = -(-(len(scenes) + 1) // columns)
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(4.3 * columns, 3.9 * rows), squeeze=False, layout="constrained"
-    )
+    figure = Figure(figsize=(4.3 * columns, 3.9 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
     handles = {}
     for scene, ax in zip(scenes, axes.flat, strict=False):
         part = dataset.sel(scene=scene)
@@ -123,10 +119,8 @@ def short(dataset: xr.Dataset, clock: str = "wall"):
     methods = [m for m in SHORT if m in dataset.solver.values]
     columns = min(2, len(scenes))
     rows = -(-len(scenes) // columns)
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(9, 3.1 * rows + 0.8), squeeze=False,
-        layout="constrained", sharey=True,
-    )  # fmt: skip
+    figure = Figure(figsize=(9, 3.1 * rows + 0.8), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
     handles = {}
     for scene, ax in zip(scenes, axes.flat, strict=False):
         part = dataset.sel(scene=scene)
@@ -166,7 +160,6 @@ def save(dataset: xr.Dataset, stem: Path, clock: str = "wall") -> list[Path]:
         ("_short", short(dataset, clock), (".png", ".svg")),
     ):
         files += words.save(figure, stem.with_name(f"{stem.name}{end}.png"), suffixes)
-        plt.close(figure)
     return files
 
 

@@ -2,9 +2,9 @@
 
 import textwrap
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..measurements.failures import Outcome, loosest
@@ -54,9 +54,9 @@ def draw(dataset: xr.Dataset):
     """
     methods, scenes = dataset.sizes["solver"], dataset.sizes["scene"]
     first = loosest(dataset)
-    figure, axes = plt.subplots(
-        figsize=(1.6 + 1.12 * methods, 1.9 + 0.52 * scenes), layout="constrained"
-    )
+    size = (1.6 + 1.12 * methods, 1.9 + 0.52 * scenes)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots()
     for i in range(methods):
         ran = np.isfinite(dataset.setting.values[i]).any(axis=0)
         levels = int(ran.sum())

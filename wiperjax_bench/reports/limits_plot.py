@@ -1,8 +1,8 @@
 """The picture of the stability limits: lines are theory, marks are measured."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKS = "osD^vP*"
@@ -22,8 +22,8 @@ def draw(dataset: xr.Dataset):
     set-valued methods, which have no such stiffness, as a dashed line at the step they took.
     """
     problems = [str(p) for p in dataset.problem.values]
-    figure, panels = plt.subplots(1, len(problems), figsize=(4.1 * len(problems), 5.0),
-                                  layout="constrained", squeeze=False)  # fmt: skip
+    figure = Figure(figsize=(4.1 * len(problems), 5.0), layout="constrained")
+    panels = figure.subplots(1, len(problems), squeeze=False)
     names = [str(name) for name in dataset.solver.values]
     for panel, problem in zip(panels[0], problems, strict=True):
         part = dataset.sel(problem=problem)

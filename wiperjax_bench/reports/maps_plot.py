@@ -2,12 +2,9 @@
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from ..measurements.maps import COMPARED
 from .borders_page import MARKS
@@ -28,10 +25,11 @@ def draw(dataset: xr.Dataset, beside: Path | None = None):
     dataset of `bench borders`), wrong classes of a plane over the seconds that its map takes.
     """
     if beside is None or not beside.is_file():
-        figure, ax = plt.subplots(figsize=(5.6, 4.4), layout="constrained")
-        _settings(ax, dataset)
+        figure = Figure(figsize=(5.6, 4.4), layout="constrained")
+        _settings(figure.subplots(), dataset)
         return figure
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.4), layout="constrained")
+    figure = Figure(figsize=(9.6, 4.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
     _settings(left, dataset)
     with xr.open_dataset(beside, engine="h5netcdf") as borders:
         _planes(right, borders, _cost(dataset))

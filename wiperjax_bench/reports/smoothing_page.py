@@ -2,9 +2,9 @@
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from ..measurements.smoothing import CELLS, RTOL, SINKS, WIDTHS
 from .words import duration, versions
@@ -13,10 +13,8 @@ from .words import duration, versions
 def draw(dataset: xr.Dataset):
     """Return the figure: error as colour, with the processor time of a trajectory written on it."""
     rows, columns = dataset.sizes["scene"], dataset.sizes["solver"]
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(4.6 * columns, 3.4 * rows + 0.4), squeeze=False,
-        layout="constrained",
-    )  # fmt: skip
+    figure = Figure(figsize=(4.6 * columns, 3.4 * rows + 0.4), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
     size = np.log10(dataset.error.where(np.isfinite(dataset.error)))
     low = float(size.min())
     high = max(float(size.max()), low + 1)
