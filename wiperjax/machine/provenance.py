@@ -20,6 +20,8 @@ RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time", *(f"{p}_time" 
 bit.
 """
 
+VECTORS = {"avx512f": 512, "avx2": 256, "asimd": 128, "sse2": 128}  # flag -> bits, widest first
+
 LIBRARIES = (
     *("wiperjax", "jax", "jaxlib", "diffrax", "equinox", "optimistix"),
     *("numpy", "scipy", "xarray", "h5py", "h5netcdf"),
@@ -59,9 +61,18 @@ def version(library: str) -> str:
 
 
 def host_kind() -> str:
-    """Kind of machine (processor, cores, system), not its name."""
+    """Kind of machine (processor, its vectors, cores, system), not its name."""
     name = _cpuinfo("model name") or platform.processor() or platform.machine()
-    return f"{name}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
+    told = [f"{key} {_cpuinfo(key)}" for key in ("cpu family", "model") if _cpuinfo(key)]
+    told += [f"vectors of {bits} bits" for bits in (vector_bits(),) if bits]
+    about = f" ({', '.join(told)})" if told else ""
+    return f"{name}{about}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
+
+
+def vector_bits() -> int:
+    """Width of the vectors that this processor computes with, 0 where it is not known."""
+    flags = _cpuinfo("flags").split()
+    return next((bits for flag, bits in VECTORS.items() if flag in flags), 0)
 
 
 def processor() -> str:
@@ -74,7 +85,7 @@ def _cpuinfo(key: str) -> str:
     """A line of Linux' description of the first processor; empty where there is none."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
-            found = (line.split(":", 1)[1].strip() for line in lines if line.startswith(key))
-            return next(found, "")
+            pairs = (line.partition(":") for line in lines)
+            return next((said.strip() for name, _, said in pairs if name.strip() == key), "")
     except OSError:
         return ""

@@ -1,7 +1,9 @@
 """Timing: interleaved repeats, medians with their spread, wall and processor time."""
 
 import contextlib
+import os
 import platform
+import re
 import subprocess
 import time
 from collections.abc import Callable, Sequence
@@ -12,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 import wiperjax
+from wiperjax.machine import provenance
 
 LIBRARIES = (
     "jax",
@@ -87,23 +90,11 @@ def versions() -> dict[str, str]:
 
 
 def machine() -> str:
-    """Return the kind of processor and its cores; no name of the host."""
-    import os
-
-    name = platform.machine()
-    try:
-        with open("/proc/cpuinfo") as file:
-            names = [
-                line.split(":", 1)[1].strip() for line in file if line.startswith("model name")
-            ]
-        name = names[0] if names else name
-    except OSError:
-        pass
-    return f"{name}, {len(os.sched_getaffinity(0))} cores"
+    """Return the kind of processor, its vectors and cores; no name of the host."""
+    limit = re.search(r"xla_cpu_max_isa=(\w+)", os.environ.get("XLA_FLAGS", ""))
+    return provenance.host_kind() + (f", code limited to {limit[1]}" if limit else "")
 
 
 def load() -> float:
     """Return the load average of the last minute: how far the timings may be trusted."""
-    import os
-
     return os.getloadavg()[0]
