@@ -26,6 +26,8 @@ from ..vocabulary.wording import shorten
 MOST_PLANE = 4_000_000  # cells of a plane: more than a screen has points
 MOST_CHUNK = 2**26  # cells that are unpacked at once: a file may claim any number
 MOST_AXES = 12
+EVERY = ("label", "growth_rate", "class_set", "class_share")  # what each plane needs
+MOST_KEPT = 2**25  # bytes of a variable of these that is kept in memory, of any size of map
 USUAL = (  # variables that are offered first, as far as a map has them
     *("label", "mechanism", "dominant_frequency", "stick_fraction", "flight_fraction"),
     *("velocity_rms", "normal_force_max", "growth_rate", "settled", "band"),
@@ -82,7 +84,7 @@ class Explored:
         if self.ds.sizes[x] * self.ds.sizes[y] > MOST_PLANE:
             size = f"{self.ds.sizes[x]:,} x {self.ds.sizes[y]:,}"
             raise ValueError(f"a plane of {size} cells cannot be shown; at most {MOST_PLANE:,} can")
-        wanted = names | {"label", "growth_rate", "class_set", "class_share"}
+        wanted = names.union(EVERY)
         held = [
             str(name)
             for name in self.ds.data_vars
@@ -144,6 +146,10 @@ def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
     for variable in ds.data_vars.values():
         _check_variable(variable)
     spec, unable = _specification(ds, dims, trusted)
+    ds = ds.copy()
+    for name in EVERY:  # else a slider waits for the file, three times a plane
+        if name in ds and ds[name].nbytes <= MOST_KEPT:
+            ds[name].load()
     starts = tuple(ds["start"].values.tolist()) if "start" in ds["label"].dims else ()
     return Explored(plain(name), ds, spec, unable, dims, starts)
 

@@ -1,5 +1,6 @@
 """Colours of a variable over a plane: shades for the image, and their legend as HTML."""
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,9 +102,14 @@ def _numbers(plane: xr.Dataset, variable: str) -> Painted:
     known = np.isfinite(share)
     shades = np.full(values.shape, NOTHING, np.uint8)
     shades[known] = np.clip(share[known] * SHADES, 0, SHADES - 1).astype(np.uint8)
-    palette = [to_hex(colour) for colour in colormaps[cmap](np.linspace(0, 1, SHADES))]
+    palette = _palette(cmap)
     legend = _bar(norm, palette, unit) + ("" if known.all() else _missing(variable))
     return Painted(shades, palette, values.astype(np.float32), {}, unit, legend)
+
+
+@cache
+def _palette(cmap: str) -> list[str]:
+    return [to_hex(colour) for colour in colormaps[cmap](np.linspace(0, 1, SHADES))]
 
 
 def _scale(variable: str, values: np.ma.MaskedArray) -> tuple[Normalize, str]:
