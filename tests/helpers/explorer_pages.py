@@ -48,8 +48,8 @@ class Window:
         self.page.on("pageerror", lambda error: self.faults.append(f"error: {error}"))
         self.page.on("console", self._heard)
         self.page.on("request", self._asked)
-        self.page.set_default_timeout(10_000)
-        self.page.goto(address, timeout=60_000)  # the first program is compiled meanwhile
+        self.page.set_default_timeout(30_000)
+        self.page.goto(address, timeout=150_000)  # the first program is compiled meanwhile
 
     def _heard(self, message):
         if message.type in ("error", "warning"):
@@ -60,8 +60,8 @@ class Window:
         if not request.url.startswith(own):
             self.faults.append(f"request: {request.url}")
 
-    def until(self, what, seconds=25):
-        """Waits for `what()` to be true, while the page goes on."""
+    def until(self, what, seconds=150):
+        """Waits for `what()` to be true, while the page goes on: a busy machine may be compiling."""
         for _ in range(int(seconds / 0.05)):
             if found := what():
                 return found

@@ -34,7 +34,8 @@ def test_step_and_dense_output_equal_diffrax(solver):
     for a, b in zip(jax.tree.leaves(ours.y1), jax.tree.leaves(y1), strict=True):
         np.testing.assert_allclose(a, b, rtol=4e-16, atol=4e-16)
     for a, b in zip(jax.tree.leaves(ours.error), jax.tree.leaves(error), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-16)
+        # a difference of states near 1: its rounding, on any machine, is some units of theirs
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=2e-15)
     nodes = node_states(solver, y0, ours)
     for theta, node in zip((0.25, 0.5, 0.75), nodes, strict=True):
         expected = path.evaluate(t0 + theta * h)
