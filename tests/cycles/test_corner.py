@@ -15,9 +15,11 @@ from systems import (
     turn,
 )
 
+from wiperjax import SteadyBelt
 from wiperjax.cycles.branch import walk
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.cycle import Found, find_cycle
+from wiperjax.systems.oscillator import Oscillator
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +66,17 @@ def test_branch_turns_at_the_fold_and_comes_to_the_hopf_point(stick_slip, belt, 
     stable = [cycle.stable for cycle in branch.cycles]
     assert all(stable[: fold.index + 1]) and not any(stable[fold.index + 1 :])
     assert no_gaps(branch, step)
+
+
+def test_a_cycle_that_is_small_since_the_belt_is_slow_comes_to_no_hopf_point():
+    """Far below the speed of Stribeck's curve friction falls in a line, and stick alone bounds the
+    motion: it is as large as the belt is fast, and steady slip unstable down to rest."""
+    blade = Oscillator(belt=SteadyBelt(0.01))
+    cycle = find_cycle(blade, settle=300.0, over="belt_speed")
+    branch = follow(cycle, 1e-5, 0.011, step=0.2)
+    assert branch.special == [] and branch.ends == ("the end of the range",) * 2
+    sizes = np.array([c.amplitude for c in branch.cycles]) / branch.parameters
+    assert sizes[0] > 5 and np.ptp(sizes) < 0.2 * sizes[0]
 
 
 class Isola(Ring):

@@ -24,6 +24,7 @@ from wiperjax.cycles.curve.plane import Plane
 from wiperjax.cycles.curve.walk import Walk
 from wiperjax.datasets.branch_dataset import curves as curves_in
 from wiperjax.datasets.branch_dataset import with_curves
+from wiperjax.systems.oscillator import Oscillator
 from wiperjax.vocabulary.codes import CurveEnd
 
 
@@ -169,6 +170,24 @@ def test_stick_slip_ends_where_an_independent_code_has_it():
     slope = [float(_slope(system.law, belt)) for belt in hopf.places[:, 0]]
     np.testing.assert_allclose(-np.array(slope), hopf.places[:, 1], rtol=1e-10)
     assert _at(hopf, 5.746) == pytest.approx(STRIBECK_HOPF, abs=2e-5)
+
+
+@pytest.mark.slow
+def test_a_curve_passes_through_the_fold_that_it_began_at():
+    """Friction that falls within a thirtieth of the belt's speed: the cycles on which stick begins
+    are no straight line in what slip is left. Folds by scipy: release, and back to rest."""
+    system = Oscillator(belt=SteadyBelt(1.2), friction=Stribeck(1.0, 0.5, 0.05))
+    stuck = ((0.0,), (1.2,))
+    numbers = {"over": "belt_speed", "varied": ("stribeck_speed",)}
+    cycle = find_cycle(system, settle=200.0, initial_state=stuck, **numbers)
+    branch = follow(cycle, 1.1, 1.6, step=0.1)
+    (fold,) = follow_curves(branch, "stribeck_speed", 0.045, 0.06, step=0.2)
+    assert codes(fold) == {CurveEnd.RANGE} and fold.special == []
+    assert branch.special[0].parameter == pytest.approx(1.487410176644, abs=1e-7)
+    order = np.argsort(fold.places[:, 1])
+    at = CubicSpline(*fold.places[order][:, ::-1].T)
+    for speed, belt in ((0.05, 1.487410176644), (0.0510228, 1.496124750076)):
+        assert float(at(speed)) == pytest.approx(belt, abs=2e-5)
 
 
 def _slope(law: Stribeck, speed: float):

@@ -17,6 +17,7 @@ from wiperjax.cycles.branch.dataset import branch_dataset
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.branch.up_and_down import repeat_time, up_and_down
 from wiperjax.cycles.cycle import Found, find_cycle
+from wiperjax.remedy.gradient import sensitivities
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +155,9 @@ def test_neimark_sacker_of_a_driven_oscillator():
     long = find_cycle(system, settle=60.0, initial_state=((0.1,), (0.0,)), period=100 * period)
     exact = 1 / math.hypot(1 - 1.7**2, 1.7 * 0.2)
     assert (long.maximum, long.minimum) == pytest.approx((exact, -exact), rel=1e-7)
+    # it starts anywhere, not where it is highest
+    slope = sensitivities(cycle, ["a"], "maximum").derivative
+    assert float(slope[0]) == pytest.approx(-0.2 * 1.7**2 * exact**3, rel=1e-7)
     branch = follow(cycle, -0.1, 0.3, step=0.1)
     (special,) = branch.special
     assert special.kind == "neimark_sacker"

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 import wiperjax
 from wiperjax import Coulomb
+from wiperjax.blade.rungs import on_rung
 from wiperjax.cli import main
 from wiperjax.modes.over import VERDICTS, beside, shares
 from wiperjax.systems.chain import Chain3
@@ -68,6 +69,31 @@ def test_modes_of_the_rigid_lip_are_its_steady_slip():
     assert float(found.normal_force) == pytest.approx(float(slip.normal_force), rel=1e-9)
     ratio = -found.real_part / np.hypot(found.real_part, 2 * np.pi * found.frequency)
     np.testing.assert_allclose(found.damping_ratio, ratio, rtol=1e-12)
+
+
+class SameWiper(wiperjax.Wiper):
+    """A class of one's own that changes nothing."""
+
+
+@pytest.mark.parametrize("degrees", [-30, 5, 40])
+def test_what_moves_like_the_lip_has_the_modes_of_the_lip(degrees):
+    """Of its three equilibria the one that leans farthest with the belt, not a saddle."""
+    numbers = {"belt": wiperjax.SteadyBelt(0.3), "attack_angle": math.radians(degrees)}
+    lip = wiperjax.modes(wiperjax.Wiper(**numbers))
+    for other in (SameWiper(**numbers), on_rung(wiperjax.Wiper(**numbers), "bar")):
+        found = wiperjax.modes(other)
+        for name in ("real_part", "frequency", "normal_force"):
+            np.testing.assert_allclose(found[name], lip[name], rtol=1e-9)
+
+
+def test_where_slip_pulls_itself_off_there_is_no_steady_sliding():
+    """phi = -20 degrees balances, the glass pressing; but D = W_nn + mu W_nt < 0 there."""
+    m, h, mu, phi = 2.4e-3, 0.1, 0.5, -0.3492285791581798
+    assert 1 + h / m * math.tan(phi) ** 2 + mu * h / m * math.tan(phi) < 0
+    wiper = wiperjax.Wiper(hinge_mass=h, attack_angle=-0.6, friction=Coulomb(mu))
+    with pytest.raises(ValueError, match="^Wiper must have a steady sliding near"):
+        wiperjax.modes(wiper, near=(6e-3 * math.sin(phi), 0.0))
+    assert float(wiperjax.modes(wiper).position[0]) > 0  # another one is sound
 
 
 def test_a_stiffer_glass_makes_the_rigid_lip_at_first_order():
@@ -213,6 +239,26 @@ def test_a_chain_without_damping_rings_at_its_own_frequencies():
     exact = 2 * np.sin(np.pi * np.arange(1, 4) / 8) / (2 * np.pi)  # walls at both ends
     np.testing.assert_allclose(np.sort(found.frequency), exact, rtol=1e-12)
     np.testing.assert_allclose(found.real_part, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("damping", "mu_static", "said"),
+    [
+        (0.0, 0.5, "neutral: 2 modes neither grow nor decay"),
+        (0.01, 0.5, "stable: 0 modes grow"),
+        (0.01, 1.0, "unstable: 1 modes grow"),
+    ],
+)
+def test_what_neither_grows_nor_decays_is_not_called_stable(
+    damping, mu_static, said, tmp_path, capsys
+):
+    scene = tmp_path / "scene.toml"
+    numbers = f'[parameters]\nfriction = "coulomb"\nmu_static = {mu_static}\ndamping = {damping}\n'
+    scene.write_text(
+        f'system = "flutter"\n{numbers}mu_minimum = {mu_static}\n[run]\nduration = 1\n'
+    )
+    assert main(["modes", str(scene)]) == 0
+    assert f"steady sliding is {said}" in capsys.readouterr().out
 
 
 SWEEP = {

@@ -9,6 +9,7 @@ from ..contact.friction import AbstractFriction
 from ..contact.system import AbstractSystem
 from ..vocabulary.parameters import PARAMETERS
 from .block import LEAST_LOAD
+from .steady_slip import steady_slip
 from .wiper import Wiper
 
 
@@ -92,6 +93,11 @@ class Bar(AbstractSystem):
     def default_state(self):
         (x, _), (u, _) = self.lip.default_state()
         return (x,), (u,)
+
+    def sliding_near(self):
+        """The steady slip of the lip, which is its own."""
+        x, (start,) = steady_slip(self.lip).x, self.default_state()[0]
+        return (jnp.where(jnp.isfinite(x), x, start),)
 
     def scales(self, n):
         (length, _), (speed, _) = self.lip.scales(2)

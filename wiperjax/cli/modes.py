@@ -90,8 +90,11 @@ def _tell(found: Any) -> None:
         real, tone, ratio = (float(one[n]) for n in ("real_part", "frequency", "damping_ratio"))
         print(f"{number:<6}{real:>10.5g} 1/s{tone:>11.5g} Hz{ratio:>11.4g}  {shape}")
     print(f"damping ratio {found.attrs['damping_convention']}")
-    grows = int((found["real_part"] > 0).sum())
-    print(f"steady sliding is {'unstable' if grows else 'stable'}: {grows} modes grow")
+    grows, stays = int((found["real_part"] > 0).sum()), int((found["real_part"] == 0).sum())
+    if stays and not grows:
+        print(f"steady sliding is neutral: {stays} modes neither grow nor decay")
+    else:
+        print(f"steady sliding is {'unstable' if grows else 'stable'}: {grows} modes grow")
 
 
 def _tell_map(found: Any) -> None:

@@ -48,7 +48,7 @@ def linear(system: AbstractSystem, near: Coordinates) -> Linear:
     sign = jnp.sign(_slip_speed(system, t, jnp.asarray(near, float)))
 
     def motion(z):
-        """q'' in slip, normal force, gap; of places and velocities z (2n,)."""
+        """q'' in slip, normal force, gap, D; of places and velocities z (2n,)."""
         return _slip(system, t, z[:n], z[n:], sign)
 
     rest, place = jnp.zeros(n), jnp.asarray(near, float)
@@ -60,7 +60,7 @@ def linear(system: AbstractSystem, near: Coordinates) -> Linear:
     size = jnp.max(jnp.abs(jax.jacfwd(lambda place: still(place)[0])(place)) @ scale)
 
     def residual(u, _):
-        accelerations, _, gap = still(u * scale)
+        accelerations, _, gap, _ = still(u * scale)
         return accelerations / size, gap / scale.max()
 
     found = optx.least_squares(
@@ -68,9 +68,11 @@ def linear(system: AbstractSystem, near: Coordinates) -> Linear:
     ).value
     place = found * scale
     missed, gap = residual(found, None)
-    force, slip = still(place)[1], _slip_speed(system, t, place)
+    _, force, _, d = still(place)
+    slip = _slip_speed(system, t, place)
     exists = jnp.all(jnp.abs(missed) <= CLOSED) & (jnp.abs(gap) <= CLOSED)
-    exists &= (force > 0) & (jnp.sign(slip) == sign) & (sign != 0)
+    # where D <= 0 no slip lasts (docs/model.md, section 7)
+    exists &= (force > 0) & (d > 0) & (jnp.sign(slip) == sign) & (sign != 0)
     z = jnp.concatenate([place, rest])
     whole = jax.jacfwd(lambda z: jnp.concatenate([z[n:], motion(z)[0]]))(z)
     basis = _along(system, t, place)
@@ -85,12 +87,12 @@ def _slip_speed(system: AbstractSystem, t, place):
 
 
 def _slip(system: AbstractSystem, t, place, speeds, sign):
-    """Return q'' (n,), the normal force and the gap in slip of ``sign``."""
+    """Return q'' (n,), the normal force, the gap and D in slip of ``sign``."""
     q = tuple(place)
     v = tuple(jnp.asarray(x, float) for x in system.from_rates(t, q, tuple(speeds)))
     system = system.on_sides(starting_sides(system, t, q, v))
     c = contact(system, t, q, v)
-    force, _ = slip_forces(c, sign, friction_coefficient(system, c, sign), system.unilateral)
+    force, d = slip_forces(c, sign, friction_coefficient(system, c, sign), system.unilateral)
     gap = c.gap if system.unilateral else jnp.zeros(())
 
     # a belt-relative velocity has its partner's acceleration in it: q'' is the rate of q'
@@ -99,7 +101,7 @@ def _slip(system: AbstractSystem, t, place, speeds, sign):
 
     tangents = jnp.ones_like(t), rate(t, q, v), tuple(acceleration(c, force))
     _, accelerations = jax.jvp(rate, (t, q, v), tangents)
-    return jnp.stack([jnp.asarray(a, float) for a in accelerations]), force.normal, gap
+    return jnp.stack([jnp.asarray(a, float) for a in accelerations]), force.normal, gap, d
 
 
 def _along(system: AbstractSystem, t, place):

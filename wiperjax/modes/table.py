@@ -87,7 +87,8 @@ def _place(system: AbstractSystem, near) -> tuple[float, ...]:
 
 def place_near(system: AbstractSystem) -> tuple:
     """Return where steady sliding of ``system`` is sought: numbers, or arrays as its own."""
-    if type(system) is not Wiper:
+    says = type(system).sliding_near is not AbstractSystem.sliding_near
+    if says or not isinstance(system, Wiper):
         return system.sliding_near()
     x, (start, height) = steady_slip(system).x, system.default_state()[0]
     return jnp.where(jnp.isfinite(x), x, start), height

@@ -1,22 +1,27 @@
 """Derivatives of a cycle's noise by any number of its system: what each parameter buys."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from scipy.optimize import brentq
 
 from ..blade import numbers
-from ..cycles.chart import chart
+from ..cycles.chart import Chart, chart
 from ..cycles.cycle import Cycle, Found
-from ..cycles.shooting import shoot
+from ..cycles.return_map import Shooting
+from ..cycles.shooting import Arc, shoot
 from ..engine.observers.totals import variance
 from ..vocabulary import checks
 
 MEASURES = ("velocity_rms", "stick_fraction", "maximum", "period")
+TURNS = 1e-9  # of the largest velocity: there a coordinate turns
 
 
 def sensitivities(
@@ -33,7 +38,7 @@ def sensitivities(
     change of the measure by relative change of the parameter) and, with bounds, ``buys``: change of
     the measure in per cent of it for one per cent of the range between the bounds; ``measure``.
 
-    Raises ValueError for a cycle that was not found, or an unknown measure.
+    Raises ValueError for a cycle that was not found, an unknown measure, or a maximum at an impact.
     """
     checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
     if isinstance(names, Mapping):
@@ -51,31 +56,25 @@ def sensitivities(
         system, state, cycle.phase * cycle.period, cycle.regime, shooting.scale, shooting.section
     )
     slopes, value = [], getattr(cycle, measure)
-    for name in names:
-        along = numbers.direction(system, name, *every)
-        m = shoot(
+
+    def motion(name: str, part: float = 1.0) -> Arc:
+        return shoot(
             system,
-            along,
+            numbers.direction(system, name, *every),
             state,
             cycle.period,
             phase=cycle.phase,
+            part=part,
             regime=cycle.regime,
             rtol=shooting.rtol,
         )
-        by_w = where.read(m.by_state @ where.basis - where.basis)
-        columns = [by_w] if shooting.clock else [by_w, where.read(m.by_period)[:, None]]
-        matrix, right = np.concatenate(columns, axis=1), where.read(m.by_parameter)
-        period_slope = 0.0
-        if shooting.clock is not None:
-            _, period_slope = replace(shooting, system=system, over=name).driven_period(
-                numbers.value(system, name)
-            )
-            right = right + period_slope * where.read(m.by_period)
-        change = np.linalg.solve(matrix, -right)
-        d = where.basis.shape[1]
-        if shooting.clock is None:
-            period_slope = change[d]
-        moved = np.concatenate([where.basis @ change[:d], [period_slope, 1.0]])
+
+    part = _top(cycle, partial(motion, next(iter(names)))) if measure == "maximum" else 1.0
+    for name in names:
+        m = motion(name)
+        moved = _moved(replace(shooting, system=system, over=name), where, m)
+        if measure == "maximum":
+            m = motion(name, part)
         slopes.append(_slope(cycle, m, moved, measure))
     slope = np.array(slopes)
     at = np.array([numbers.value(system, name) for name in names])
@@ -100,14 +99,34 @@ def sensitivities(
     return xr.Dataset(variables, coords={"parameter": list(names)}, attrs={"of": measure})
 
 
-def _slope(cycle: Cycle, m, moved, measure: str) -> float:
-    """Derivative of ``measure`` where start, period and parameter change by ``moved``."""
+def _moved(shooting: Shooting, where: Chart, m: Arc) -> np.ndarray:
+    """Changes of start (2n), period and parameter along the cycles, by that of the parameter."""
+    by_w = where.read(m.by_state @ where.basis - where.basis)
+    columns = [by_w] if shooting.clock else [by_w, where.read(m.by_period)[:, None]]
+    matrix, right = np.concatenate(columns, axis=1), where.read(m.by_parameter)
+    period_slope = 0.0
+    if shooting.clock is not None:
+        assert shooting.over is not None
+        value = numbers.value(shooting.system, shooting.over)
+        _, period_slope = shooting.driven_period(value)
+        right = right + period_slope * where.read(m.by_period)
+    change = np.linalg.solve(matrix, -right)
+    d = where.basis.shape[1]
+    if shooting.clock is None:
+        period_slope = change[d]
+    return np.concatenate([where.basis @ change[:d], [period_slope, 1.0]])
+
+
+def _slope(cycle: Cycle, m: Arc, moved, measure: str) -> float:
+    """Derivative of ``measure`` where start, period and parameter change by ``moved``; ``m`` is the
+    motion of a period, or for the maximum up to there."""
     period, change = cycle.period, moved[-2]
     totals, by = m.totals, m.totals_by
     if measure == "period":
         return float(change)
     if measure == "maximum":
-        return float(moved[0])  # a cycle without a clock starts at its highest turning point
+        whole = np.concatenate([m.by_state[0], [m.by_period[0], m.by_parameter[0]]])
+        return float(whole @ moved)
     if measure == "stick_fraction":
         return float((by.stick_time @ moved - totals.stick_time * change / period) / period)
     integrals = totals.output_integral, totals.output_square_integral, period
@@ -116,3 +135,29 @@ def _slope(cycle: Cycle, m, moved, measure: str) -> float:
         tuple(jnp.asarray(x, float) for x in part) for part in (integrals, changes)
     )
     return float(jax.jvp(variance, integrals, changes)[1] / (2 * cycle.velocity_rms))
+
+
+def _top(cycle: Cycle, motion: Callable[[float], Arc]) -> float:
+    """Share of the period, up to a sample more than 1, after which the first coordinate is largest.
+
+    It turns there, so that its slope needs no change of that time.
+    """
+    assert cycle.motion is not None
+    samples = cycle.motion.samples
+    n, last = samples.shape[1] // 2, len(samples) - 1
+    speed, at = samples[:, n], 1 + int(np.argmax(samples[1:, 0]))
+    still = TURNS * np.max(np.abs(speed))
+    if abs(speed[at]) <= still:
+        return at / last
+    low = at if speed[at] > 0 else at - 1 or last  # not from the start: that motion has no length
+
+    def velocity(share: float) -> float:
+        return float(motion(share).state[n])
+
+    try:
+        share = float(brentq(velocity, low / last, (low + 1) / last, xtol=1e-14))  # type: ignore[arg-type]
+    except ValueError:  # it has one sign there
+        share = math.nan
+    if not (math.isfinite(share) and abs(velocity(share)) <= still):
+        raise ValueError("measure must not be maximum of a cycle whose first coordinate jumps back")
+    return share

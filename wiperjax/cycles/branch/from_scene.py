@@ -52,12 +52,14 @@ def follow_scene(
     (`follow_curves`). The motion is taken after ``run.duration`` of the scene. Of a wiper on a
     steady belt, steady slip is added.
 
-    Raises ValueError if there is no such parameter, no cycle at the scene's own value, or that
-    value lies outside the range.
+    Raises ValueError if there is no such parameter, no cycle at the scene's own value, that value
+    lies outside the range, or the scene is on a poorer model than the lip.
     """
+    if spec.model != "lip":
+        raise ValueError(f"model must be 'lip' to follow its cycles, but was {spec.model!r}")
     begun = time.perf_counter()
     built, table = build(spec, spec.parameters()), spec.parameter_table
-    system = built.system if built.wiper is None else built.wiper
+    system = built.system
     bounds = _bounds(spec, system, over, low, high, "--over")
     if second is not None:
         along = _bounds(spec, system, *second, "--second")

@@ -195,11 +195,17 @@ class Walk:
         self.special.append(Special(name, detail, parameter, len(self.steps) - 1))
 
     def _note_vanishing(self, here: BranchStep, ahead: BranchStep) -> None:
-        """Note where the cycle shrinks onto steady slip (amplitude^2 -> 0), if it does."""
+        """Note where the cycle shrinks onto steady slip (amplitude^2 -> 0), if it does.
+
+        There det(1 - return map) vanishes as amplitude^2 does. It keeps its value along cycles that
+        only become small with the parameter, as those of stick do with the belt's speed.
+        """
         if self.shooting.clock is not None:
             return
         one, two = here.cycle.amplitude, ahead.cycle.amplitude
         if two >= one or two > VANISHED * self.largest:
+            return
+        if abs(ahead.determinant) * one > abs(here.determinant) * two:
             return
         a, b = here.point.parameter, ahead.point.parameter
         at = b - two**2 * (b - a) / (two**2 - one**2)

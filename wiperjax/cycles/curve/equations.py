@@ -46,6 +46,7 @@ class Equations(ABC):
     kind: ClassVar[str]
     tests: ClassVar[tuple[Test, ...]]
     enough: ClassVar[float]  # in scaled numbers: solved as far as the equations can be told
+    vanish: ClassVar[bool] = False  # whether its cycles may shrink onto steady slip
     plane: Plane
     start: np.ndarray
 

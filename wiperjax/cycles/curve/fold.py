@@ -25,6 +25,7 @@ class Fold(OfCycles):
     """Folds around a cycle; ``left`` and ``right`` border J, ``bend`` is its derivative."""
 
     kind: ClassVar[str] = "fold"
+    vanish: ClassVar[bool] = True
     tests: ClassVar[tuple[Test, ...]] = ()
     left: np.ndarray  # (m,)
     right: np.ndarray  # (m,)

@@ -21,7 +21,7 @@ from .equations import Equations, Facts, solve
 from .fold import Fold
 from .hopf import Hopf
 from .plane import Plane
-from .touch import AWAY, Touch
+from .touch import AWAY, Touch, fastest
 from .walk import Mark, Walk
 
 KINDS = (Hopf.kind, Fold.kind, Touch.kind)
@@ -114,8 +114,13 @@ def _curve(
         equations = _seed(branch, special, plane, shooting, place)
         if equations is not None:
             first = solve(equations, equations.start, np.eye(len(equations.start))[-1])
+            if first is not None:  # once more, by its own measures
+                equations = first.equations.centred(first.facts, first.place)
+                first = solve(equations, equations.start, np.eye(len(equations.start))[-1])
+            if first is not None:
+                _ = first.meant  # raises `Lost`
     except Lost:
-        pass  # there is none: it is said below
+        first = None  # it is said below
     if first is None:
         words = special.kind.replace("_", " ")
         detail = f"no solution of the {words} was found near the branch's"
@@ -183,7 +188,7 @@ def _seed(
         none = np.empty(0)
         return Fold(*around, none, none, none).bordered()
     assert cycle.motion is not None
-    return Touch(*around, speed=float(np.max(np.abs(cycle.motion.slip_speed))))
+    return Touch(*around, speed=fastest(cycle))
 
 
 def _slipping(branch: Branch, index: int) -> Cycle:

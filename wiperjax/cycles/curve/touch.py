@@ -29,6 +29,7 @@ SMALL = 1e-10  # of the largest slip speed: how well its smallest value is told
 CENTRED = 4  # motions to where it is
 GONE = "slip nowhere slows down and speeds up again"
 NEARER = 5e-4  # and nearer to its limit
+LONGEST = 0.9  # of what is left of it: where the shortest stride towards the limit fails
 
 
 @dataclass(frozen=True)
@@ -100,24 +101,49 @@ class Touch(OfCycles):
         return self.known(cycle, {"smooth": float(np.real(np.prod(1 - cycle.multipliers)))})
 
     def centred(self, facts, place):
-        return self.moved(facts, place)
+        # near in the measure of this cycle: along a curve speeds may fall by orders of magnitude
+        return replace(self.moved(facts, place), speed=fastest(facts.cycle))
+
+    def same(self, one: Spot, two: Spot) -> bool:
+        try:
+            return super().same(one, two) and two.meant is not None
+        except Lost:
+            return False
 
     def limit(self, spot: Spot) -> Spot:
-        equations = replace(spot.equations, left=NEARER)
-        guess = spot.unknowns + self._slope(spot) * (NEARER - AWAY)
-        nearer = solve(equations, guess, spot.pinned, float(spot.pinned @ spot.unknowns))
-        if nearer is None or not self.same(spot, nearer):
-            return replace(spot, unknowns=spot.unknowns - self._slope(spot) * AWAY)
-        ends = [spot.unknowns, nearer.unknowns]
-        slopes = [self._slope(spot), self._slope(nearer)]
-        way = CubicHermiteSpline([-AWAY, -NEARER], ends, -np.array(slopes))
-        return replace(nearer, unknowns=way(0.0))
+        """Raises `Lost` where it can not be come to: a guess from afar may be anywhere."""
+        here, stride = spot, NEARER / AWAY
+        while here.equations.left > NEARER:  # type: ignore[attr-defined]
+            left = max(NEARER, stride * here.equations.left)  # type: ignore[attr-defined]
+            nearer = self._nearer(here, left)
+            if nearer is not None:
+                before, here = here, nearer
+            elif stride < LONGEST:
+                stride = np.sqrt(stride)
+            else:
+                raise Lost("no cycle was found nearer to rest")
+        ends, lefts = (before, here), (before.equations.left, NEARER)  # type: ignore[attr-defined]
+        slopes = [-self._slope(one) for one in ends]
+        way = CubicHermiteSpline(-np.array(lefts), [one.unknowns for one in ends], slopes)
+        return replace(here, unknowns=way(0.0))
+
+    def _nearer(self, spot: Spot, left: float) -> Spot | None:
+        """Return the cycle that has the share ``left`` of slip speed, from one that has more."""
+        equations = replace(spot.equations, left=left)  # type: ignore[type-var]
+        guess = spot.unknowns + self._slope(spot) * (left - spot.equations.left)  # type: ignore[attr-defined]
+        found = solve(equations, guess, spot.pinned, float(spot.pinned @ spot.unknowns))
+        return found if found is not None and super().same(spot, found) else None
 
     @staticmethod
     def _slope(spot: Spot) -> np.ndarray:
         """Return the derivative of the unknowns by the share of slip speed that is left."""
         square = np.vstack([spot.jacobian, spot.pinned])
         return np.linalg.solve(square, np.eye(len(square))[-2])
+
+
+def fastest(cycle) -> float:
+    """Return the largest slip speed of a cycle."""
+    return float(np.max(np.abs(cycle.motion.slip_speed)))
 
 
 @eqx.filter_jit

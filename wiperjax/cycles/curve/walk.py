@@ -89,10 +89,13 @@ class Walk:
         self._note_vanishing(here, ahead)
 
     def _note_vanishing(self, here: Spot, ahead: Spot) -> None:
-        """Note where the cycles of a fold shrink onto steady slip (amplitude^2 -> 0)."""
+        """Note where the cycles of a fold shrink onto steady slip (amplitude^2 -> 0).
+
+        Cycles that come to rest on a belt are small only where the belt is slow: it is no such end.
+        """
         one, two = here.facts.amplitude, ahead.facts.amplitude
         self.largest = max(self.largest, two)
-        if two >= one or two > VANISHED * self.largest:
+        if not here.equations.vanish or two >= one or two > VANISHED * self.largest:
             return
         way = two**2 / (one**2 - two**2)
         gone = ahead.unknowns + way * (ahead.unknowns - here.unknowns)
