@@ -28,7 +28,8 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
 
     - `.csv`: a line for each sample, `time (s)` first; the regime by its code.
     - `.mat`: a variable for each quantity, `(samples,)`, those of the events, and `units`.
-    - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced); of modes
+    - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced), each
+        coordinate of a system of one's own a point of its own; of modes
         (`wiperjax.modes`), which need this ending, a dataset 55 for each mode.
 
     Raises: `ValueError` for what is neither, another ending, or (UFF) samples that are not evenly
@@ -99,16 +100,21 @@ def _uff(run: xr.Dataset, path: Path) -> None:
     step, found = sample_interval(run), columns(run)
     time = found.pop("time")[0]
     title = str(run.attrs.get("title", "")) or "run of wiperjax"
+    axes = [str(axis) for axis in run["axis"].values] if "axis" in run else []
     sets = []
     for name, (values, unit) in found.items():
-        base = name.removesuffix("_x").removesuffix("_y")
-        if base not in UFF_TYPE:
+        base = next((base for base in UFF_TYPE if name == base or name.startswith(f"{base}_")), "")
+        if not base:
             continue
-        direction = 2 if name.endswith("_y") or name == "normal_force" else 1
+        axis = name.removeprefix(f"{base}_")
+        direction = 2 if axis == "y" or name == "normal_force" else 1
+        # as of modes: of x and y one point, else a point for each coordinate
+        node = axes.index(axis) + 1 if axis in axes and not {*axes} <= {"x", "y"} else 1
         sets.append(
             {
-                "type": 58, "func_type": 1, "rsp_node": 1, "rsp_dir": direction, "ref_node": 1,
-                "ref_dir": direction, "data": values.astype(float), "x": time, "id1": _line(name),
+                "type": 58, "func_type": 1, "rsp_node": node, "rsp_dir": direction,
+                "ref_node": node, "ref_dir": direction, "data": values.astype(float), "x": time,
+                "id1": _line(name),
                 "id2": _line(title), "rsp_ent_name": "TIP", "ref_ent_name": "TIP",
                 "abscissa_spacing": 1, "abscissa_min": time[0], "abscissa_inc": step,
                 "num_pts": len(time), "ord_data_type": 4, "abscissa_spec_data_type": 17,

@@ -44,6 +44,17 @@ def test_test_software_finds_a_response_for_each_quantity(squeal, tmp_path):
     assert sets["velocity_x"]["ordinate_spec_data_type"] == 11
 
 
+def test_test_software_finds_the_coordinates_of_any_system(squeal, tmp_path):
+    """Whatever they are called, and each a point of its own, as of modes."""
+    path = tmp_path / "run.uff"
+    renamed = squeal.assign_coords(axis=["x1", "crank"])
+    export(renamed, path)
+    sets = {one["id1"]: one for one in pyuff.UFF(str(path)).read_sets()}
+    assert set(sets) == set(columns(renamed)) - {"time", "regime"}
+    assert sets["velocity_x1"]["rsp_node"] == 1 and sets["velocity_crank"]["rsp_node"] == 2
+    assert sets["position_crank"]["ordinate_spec_data_type"] == 8
+
+
 def test_modes_are_complex_eigenvalues_at_points(tmp_path):
     shape = np.array([[1.0, 0.3], [0.25, 1.0]])
     phase = np.array([[0.0, -2.0], [1.5, 0.0]])

@@ -55,7 +55,7 @@ def build_wiper(
 
 def continued_state(wiper: Wiper, ended: Mapping[str, Any]):
     """Return ((x, y), (x', y')) [m, m/s] of motions that go on where others ``ended``, and whether
-    they can: not where the other failed or collapsed, or ended where this lip would collapse.
+    they can: not where the other failed or collapsed.
 
     ``ended``: the columns ``result``, ``final_x``, ``final_y``, ``final_vx``, ``final_vy`` and
     ``final_regime`` of those, one entry a cell.
@@ -68,7 +68,6 @@ def continued_state(wiper: Wiper, ended: Mapping[str, Any]):
     glass = jnp.asarray(belt.velocity(0.0, belt.first_piece(jnp.asarray(0.0))))
     flies, sticks = regime == Regime.FLIGHT, regime == Regime.STICK
     goes_on = jnp.asarray(ended["result"]) == Result.FINISHED
-    goes_on &= jnp.abs(x) < wiper.lip_length * jnp.sin(wiper.collapse_angle)
     velocity = jnp.where(sticks, glass, vx), jnp.where(flies, vy, 0.0)
     return ((x, jnp.where(flies, y, 0.0)), velocity), goes_on
 

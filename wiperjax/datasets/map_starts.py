@@ -32,14 +32,19 @@ def from_start(ds: xr.Dataset, start: Any = None) -> xr.Dataset:
             raise ValueError(f"start must be a whole number in [0, {len(values) - 1}], was {start}")
         one = ds.isel(start=int(start), drop=True)
         return one.assign_attrs(start=f"number {int(start)} of {len(values)} random ones")
-    codes = np.array(list(LABELS.values()))
-    label = ds["label"].transpose(..., "start")
-    most = codes[(label.values[..., None] == codes).sum(axis=-2).argmax(axis=-1)]
-    first = (label.values == most[..., None]).argmax(axis=-1)
-    one = ds.isel(start=xr.DataArray(first, dims=label.dims[:-1])).drop_vars(
+    one = ds.isel(start=usual_start(ds["label"])).drop_vars(
         ["start", *(name for name in ds.coords if str(name).startswith("start_"))], errors="ignore"
     )
     return one.assign_attrs(start=f"{len(values)} random ones, the most frequent class")
+
+
+def usual_start(label: xr.DataArray) -> xr.DataArray:
+    """In each cell the number of the first start that ends in its most frequent class."""
+    codes = np.array(list(LABELS.values()))
+    label = label.transpose(..., "start")
+    most = codes[(label.values[..., None] == codes).sum(axis=-2).argmax(axis=-1)]
+    first = (label.values == most[..., None]).argmax(axis=-1)
+    return xr.DataArray(first, dims=label.dims[:-1])
 
 
 def hangs_on_start(ds: xr.Dataset) -> xr.DataArray | None:

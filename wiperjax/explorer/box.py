@@ -45,7 +45,10 @@ def box_spec(
     for table in ("starts", "refine", "sensitivities"):
         document.pop(table, None)
     place = {dim: int(at.get(dim, 0)) for dim in whole.dims}
-    document["start"] = start_of(whole, place, start)
+    if several is not None and (start or whole.starts[0]) == "steady_slip":  # its own in each cell
+        document["starts"] = {"names": ["steady_slip"], "kick": several.kick}
+    else:
+        document["start"] = start_of(whole, place, start)
     document["axes"] = {
         dim: {"values": _finer(whole.ds[dim].values, *ends[dim]).tolist()}
         if dim in ends

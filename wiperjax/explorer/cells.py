@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from ..datasets.map_starts import usual_start
+from ..maps.starts import before, drawn, ended_columns, kicked
 from ..noise.run_class import assess
 from ..plots.style.axes import value_text
 from ..runs.scene import run_scene
 from ..specs.load import parse_scene
-from ..vocabulary.kinds import BELTS, WAYS
+from ..specs.tables import Start
+from ..vocabulary.kinds import BELTS, WAYS, WIPER
 from .explored import Explored
 
 RATE = 50_000  # samples a second: what is heard, and every corner of a squeal
@@ -56,31 +59,36 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
 
 
 def start_of(explored: Explored, place: dict[str, int], start: Any) -> dict[str, Any]:
-    """The table `[start]` of a cell that begins at `start`, if the map has several."""
-    starts = explored.spec.starts
+    """The table `[start]` of a cell that begins at `start`, if the map has several; None: the one
+    that the map shows of it. Its state is what the sweep itself began from.
+    """
+    spec, ds = explored.spec, explored.ds
+    starts = spec.starts
     if starts is None:
-        return dict(explored.spec.document().get("start", {}))
-    ds, start = explored.ds, explored.starts[0] if start is None else start
+        return dict(spec.document().get("start", {}))
+    cell = np.array([np.ravel_multi_index([place[dim] for dim in explored.dims], spec.shape)])
     if starts.random is not None:
-        chosen = ds.isel(start=int(start))
-        x, y, vx, vy = (float(chosen[f"start_{key}"]) for key in ("x", "y", "vx", "vy"))
-        return {"position": [x, y], "velocity": [vx, vy]}
+        one = int(usual_start(ds["label"].isel(place)) if start is None else start)
+        return _state(spec, cell, {name: x[[one]] for name, x in drawn(starts, 1).items()})
+    start = explored.starts[0] if start is None else start
     if start == "steady_slip":
-        return {"equilibrium": starts.kick}
-    axis = explored.dims[-1]  # along which `up` and `down` go
-    before = place[axis] + (-1 if start == "up" else 1)
-    if start not in WAYS or not 0 <= before < ds.sizes[axis]:
+        return _state(spec.model_copy(update={"start": Start(equilibrium=starts.kick)}), cell)
+    if start not in WAYS or (last := int(before(spec, cell, start)[0])) < 0:
         return {}
-    names = ["result", "final_x", "final_y", "final_vx", "final_vy"]
-    last = ds[names].isel(place | {axis: before}).sel(start=start).load()
-    if int(last["result"]) != 0:
-        return {}
-    x, y, vx, vy = (float(last[name]) for name in names[1:])
-    length = explored.spec.cells(np.ravel_multi_index(tuple(place.values()), explored.spec.shape))
-    return {
-        "position": [x + starts.kick * float(length["lip_length"]), max(y, 0.0)],
-        "velocity": [vx, vy],
-    }
+    where = dict(zip(explored.dims, np.unravel_index(last, spec.shape), strict=True))
+    there = ds[list(ended_columns(spec))].isel(where).sel(start=start).load()
+    ended = {str(name): x.values[None] for name, x in there.data_vars.items()}
+    return _state(spec, cell, kicked(spec, cell, ended))
+
+
+def _state(spec: Any, cell: np.ndarray, ended: Any = None) -> dict[str, Any]:
+    """Position and velocity that the sweep `spec` begins a cell with; `ended` as in `prepare`."""
+    from ..maps.cells.batch import prepare  # jax, which a map that is only looked at can do without
+
+    _, *state = prepare(spec, cell, ended=ended)
+    position, velocity = ([float(x[0]) for x in part] for part in state)
+    rest = [0.0] * (2 - len(position) if spec.system == WIPER else 0)  # the bar stays on the glass
+    return {"position": position + rest, "velocity": velocity + rest}
 
 
 def simulated(scene: dict[str, Any], transient: float) -> tuple[Any, dict[str, float]]:

@@ -53,13 +53,13 @@ def looked_at(
     """
     starts = spec.starts
     if starts.random is not None:
-        index, begin = np.repeat(index, starts.count), _random(starts, len(index))
+        index, begin = np.repeat(index, starts.count), drawn(starts, len(index))
         return [_look(spec, index, look, begin)]
     found = {name: _beginning(spec, name) for name in starts.names if name not in WAYS}
     cells = {name: _look(its, index, look) for name, its in found.items()}
     if neighbours is not None:
         for way, ended in neighbours.items():
-            cells[way] = _look(spec, index, look, _kicked(spec, index, ended))
+            cells[way] = _look(spec, index, look, kicked(spec, index, ended))
     elif starts.ways:
         cells |= _walked(spec, index, look)
     return [cells[name] for name in starts.names]
@@ -122,7 +122,7 @@ def _look(spec: Any, index: np.ndarray, look: Look, ended: Columns | None = None
     return Cells(spec, index, columns, ended, len(index), occupancy)
 
 
-def _random(starts: Any, cells: int) -> Columns:
+def drawn(starts: Any, cells: int) -> Columns:
     """The random starts of some cells, as if motions had ended there in flight: the state is taken
     as it is.
     """
@@ -152,7 +152,7 @@ def _walked(spec: Any, index: np.ndarray, look: Look) -> dict[str, Cells]:
     for step in range(count):
         place = {"up": step, "down": count - 1 - step}
         cells = np.concatenate([lines[:, place[way]] for way in ways])
-        ended = _kicked(spec, cells, ended)
+        ended = kicked(spec, cells, ended)
         steps.append(_look(spec, cells, look, ended))
         ended = steps[-1].columns
     told = [step.occupancy for step in steps if step.occupancy is not None]
@@ -173,16 +173,20 @@ def _in_order(steps: Sequence[Columns], mine: slice) -> Columns:
     return {name: x.reshape(-1, *x.shape[2:]) for name, x in stacks.items()}
 
 
-def _kicked(spec: Any, index: np.ndarray, ended: Columns) -> Columns:
+def kicked(spec: Any, index: np.ndarray, ended: Columns) -> Columns:
     """Where others ended, the tip moved by the kick of a lip of the cells `index`; or the first
-    coordinate of another system.
+    coordinate of another system. What is so beyond the angle at which that lip collapses is
+    nothing to go on from.
     """
     last = {name: np.asarray(ended[name]) for name in ended_columns(spec)}
     if "final_position" in last:
         kick = spec.starts.kick * np.eye(1, last["final_position"].shape[-1])
         return last | {"final_position": last["final_position"] + kick}
-    length = spec.cells(index)["lip_length"]
-    return last | {"final_x": last["final_x"] + spec.starts.kick * length}
+    blade = spec.cells(index)
+    x = last["final_x"] + spec.starts.kick * blade["lip_length"]
+    beyond = np.abs(x) >= blade["lip_length"] * np.sin(blade["collapse_angle"])
+    result = np.where(beyond, int(Result.COLLAPSED), last["result"])
+    return last | {"final_x": x, "result": result}
 
 
 def _summary(starts: Any, label: np.ndarray) -> Columns:

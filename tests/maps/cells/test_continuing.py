@@ -8,6 +8,8 @@ import pytest
 import wiperjax
 from wiperjax.datasets.map_starts import hangs_on_start
 from wiperjax.maps import driver
+from wiperjax.maps.cells.batch import prepare
+from wiperjax.maps.starts import drawn, kicked
 from wiperjax.maps.verify import verify
 from wiperjax.specs.load import parse_sweep
 from wiperjax.vocabulary.codes import LABELS
@@ -74,3 +76,17 @@ def test_both_answers_of_a_blade_that_has_two(tmp_path):
         assert (ds.label.values[~squeal.T] == LABELS["quiet"]).all()
         np.testing.assert_array_equal(hangs_on_start(ds), high & ~low)
     assert verify(path, cells=6).identical
+
+
+def test_only_what_goes_on_begins_at_rest_where_the_lip_would_collapse():
+    """A random start there is where it was drawn: collapsed, and no motion that began elsewhere."""
+    axes = {"belt_speed": {"values": [0.3, 0.6]}}
+    more = {"blade": {"collapse_angle": 40}, "run": {"transient": 0.1, "window": 0.1}}
+    far = {"random": 2, "x": [5e-3, 5.5e-3]}  # 56 degrees and more
+    spec = parse_sweep({"axes": axes, "starts": far, **more})
+    cells, begun = np.array([0, 0]), drawn(spec.starts, 1)
+    _, (x, _), _ = prepare(spec, cells, ended=begun)
+    np.testing.assert_array_equal(x[:2], begun["final_x"])
+    up = parse_sweep({"axes": axes, "starts": {"names": ["up"]}, **more})
+    _, (x, _), _ = prepare(up, cells, ended=kicked(up, cells, begun))
+    np.testing.assert_array_equal(x[:2], 0.0)
