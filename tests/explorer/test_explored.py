@@ -34,6 +34,7 @@ def test_a_plane_holds_what_is_shown_and_no_more(whole):
     expected = whole.ds["velocity_rms"].isel(normal_load=3).transpose("belt_speed", "attack_angle")
     np.testing.assert_array_equal(plane["velocity_rms"], expected)
     assert set(plane.data_vars) == {"velocity_rms", "label"}
+    assert whole.name == "stub.h5"
 
 
 def test_colours_stand_for_the_classes_and_numbers_of_a_plane(whole):

@@ -61,7 +61,7 @@ class Window:
             self.faults.append(f"request: {request.url}")
 
     def until(self, what, seconds=150):
-        """Waits for `what()` to be true, while the page goes on: a busy machine may be compiling."""
+        """Waits for `what()` to be true, while the page goes on: a busy machine may compile."""
         for _ in range(int(seconds / 0.05)):
             if found := what():
                 return found

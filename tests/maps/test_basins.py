@@ -1,10 +1,15 @@
 """Many starts of one system: the oscillator of docs/basins.md, whose shares are known exactly."""
 
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from pages import DOCS, blocks
 
 import wiperjax
+from wiperjax.systems.oscillator import Oscillator
 
 SPEEDS = (1.25, 1.4, 1.55, 1.7)
 EXACT = (0.0801969, 0.2122652, 0.3565963, 0.4941116)  # from the unstable cycle, by quadrature
@@ -57,6 +62,27 @@ def test_a_start_is_what_it_would_be_alone(oscillator):
         assert float(ds.velocity_rms[k]) == pytest.approx(float(late.velocity.std()), rel=0.02)
 
 
+class _Tabulated(wiperjax.AbstractFriction):
+    """A law read from a table of four speeds."""
+
+    static: float = 1.0
+    speeds: Any = eqx.field(default_factory=lambda: np.array([0.0, 0.5, 1.0, 3.0]))
+    values: Any = eqx.field(default_factory=lambda: np.array([1.0, 0.6, 0.5, 0.5]))
+
+    def coefficient(self, speed):
+        return jnp.interp(speed, self.speeds, self.values)
+
+
+def test_a_table_is_no_number_of_each_start():
+    """With as many starts as the table has speeds, each start would get one speed of it."""
+    system = Oscillator(friction=_Tabulated())
+    (x,), (v,) = box(5)
+    ds = wiperjax.basins(system, ((x,), (v,)), settle=1.0, window=1.0)
+    with pytest.raises(ValueError, match=r"system: friction.speeds must be made by wiperjax.param"):
+        wiperjax.basins(system, ((x[:4],), (v[:4],)), settle=1.0, window=1.0)
+    assert (ds.result == wiperjax.Result.FINISHED).all()
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -67,6 +93,10 @@ def test_a_start_is_what_it_would_be_alone(oscillator):
         ({"settle": -1.0}, "settle must be a finite number >= 0, but was -1"),
         ({"window": 0.0}, "window must be a finite number > 0, but was 0"),
         ({"rtol": 1.0}, "rtol must lie inside"),
+        (
+            {"system": Oscillator(damping=np.array([0.1, 0.2]))},
+            "system: damping must be a number or have one entry a start (3), but had 2",
+        ),
         ({"system": 1}, "system must be a system such as Wiper()"),
     ],
 )

@@ -4,7 +4,7 @@ A name is the path of a field, ``belt.speed`` or ``attack_angle``; the names of 
 (``belt_speed``) hold as well.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from typing import Any
 
@@ -46,6 +46,12 @@ def routes(system: AbstractSystem) -> dict[str, tuple[str, ...]]:
             keys = kinds.get(getattr(part, "kind", "")) or {key: key for key in marked(part)}
             found |= {name: (field, key) for key, name in keys.items()}
     return found
+
+
+def numbers(system: AbstractSystem) -> set[str]:
+    """Return the fields of a system that are numbers: its parameters, and those of type float."""
+    declared = {".".join(route) for route in routes(system).values()}
+    return declared | {".".join(route) for route in _floats(system)}
 
 
 def known(system: AbstractSystem, name: str) -> Parameter | None:
@@ -133,6 +139,15 @@ def at(route: tuple[str, ...]) -> Callable[[Any], Any]:
         return tree
 
     return where
+
+
+def _floats(module: eqx.Module, before: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    for field in fields(module):  # type: ignore[arg-type]
+        inner, route = getattr(module, field.name), (*before, field.name)
+        if isinstance(inner, eqx.Module):
+            yield from _floats(inner, route)
+        elif field.type in (float, "float"):
+            yield route
 
 
 def _names(module: eqx.Module, before: tuple[str, ...] = ()) -> dict[str, tuple[str, ...]]:

@@ -6,6 +6,7 @@ closed forms this is tested against.
 """
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -17,13 +18,14 @@ import optimistix as optx
 from ..contact.belts import SteadyBelt
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces, slip_sign
 from ..contact.space import contact
+from ..numerics.sign_changes import sign_changes
 from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.codes import Regime
 from ..vocabulary.ranges import FINITE
 from .wiper import Wiper
 
-GRID = 513  # angles on which roots are bracketed: two that lie within 0.35 degrees are not seen
+STRETCHES = 64  # of `sign_changes`: two roots that lie within 0.35 degrees are not seen
 MOST_BRANCHES = 5  # three occur (one on each shoulder, a saddle on the neck)
 _LANES = 64  # cells at a time, with all their angles: they fit in a cache
 # Cells are filled up to so many: few compilations. Two turns of the loop at least: of one XLA makes
@@ -131,12 +133,12 @@ class _Motion(NamedTuple):
 
 
 @eqx.filter_jit  # traced once for all that asks for it
-def _slip(wiper: Wiper, x, velocity, regime) -> _Motion:
-    """Return the engine's slip of ``regime`` with the tip at (x, 0) moving along the glass."""
+def _slip(wiper: Wiper, x, velocity) -> _Motion:
+    """Return the engine's slip with the tip at (x, 0) moving along the glass, slower than it."""
     t = jnp.zeros_like(x)
     q = (x, jnp.zeros_like(x))
     v = wiper.from_rates(t, q, (velocity, jnp.zeros_like(x)))
-    c, sign = contact(wiper, t, q, v), slip_sign(regime)
+    c, sign = contact(wiper, t, q, v), slip_sign(jnp.asarray(int(Regime.SLIP_NEG)))
     force, d = slip_forces(c, sign, friction_coefficient(wiper, c, sign), wiper.unilateral)
     mass = d / (c.w_tt * c.w_nn - c.w_tn * c.w_tn)
     return _Motion(acceleration(c, force)[0], force.normal, mass, (force.normal > 0) & (d > 0))
@@ -149,36 +151,31 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
     """
     speed = jnp.asarray(wiper.belt.velocity(0.0, 0), float)
     along = jnp.where(speed < 0, -1.0, 1.0)
-    regime = jnp.where(speed < 0, int(Regime.SLIP_POS), int(Regime.SLIP_NEG))
-    length = wiper.lip_length
+    # a belt that moves back is a mirrored blade: angles of the grid are the same for all cells
+    wiper = replace(wiper, belt=SteadyBelt(along * speed), attack_angle=along * wiper.attack_angle)
 
     def position(lean):
-        return length * jnp.sin(along * lean)
+        return wiper.lip_length * jnp.sin(lean)
 
-    def push(lean):
+    def push(wiper, lean):
         """Force along the glass, towards the belt's motion, over the load; finite at 90 degrees."""
         x = position(lean)
-        motion = _slip(wiper, x, jnp.zeros_like(x), regime)
+        motion = _slip(wiper, x, jnp.zeros_like(x))
         force = wiper.tip_mass / wiper.normal_load * motion.acceleration
-        return along * jnp.cos(lean) * force, motion.holds
+        return jnp.cos(lean) * force, motion.holds
 
-    # downwards from the collapse angle, so that the first bracket is the first branch
-    edge = jnp.asarray(wiper.collapse_angle, float) * (1 - 1e-9)
-    grid = edge * jnp.linspace(1.0, -1.0, GRID)
-    values, holds = jax.vmap(push)(grid)
-    rises = values >= 0
-    brackets = (rises[1:] != rises[:-1]) & holds[1:] & holds[:-1] & (speed != 0)
-    rank = jnp.cumsum(brackets)
+    # downwards from the collapse angle, so that the first change is the first branch
+    still_wiper = jax.lax.stop_gradient(wiper)
+    edge = jnp.asarray(still_wiper.collapse_angle, float) * (1 - 1e-9)
+    changes = sign_changes(partial(push, still_wiper), edge, -edge, STRETCHES, branches)
 
-    def branch(number):
-        found = brackets & (rank == number + 1)
-        exists, at = jnp.any(found), jnp.argmax(found)
-        turned = jnp.where(rises[at + 1], -1.0, 1.0)  # bisection wants a negative lower value
+    def branch(change):
+        turned = jnp.where(change.falls, 1.0, -1.0)  # bisection wants a negative lower value
         lean = optx.root_find(
-            lambda lean, _: turned * push(lean)[0],
+            lambda lean, _: turned * push(wiper, lean)[0],
             _FINDER,
-            0.5 * (grid[at] + grid[at + 1]),
-            options={"lower": grid[at + 1], "upper": grid[at]},
+            0.5 * (change.before + change.after),
+            options={"lower": change.after, "upper": change.before},
             max_steps=52,  # to the last digit
             throw=False,
         ).value
@@ -186,7 +183,7 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
         still, one = jnp.zeros_like(x), jnp.ones_like(x)
 
         def motion(x, v):
-            return _slip(wiper, x, v, regime)
+            return _slip(wiper, x, v)
 
         rest, by_x = jax.jvp(motion, (x, still), (one, still))
         by_v = jax.jvp(motion, (x, still), (still, one))[1]
@@ -196,13 +193,13 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
         root = 0.5 * jnp.sqrt(jnp.where(spread == 0, 1.0, jnp.abs(spread)))
         growth = 0.5 * damp + jnp.where(spread > 0, root, 0.0)
         turn = jnp.where(spread < 0, root, 0.0)
-        exists = exists & rest.holds
+        exists = change.exists & rest.holds & (speed != 0)
 
         def known(value):
             return jnp.where(exists, value, jnp.nan)
 
         return SteadySlip(
-            x=known(x),
+            x=known(along * x),
             phi=known(along * lean),
             normal_force=known(rest.normal_force),
             growth_rate=known(growth),
@@ -213,4 +210,4 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
             exists=exists,
         )
 
-    return jax.vmap(branch)(jnp.arange(branches))
+    return jax.vmap(branch)(changes)

@@ -147,9 +147,9 @@ def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
         _check_variable(variable)
     spec, unable = _specification(ds, dims, trusted)
     ds = ds.copy()
-    for name in EVERY:  # else a slider waits for the file, three times a plane
-        if name in ds and ds[name].nbytes <= MOST_KEPT:
-            ds[name].load()
+    for every in EVERY:  # else a slider waits for the file, three times a plane
+        if every in ds and ds[every].nbytes <= MOST_KEPT:
+            ds[every].load()
     starts = tuple(ds["start"].values.tolist()) if "start" in ds["label"].dims else ()
     return Explored(plain(name), ds, spec, unable, dims, starts)
 

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import xarray as xr
 
-from ..blade.numbers import traceable
+from ..blade.numbers import numbers, traceable
 from ..contact.system import AbstractSystem
 from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
@@ -35,9 +35,10 @@ def basins(
 ) -> xr.Dataset:
     """Return where motions of ``system`` go from many starts, as a batch on all cores.
 
-    **Main arguments:** ``system``, a `Wiper` or any other; a number of it may be an array with one
-    entry a start; ``starts`` = (position, velocity), n arrays (starts,) each, or numbers where all
-    starts are alike; ``settle`` [s], which is not looked at; ``window`` [s] after it.
+    **Main arguments:** ``system``, a `Wiper` or any other; a number of it (a field of type float,
+    or made by `parameter`) may be an array with one entry a start; ``starts`` = (position,
+    velocity), n arrays (starts,) each, or numbers where all starts are alike; ``settle`` [s], which
+    is not looked at; ``window`` [s] after it.
 
     **Other arguments:** as those of `simulate`; ``max_steps`` of each motion.
 
@@ -64,10 +65,7 @@ def basins(
     count = position[0].size
     room = capacity(count)
 
-    def each(leaf):
-        return eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[-1] == count
-
-    varying, fixed = eqx.partition(traceable(system), each)
+    varying, fixed = eqx.partition(traceable(system), _dealt(system, count))
     padding = np.minimum(np.arange(room), count - 1)
     cells = jax.tree.map(lambda x: x[..., padding], (varying, position, velocity))
 
@@ -87,6 +85,27 @@ def _run(cells, fixed, number, settle, window, integration: Integration):
     cases = position[0].shape[-1]
     outcome, _, effort = run_pool(Pool(case, number), lane_count("float64", cases))
     return outcome, effort
+
+
+def _dealt(system: AbstractSystem, count: int) -> Any:
+    """Which leaves of a system have an entry for each start, as a tree. Raises ValueError where it
+    cannot be known: each motion needs the whole of a table that happens to be as long.
+    """
+    known = set(numbers(system))
+
+    def each(keys, leaf) -> bool:
+        length = np.shape(leaf)[-1] if np.ndim(leaf) else None
+        name = jax.tree_util.keystr(keys).removeprefix(".")
+        if name in known and length not in (None, count):
+            one = f"a number or have one entry a start ({count})"
+            raise ValueError(f"system: {name} must be {one}, but had {length}")
+        if name not in known and length == count:
+            must = "must be made by wiperjax.parameter, or of type float, to have one entry a start"
+            why = f"a table must not have as many as there are starts ({count})"
+            raise ValueError(f"system: {name} {must}; {why}")
+        return length == count
+
+    return jax.tree_util.tree_map_with_path(each, system)
 
 
 def _arrays(starts: Any) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
