@@ -1,6 +1,7 @@
 """Maps that are explored: read plane by plane, and refused where they are none."""
 
 import json
+import threading
 import tomllib
 
 import numpy as np
@@ -10,7 +11,7 @@ from stub_sweep import evaluate, make_spec
 
 from wiperjax.cli import main
 from wiperjax.explorer import motion
-from wiperjax.explorer.box import box_spec
+from wiperjax.explorer.box import BLOCK, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
 from wiperjax.explorer.explored import explored, open_explored, plain
@@ -67,10 +68,22 @@ def test_a_box_is_finer_and_lies_where_it_was_dragged(whole):
     assert len(axes["attack_angle"]) == len(axes["belt_speed"]) == 48
     np.testing.assert_allclose(axes["attack_angle"][[0, -1]], [-40 + 0.5 * 80 / 6, -40 + 160 / 6])
     assert axes["belt_speed"][0] == pytest.approx(0.02)  # the map ends there
-    np.testing.assert_allclose(np.diff(np.log(axes["belt_speed"])), np.log(2.5) / 47, rtol=1)
+    np.testing.assert_allclose(np.diff(np.log(axes["belt_speed"])), 0.4 * np.log(50) / 47)
     assert axes["normal_load"].tolist() == [whole.ds["normal_load"].values[2]]
     with pytest.raises(ValueError, match="more than one cell"):
         box_spec(whole, ends | {"attack_angle": (1.0, 1.0)}, {"normal_load": 2}, None)
+
+
+def test_a_box_is_computed_whole_whatever_its_size(whole):
+    """Its last block overlaps another: 48 x 48 cells are no multiple of a block."""
+    ends = {"attack_angle": (0.5, 2.0), "belt_speed": (0.0, 10.0)}
+    spec = box_spec(whole, ends, {"normal_load": 2}, None)
+    told = []
+    found = compute(spec, lambda *counts: told.append(counts), threading.Event(), evaluate)
+    assert told[0] == (0, spec.size) and told[-1] == (spec.size, spec.size)
+    assert spec.size % BLOCK and len(told) == 2 + spec.size // BLOCK
+    expected = evaluate(spec, np.arange(spec.size))["velocity_rms"].reshape(found.ds["label"].shape)
+    np.testing.assert_array_equal(found.ds["velocity_rms"], expected)
 
 
 def test_a_thinned_curve_keeps_its_peaks():

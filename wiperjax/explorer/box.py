@@ -16,8 +16,8 @@ from ..vocabulary.kinds import WAYS
 from .cells import start_of
 from .explored import Explored, explored
 
-FEWEST, MOST = 48, 128  # cells along each side: a multiple of `PARTS` each
-PARTS = 8  # blocks, so that there is progress to tell
+FEWEST, MOST = 48, 128  # cells along each side
+BLOCK = 1280  # cells computed at once, of every box: all have one compiled program
 
 
 class Stopped(Exception):
@@ -64,7 +64,7 @@ def _finer(values: np.ndarray, first: float, last: float) -> np.ndarray:
     first, last = (float(np.clip(place, 0, len(values) - 1)) for place in sorted((first, last)))
     if last - first < 1e-3:
         raise ValueError("the box must reach over more than one cell, in both directions")
-    count = int(np.clip(PARTS * round(2 * (last - first) / PARTS), FEWEST, MOST))
+    count = int(np.clip(round(2 * (last - first)), FEWEST, MOST))
     places, cells = np.linspace(first, last, count), np.arange(len(values))
     if is_geometric(values):
         return np.exp(np.interp(places, cells, np.log(values)))
@@ -76,16 +76,19 @@ def compute(
     evaluate: Evaluate | None = None,
 ) -> Explored:  # fmt: skip
     """The map of a box; `report` is told cells done and cells in all. Raises: `Stopped`."""
-    block = -(-spec.size // PARTS)
-    spans = {k: (k * block, min(spec.size, (k + 1) * block)) for k in range(PARTS)}
+    ends = [min(begin + BLOCK, spec.size) for begin in range(0, spec.size, BLOCK)]
+    spans = {k: (end - BLOCK, end) for k, end in enumerate(ends)}  # the last overlaps another
     blocks, _ = computing(spec, evaluate, None)
-    pieces = []
-    report(0, spec.size)
+    pieces: list[Mapping[str, np.ndarray]] = []
+    done = 0
+    report(done, spec.size)
     for piece in blocks(spec, spans):
         if stop.is_set():
             raise Stopped
-        pieces.append(piece.columns)
-        report(spans[piece.number][1], spec.size)
+        new = ends[piece.number] - done
+        pieces.append({name: values[BLOCK - new :] for name, values in piece.columns.items()})
+        done += new
+        report(done, spec.size)
     columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
     return explored(assemble(spec, columns), "a part, computed again and finer")
 
