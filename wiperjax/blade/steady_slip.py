@@ -149,7 +149,7 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
 
     A pure function of the wiper's numbers: it may be mapped and differentiated.
     """
-    speed = jnp.asarray(wiper.belt.velocity(0.0, 0), float)
+    speed: Scalar = jnp.asarray(wiper.belt.velocity(0.0, 0), float)
     along = jnp.where(speed < 0, -1.0, 1.0)
     # a belt that moves back is a mirrored blade: angles of the grid are the same for all cells
     wiper = replace(wiper, belt=SteadyBelt(along * speed), attack_angle=along * wiper.attack_angle)
