@@ -1,5 +1,6 @@
 """Shared by all tests: 64-bit numbers, which importing wiperjax switches on before any array."""
 
+import ctypes
 import gc
 import os
 import tempfile
@@ -14,25 +15,40 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = _compiled.name
 
 import hypothesis  # noqa: E402
+import psutil  # noqa: E402
 
 import wiperjax  # noqa: E402
 
 wiperjax.configure(1)  # as the command line does: one core for each of the processes
+import jax  # noqa: E402
+
 gc.set_threshold(200_000, 50, 100)  # else a tenth of tracing is looking for garbage
+
+MOST_MEMORY = 3 * 2**30  # bytes of one process, from which on it forgets its compiled programs
 
 # `pytest --hypothesis-profile many tests/whole/test_properties.py`: for a night
 hypothesis.settings.register_profile("many", max_examples=1000)
 
 # The longest files first: begun last, one would keep one process busy and leave the other idle.
-LONGEST = (
-    *("sensitivity", "cycle", "notebooks", "cluster", "measures", "failures", "noises", "lanes"),
-    *("hard_scenes", "against_reference", "reverse", "known_answers", "kills", "saltation_wiper"),
-)
+LONGEST = """commands sensitivity cycle notebooks cluster measures failures noises lanes
+hard_scenes against_reference reverse known_answers kills saltation_wiper""".split()
 
 
 def pytest_collection_modifyitems(items):
     names = [f"test_{name}" for name in LONGEST]
     items.sort(key=lambda i: names.index(i.path.stem) if i.path.stem in names else len(names))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def bounded_memory():
+    """Behind a file of tests that leaves much memory in use, programs are forgotten: all together
+    they are some 10 GB in each of the two processes. What is wanted again is in the folder."""
+    yield
+    if psutil.Process().memory_info().rss > MOST_MEMORY:
+        jax.clear_caches()
+        gc.collect()
+        if trim := getattr(ctypes.CDLL(None), "malloc_trim", None):  # GNU's keeps what is freed
+            trim(0)
 
 
 @pytest.fixture(scope="session")
