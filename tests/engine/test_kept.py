@@ -71,6 +71,14 @@ def test_code_that_no_version_tells_is_not_kept(place):
     assert list(place.iterdir()) == []
 
 
+def test_source_that_changed_under_a_process_is_not_kept(place, monkeypatch):
+    """What was imported before an update would be found by processes after it, as theirs."""
+    source = kept._source()
+    monkeypatch.setattr(kept, "_source", lambda: source + " edited")
+    assert Kept(area)(sides(), 2)["area"][2] == 12.0
+    assert list(place.iterdir()) == [] and TRACED == [2]
+
+
 def test_inside_another_trace_it_is_differentiated(place):
     slope = jax.grad(lambda x: Kept(area)((x, jnp.asarray(2.0)), 2)["area"])(jnp.asarray(3.0))
     assert slope == 4.0 and list(place.iterdir()) == []

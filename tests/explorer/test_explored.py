@@ -3,6 +3,7 @@
 import json
 import threading
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -199,3 +200,15 @@ def test_the_first_motion_is_computed_once_before_a_window_asks(whole, monkeypat
     worker._pool.submit(lambda: None).result(60)
     assert (len(computed), shown) == (1, ["motion"])
     worker.stop()
+
+
+def test_a_cell_of_another_map_at_the_same_place_is_another_motion(whole, monkeypatch):
+    monkeypatch.setattr(motion, "motion_of", lambda asked, *rest: asked.name)
+    worker, place, shown = Worker(), motion.first_place(whole), []
+    for name in ("one box", "another box"):  # which may take the memory of the first
+        box = replace(whole, name=name)
+        motion.wish_motion(worker, "window", box, place, shown.append)
+        worker._pool.submit(lambda: None).result(60)
+        del box
+    worker.stop()
+    assert shown == ["one box", "another box"]

@@ -189,6 +189,23 @@ def test_a_run_that_is_carried_sticks_for_all_of_the_time(squeal):
         assert words(found)["mechanism"] == "carried"
 
 
+@pytest.mark.slow
+def test_a_run_with_impacts_has_the_numbers_of_its_map():
+    """The velocity's jump at an impact is no acceleration, and its peaks are no part of its mean
+    that samples may miss."""
+    blade = {"attack_angle": -35, "support_stiffness": 8000, "restitution": 0.6}
+    run = {"transient": 0.15, "window": 0.05}
+    told = wiperjax.sweep({"axes": {"belt_speed": {"values": [0.3]}}, "blade": blade, "run": run})
+    scene_of_it = {"blade": blade, "belt": {"speed": 0.3}}
+    data = {**scene_of_it, "run": {"duration": 0.2, "sample_interval": 2e-5}}
+    found = assess(scene.run_scene(parse_scene(data)), transient=0.15)
+    assert int(told.impact_count[0]) > 20
+    for name in ("impact_count", "stick_count", "slip_rate"):
+        assert float(found[name]) == pytest.approx(float(told[name][0]), rel=1e-12), name
+    for name, off in (("velocity_mean", 1e-3), ("velocity_rms", 1e-3), ("acceleration_max", 0.1)):
+        assert float(found[name]) == pytest.approx(float(told[name][0]), rel=off), name
+
+
 def test_class_of_a_run_that_cannot_be_told(squeal):
     cut = squeal.assign(result=squeal.result * 0 + RESULTS["non_finite"])
     assert words(assess(cut))["label"] == "failed"

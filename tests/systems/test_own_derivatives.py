@@ -75,6 +75,24 @@ def test_names_units_and_what_another_system_lacks(found):
     assert found.d_velocity_rms_d_belt_speed.attrs["units"] == "(m/s)/(m/s)"
 
 
+@pytest.mark.slow
+def test_a_system_made_of_the_wiper_is_checked_by_what_its_map_has():
+    """It has no growth rate there, which a cell that was checked was asked for."""
+    found = wiperjax.sweep(
+        {
+            "system": "soft_lip",
+            "axes": {"normal_load": {"values": [20.0]}},
+            "parameters": {"attack_angle": 10.0},
+            "belt": {"kind": "steady", "speed": 0.2},
+            "run": {"transient": 0.2, "window": 0.1},
+            "sensitivities": {"parameters": ["normal_load", "contact_stiffness"], "check": 1.0},
+        }
+    ).isel(normal_load=0)
+    assert int(found.sensitivity_code) == VALIDITY["fine"]
+    assert float(found.sensitivity_agreement) < 1e-4
+    assert abs(float(found.d_stick_fraction_d_contact_stiffness)) > 0
+
+
 def test_left_out_they_are_by_the_axes():
     plain = {name: table for name, table in SWEEP.items() if name != "sensitivities"}
     asked = wiperjax.parse_sweep(plain).with_sensitivities()

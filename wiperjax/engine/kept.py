@@ -82,6 +82,9 @@ class Kept:
             return answers
 
         traced = export.export(jax.jit(flat))(*leaves)
+        if _source() != SOURCE:  # else it would be found later as a program of what is there now
+            log.debug("program not kept: the source is no more what this process has imported")
+            return _answering(traced, shapes[0])
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             files.write_bytes(path, pickle.dumps((bytes(traced.serialize()), shapes[0])))
@@ -137,15 +140,23 @@ def _clear(place: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-@cache
-def _traced_with() -> tuple[str, ...]:
-    """What tracing depends on beside the arguments."""
+def _source() -> str:
+    """Digest of this package's source as it stands on the disk."""
     source = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         source.update(path.read_bytes())
+    return source.hexdigest()
+
+
+SOURCE = _source()  # what is imported now: at the first use it may have been edited, or updated
+
+
+@cache
+def _traced_with() -> tuple[str, ...]:
+    """What tracing depends on beside the arguments."""
     versions = (f"{name} {provenance.version(name)}" for name in TRACED_WITH)
     return (
-        source.hexdigest(),
+        SOURCE,
         *versions,
         jax.default_backend(),
         str(CONFIG.jax_enable_x64),

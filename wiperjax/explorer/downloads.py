@@ -42,7 +42,7 @@ class Downloads:
             return
         place, reference = page.place(), page.full_scale()
         work = partial(file_of, page.explored, place, page.begin(), ending, reference)
-        what = (id(page.explored), tuple(place.items()), str(page.begin()), reference, ending)
+        what = (page.explored, tuple(place.items()), str(page.begin()), reference, ending)
         page.worker.wish((page, "file"), what, work, partial(self._later, ending))
 
     def _later(self, ending: str, found: Any) -> None:

@@ -34,7 +34,7 @@ USUAL = (  # variables that are offered first, as far as a map has them
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # two are one only if they are the same object
 class Explored:
     """A map whose planes are read when they are shown.
 

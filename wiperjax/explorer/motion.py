@@ -43,7 +43,7 @@ def wish_motion(
     reference: float = 1.0,
 ) -> None:
     """Has `motion_of` a cell computed for a window; `done` as in `Worker.wish`."""
-    what = (id(explored), tuple(place.items()), str(start), reference)
+    what = (explored, tuple(place.items()), str(start), reference)
     worker.wish(whose, what, partial(motion_of, explored, place, start, reference), done)
 
 

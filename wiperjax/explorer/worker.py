@@ -30,7 +30,8 @@ class Worker:
         done: Callable[[Any], None],
     ) -> None:
         """Calls `done` with the result of `compute`, or the exception it raised, from the thread of
-        this worker; unless `whose` has wished something else meanwhile. `what` names the result.
+        this worker; unless `whose` has wished something else meanwhile. `what` names the result,
+        and is kept with it: a number such as `id` would be that of another map later.
         """
         with self._lock:
             number = self._latest[whose] = self._latest.get(whose, 0) + 1

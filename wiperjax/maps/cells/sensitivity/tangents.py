@@ -9,6 +9,7 @@ import numpy as np
 
 from ....blade.numbers import at
 from ....blade.steady_slip import steady_slip
+from ....blade.wiper import Wiper
 from ....contact.belts import operating_speed
 from ....contact.system import AbstractSystem
 from ....systems.build import Built, belt_of, build, start
@@ -56,12 +57,18 @@ def check_fields(spec, ways, names) -> None:
                 raise ValueError(f"sensitivities.parameters {must}, which would not follow")
 
 
+def is_the_wiper(system: AbstractSystem) -> bool:
+    """Whether a system is the wiper itself: one made of it, such as `SoftLip`, has the columns of a
+    system of one's own."""
+    return type(system) is Wiper
+
+
 def found_of(system, outcome, window) -> dict[str, Any]:
     """Return what a trajectory leaves that has derivatives, and the runners-up of largest values,
     (cells,) each."""
     seconds = outcome.observed.seconds._asdict()
     found = statistics(outcome, window) | {SECOND[k]: x for k, x in seconds.items()}
-    return found | (ended(outcome, True) if system.of_a_blade else {})
+    return found | (ended(outcome, True) if is_the_wiper(system) else {})
 
 
 @eqx.filter_jit
@@ -96,7 +103,7 @@ def start_of(system, ways, theta, spec):
     moved = with_parameters(system, ways, theta)
     belt = belt_of(moved)
     known = {} if belt is None else {"belt_speed_rms": belt.rms}
-    wiper: Any = moved if moved.of_a_blade else None
+    wiper: Any = moved if is_the_wiper(moved) else None
     if wiper is not None:
         linear = steady_slip(wiper, operating_speed(wiper.belt))
         known |= {"growth_rate": linear.growth_rate, "linear_frequency": linear.frequency}

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ....blade.wiper import Wiper
 from ....contact.system import AbstractSystem
 from ....noise.spectrum import dominant_frequency
 from ....numerics.arrays import cellwise
@@ -138,7 +139,7 @@ def _outcome_scale(name: str, columns, system: AbstractSystem) -> np.ndarray:
     size = {"1": np.ones(count)}
     if "belt_speed_rms" in columns:
         size["m/s"] = np.asarray(columns["belt_speed_rms"])
-    if system.of_a_blade:
+    if isinstance(system, Wiper):
         blade: Any = system
         load, length, mass = (  # the wiper has some cells more, which fill up
             cellwise(x, count) for x in (blade.normal_load, blade.lip_length, blade.tip_mass)
