@@ -7,6 +7,7 @@ indeterminate and every one a hundred times dearer than the rest leave their eve
 
 import json
 import time
+from collections import Counter
 from pathlib import Path
 
 import diffrax
@@ -103,9 +104,9 @@ def run(output: Path, count: int, every: int, reference: Path | None, say=print)
         judge = lambda n=number, p=part: _judged(referee, n, p)
         verdicts = parts.once(f"verdicts-{number}", judge, quiet)
         rows += [[number, int(i), *verdict] for i, verdict in verdicts.items()]
-        counts = dict(zip(*np.unique([v[0] for v in verdicts.values()], return_counts=True),
-                          strict=True))  # fmt: skip
-        say(f"judged {number + 1} of {chunks}: {counts}")
+        counts = Counter(verdict[0] for verdict in verdicts.values())
+        said = ", ".join(f"{count} {what}" for what, count in counts.most_common())
+        say(f"judged {number + 1} of {chunks}: {said}")
     dataset = _dataset(found, rows, every)
     small = {str(name): {"zlib": True} for name in dataset.variables if name != "verdict"}
     dataset.to_netcdf(output, engine="h5netcdf", encoding=small)
