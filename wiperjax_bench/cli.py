@@ -12,13 +12,9 @@ import typer
 
 from .everything import everything
 from .files import begin, finish, say
+from .options import Isa, Output, Quick
 
 app = typer.Typer(help="Measure speed and accuracy beside other methods (needs numba).")
-
-Output = Annotated[
-    Path, typer.Option("-o", "--output", metavar="FILE.h5", help="Dataset; text, pictures beside.")
-]
-Quick = Annotated[bool, typer.Option("--quick", help="A small form of it, under two minutes.")]
 
 
 @app.command()
@@ -31,6 +27,7 @@ def chart(
     ] = None,
     repeats: Annotated[int, typer.Option(min=1, help="Interleaved.")] = 3,
     clock: Annotated[str, typer.Option(help="Time that is drawn: wall or cpu.")] = "wall",
+    isa: Isa = None,
 ) -> None:
     """Error against cost of every method on every scene, on one core.
 
@@ -39,7 +36,7 @@ def chart(
     """
     if clock not in ("wall", "cpu"):
         raise ValueError(f"clock must be wall or cpu, but was {clock!r}")
-    begin(output, 1)
+    begin(output, 1, isa=isa)
     from .measurements import chart
     from .reports import chart_plot, chart_text
 
@@ -136,6 +133,7 @@ def speed(
     device: Annotated[
         str | None, typer.Option(help="gpu or cpu: the engine alone, on one of these.")
     ] = None,
+    isa: Isa = None,
 ) -> None:
     """Trajectories per second of the engine and its peers, on one core and on all.
 
@@ -143,7 +141,7 @@ def speed(
     cost over the size of the batch, start-up, memory; and, where chart.h5 and maps.h5 lie beside,
     the precision of every variant. A run that was stopped goes on where it was.
     """
-    begin(output, None if device is None else 1)
+    begin(output, None if device is None else 1, isa=isa)
     if device is not None:
         from .measurements import device as one
         from .reports import device_text
