@@ -158,11 +158,12 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
         return wiper.lip_length * jnp.sin(lean)
 
     def push(wiper, lean):
-        """Force along the glass, towards the belt's motion, over the load; finite at 90 degrees."""
+        """Force along the glass, towards the belt's motion, over the load, finite at 90 degrees;
+        whether D > 0; and the normal force over the load."""
         x = position(lean)
         motion = _slip(wiper, x, jnp.zeros_like(x))
         force = wiper.tip_mass / wiper.normal_load * motion.acceleration
-        return jnp.cos(lean) * force, motion.holds
+        return jnp.cos(lean) * force, motion.mass > 0, motion.normal_force / wiper.normal_load
 
     # downwards from the collapse angle, so that the first change is the first branch
     still_wiper = jax.lax.stop_gradient(wiper)
