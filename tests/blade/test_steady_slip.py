@@ -133,6 +133,28 @@ def test_no_steady_slip_is_nan_and_shapes_are_broadcast():
     np.testing.assert_array_equal(own.phi, r.phi[:, 2:])
 
 
+def test_steady_slip_that_hardly_presses_is_seen():
+    """A stiff support has nearly let go at its lean, 0.08 degrees before the lip lifts off: within
+    one interval of the grid of angles."""
+    lean, mu = 0.5257029305406067, wiperjax.Wiper().law.coefficient(0.244163595)
+    blade = wiperjax.Wiper(
+        support_stiffness=25690.64634,
+        neck_stiffness=0.007035784581,
+        shoulder_stiffness=0.2029603022,
+        shoulder_angle=0.3080565969,
+        normal_load=5.714850366732287,
+        attack_angle=0.44798074154919054,
+        belt=wiperjax.SteadyBelt(0.244163595),
+    )
+    found = steady_slip(blade)
+    assert float(found.phi) == pytest.approx(lean, abs=1e-7)
+    load, moment = float(found.normal_force), spring(blade, found.phi - blade.attack_angle)[0]
+    assert 0 < load < 0.02 * blade.normal_load
+    held = blade.lip_length * load * (np.sin(found.phi) + mu * np.cos(found.phi))
+    assert float(moment) == pytest.approx(float(held), rel=1e-9)
+    assert np.isfinite(found.growth_rate)
+
+
 def slip_by_hand(w, i, speed, x, velocity):
     """x'' of slip under V > 0 with a hinge mass: docs/model.md, section 3, by hand."""
 

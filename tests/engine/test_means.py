@@ -6,7 +6,7 @@ import pytest
 
 from wiperjax.engine.observers.base import Stretch
 from wiperjax.engine.sampling import means
-from wiperjax.engine.sampling.means import Signal, take_means
+from wiperjax.engine.sampling.means import Signal, flush, take_means
 
 
 @pytest.mark.parametrize("window", np.linspace(0.01, 0.9, 8))
@@ -21,3 +21,22 @@ def test_a_step_of_few_digits_ends_when_the_clock_says(window, monkeypatch):
     assert not full
     assert abs(float(ring.until) - window) < 1e-12 * window
     np.testing.assert_allclose(np.sum(ring.samples.output), 0.1 * window, rtol=1e-5)
+
+
+def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
+    """Where a full ring was emptied within a step, the first instant after it had none: 7 of the 50
+    of a raster."""
+    monkeypatch.setattr(means, "outputs", lambda stretch: [jnp.full(1, 0.1)] * 5)
+    signal = Signal(0.0, 0.1, 11, room=15, ring=4, regimes=True)
+    begin, none = jnp.zeros(1), jnp.zeros(1)
+    record, ring, case = signal.record(), signal.empty(none), jnp.zeros(1, jnp.int32)
+    for start, end, regime in ((0.0, 0.83, 2), (0.83, 1.1, 1)):
+        length = jnp.full(1, end - start)
+        stretch = Stretch(None, begin + start, length, none, jnp.full(1, regime), (), (), ())
+        moves, full = True, True
+        while full:
+            ring, full = take_means(signal, ring, stretch, moves)
+            record, ring = flush(signal, record, ring, case)
+            moves = False
+    np.testing.assert_array_equal(record.regime[:11], [2] * 9 + [1] * 2)
+    np.testing.assert_allclose(record.output[:11], 0.1, rtol=1e-6)

@@ -73,14 +73,19 @@ class _Tabulated(wiperjax.AbstractFriction):
         return jnp.interp(speed, self.speeds, self.values)
 
 
+class _Named(Oscillator):
+    coordinates = ("place",)
+
+
 def test_a_table_is_no_number_of_each_start():
     """With as many starts as the table has speeds, each start would get one speed of it."""
-    system = Oscillator(friction=_Tabulated())
+    system = _Named(friction=_Tabulated())
     (x,), (v,) = box(5)
     ds = wiperjax.basins(system, ((x,), (v,)), settle=1.0, window=1.0)
     with pytest.raises(ValueError, match=r"system: friction.speeds must be made by wiperjax.param"):
         wiperjax.basins(system, ((x[:4],), (v[:4],)), settle=1.0, window=1.0)
     assert (ds.result == wiperjax.Result.FINISHED).all()
+    assert list(ds.axis.values) == ["place"]
 
 
 @pytest.mark.parametrize(

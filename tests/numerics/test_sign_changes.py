@@ -13,8 +13,8 @@ GRID = np.linspace(1.0, -1.0, PARTS * STRETCHES + 1)
 
 def on_the_whole_grid(function, count):
     """Numbers of the intervals over which the sign changes, of all values."""
-    value, has = (np.asarray(x) for x in jax.vmap(function)(jnp.asarray(GRID)))
-    up = value >= 0
+    value, has, room = (np.asarray(x) for x in jax.vmap(function)(jnp.asarray(GRID)))
+    up, has = value >= 0, has & (room > 0)
     return np.flatnonzero((up[1:] != up[:-1]) & has[1:] & has[:-1])[:count]
 
 
@@ -30,7 +30,7 @@ def found(function, count):
 
 
 def always(function):
-    return lambda x: (function(x), jnp.asarray(True))
+    return lambda x: (function(x), jnp.asarray(True), jnp.asarray(1.0))
 
 
 def test_roots_of_a_polynomial():
@@ -54,7 +54,7 @@ def test_a_pole_is_no_root_and_what_lies_beside_it_is_seen():
     """Beyond 0.3 there is no value; a root lies 0.01 before it, another beyond."""
 
     def function(x):
-        return (x - 0.29) * (x - 0.5) / (x - 0.301), x < 0.3
+        return (x - 0.29) * (x - 0.5) / (x - 0.301), x < 0.3, jnp.asarray(1.0)
 
     assert len(on_the_whole_grid(function, 3)) == 1
     np.testing.assert_array_equal(found(function, 3), on_the_whole_grid(function, 3))
@@ -62,10 +62,21 @@ def test_a_pole_is_no_root_and_what_lies_beside_it_is_seen():
 
 def test_a_narrow_stretch_with_a_value_between_two_without():
     def function(x):
-        return x - 0.3103, jnp.abs(x - 0.3103) < 0.02
+        return x - 0.3103, jnp.abs(x - 0.3103) < 0.02, jnp.asarray(1.0)
 
     assert len(on_the_whole_grid(function, 2)) == 1
     np.testing.assert_array_equal(found(function, 2), on_the_whole_grid(function, 2))
+
+
+@pytest.mark.parametrize("edge", [0.3101, 0.3104, 0.3111, 0.35])
+def test_a_root_beside_the_end_of_what_it_needs_is_seen_and_one_beyond_is_none(edge):
+    """Both lie in one interval of the grid, 0.0078 wide."""
+
+    def function(x):
+        return x - 0.31, jnp.asarray(True), edge - x
+
+    assert len(found(function, 2)) == 1
+    assert len(found(lambda x: (x - 0.31, jnp.asarray(True), x - edge), 2)) == 0
 
 
 def test_none():

@@ -7,7 +7,7 @@ closed forms this is tested against.
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -152,17 +152,19 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
     speed: Scalar = jnp.asarray(wiper.belt.velocity(0.0, 0), float)
     along = jnp.where(speed < 0, -1.0, 1.0)
     # a belt that moves back is a mirrored blade: angles of the grid are the same for all cells
-    wiper = replace(wiper, belt=SteadyBelt(along * speed), attack_angle=along * wiper.attack_angle)
+    forwards: Any = along * speed
+    wiper = replace(wiper, belt=SteadyBelt(forwards), attack_angle=along * wiper.attack_angle)
 
     def position(lean):
         return wiper.lip_length * jnp.sin(lean)
 
     def push(wiper, lean):
-        """Force along the glass, towards the belt's motion, over the load; finite at 90 degrees."""
+        """Force along the glass, towards the belt's motion, over the load, finite at 90 degrees;
+        whether D > 0; and the normal force over the load."""
         x = position(lean)
         motion = _slip(wiper, x, jnp.zeros_like(x))
         force = wiper.tip_mass / wiper.normal_load * motion.acceleration
-        return jnp.cos(lean) * force, motion.holds
+        return jnp.cos(lean) * force, motion.mass > 0, motion.normal_force / wiper.normal_load
 
     # downwards from the collapse angle, so that the first change is the first branch
     still_wiper = jax.lax.stop_gradient(wiper)

@@ -158,5 +158,5 @@ def _labelled(system, starts, outcome: Outcome, settle: float, window: float) ->
         "result": code(outcome.result, "how the trajectory ended", RESULTS),
     }
     attrs = {"system": type(system).__name__, "settle": settle, "window": window}
-    axis = [f"q{k}" for k in range(len(starts[0]))]
+    axis = list(system.coordinates) or [f"q{k}" for k in range(len(starts[0]))]
     return xr.Dataset(variables, coords={"axis": axis}, attrs=attrs)

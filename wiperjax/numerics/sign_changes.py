@@ -32,12 +32,14 @@ class SignChanges(NamedTuple):
 
 
 def sign_changes(
-    function: Callable[[Scalar], tuple[Scalar, Scalar]], start: Scalar, end: Scalar, stretches: int,
-    count: int,
+    function: Callable[[Scalar], tuple[Scalar, Scalar, Scalar]], start: Scalar, end: Scalar,
+    stretches: int, count: int,
 ) -> SignChanges:  # fmt: skip
     """Return the first ``count`` changes of sign from ``start`` to ``end``.
 
-    ``function``: place -> its value there, and whether it has one. The grid has ``stretches`` times
+    ``function``: place -> its value there, whether it has one, and a smooth number that must be
+    positive at a root: where it vanishes between two places, the straight lines through both tell
+    on which side of that the root is. The grid has ``stretches`` times
     `PARTS` intervals of one width: of two roots within one of them nothing is seen. A dip between
     coarse places is seen where it is no deeper than the sum of the two second differences beside it
     (four times what a kink, sixteen times what a parabola can do).
@@ -49,11 +51,12 @@ def sign_changes(
     def at(number):
         return function(start + width * number)
 
-    value, has = jax.vmap(at)(PARTS * jnp.arange(stretches + 1))
+    value, has, room = jax.vmap(at)(PARTS * jnp.arange(stretches + 1))
     slopes = jnp.diff(value)
     bends = jnp.pad(jnp.abs(jnp.diff(slopes)), 1, mode="edge")
     up, away = value >= 0, jnp.abs(value)
     near = jnp.minimum(away[1:], away[:-1]) <= bends[1:] + bends[:-1]
+    has &= room > 0
     suspect = near | (up[1:] != up[:-1]) | ~(has[1:] & has[:-1])
     order = jnp.arange(stretches)
 
@@ -65,9 +68,10 @@ def sign_changes(
         place, seen, before, falls = state
         place = jnp.argmax(suspect & (order >= place))
         fine = PARTS * place + jnp.arange(PARTS + 1)
-        value, has = jax.vmap(at)(fine)
-        up = value >= 0
-        change = (up[1:] != up[:-1]) & has[1:] & has[:-1]
+        value, has, room = jax.vmap(at)(fine)
+        up, away = value >= 0, jnp.abs(value)
+        at_root = room[:-1] * away[1:] + room[1:] * away[:-1]
+        change = (up[1:] != up[:-1]) & has[1:] & has[:-1] & (at_root > 0)
         number = seen + jnp.cumsum(change) - 1
         mine = change & (number == jnp.arange(count)[:, None])
         which, one = jnp.argmax(mine, axis=1), jnp.any(mine, axis=1)

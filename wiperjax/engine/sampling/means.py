@@ -25,7 +25,8 @@ from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
 from ..observers.base import Stretch, outputs
 
-ROUNDING = 1e-6  # of an interval
+ROUNDING = 1e-6  # of an interval, or of a step
+UNTOLD = 255  # regime of what was not sampled
 
 
 class Signal(eqx.Module):
@@ -57,20 +58,20 @@ class Signal(eqx.Module):
     def empty(self, like: Scalar) -> "Ring":
         """Return an empty ring for a batch of the shape and precision of the state ``like``."""
         slots = jnp.zeros((self.ring, *like.shape), like.dtype)
-        codes = jnp.full(slots.shape, 255, jnp.uint8) if self.regimes else None
+        codes = jnp.full(slots.shape, UNTOLD, jnp.uint8) if self.regimes else None
         none = jnp.zeros(like.shape, jnp.int32)
         begin = jnp.zeros(like.shape) + self.start
         zero = jnp.zeros_like(like)
         powers = (zero,) * len(NODES)
         squares, regime = powers if self.inner else None, none if self.regimes else None
-        still = Segment(begin, zero, zero, begin, powers, squares, regime)
+        still = Segment(begin, zero, zero - 1, begin, powers, squares, regime)  # it tells no regime
         square = slots if self.inner else None
         return Ring(Samples(slots, square, codes), none, begin, still)
 
     def record(self) -> "Samples":
         """Return the empty record of all cases, (room,) each."""
         empty = jnp.full(self.room, jnp.nan, jnp.float32)
-        codes = jnp.full(self.room, 255, jnp.uint8) if self.regimes else None
+        codes = jnp.full(self.room, UNTOLD, jnp.uint8) if self.regimes else None
         return Samples(empty, empty if self.inner else None, codes)
 
 
@@ -144,9 +145,11 @@ def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Rin
     if square is not None:
         square = spread(square, part.squares)
     if regime is not None:
-        # at an event's own instant the motion before it counts
+        # at an event's own instant the motion before it counts; where a ring begins within a step,
+        # that instant is as far as the motion already is in the samples
         first = (borders[:-1] == signal.start) & (u[:-1] >= low)
-        here = ((u[:-1] > low) | first) & (u[:-1] <= part.end)
+        untold = (regime == UNTOLD) & (u[:-1] >= -ROUNDING)
+        here = (untold | first) & (u[:-1] <= part.end)
         regime = jnp.where(here, part.regime.astype(jnp.uint8), regime)
     until = larger(ring.until, smaller(part.last, borders[-1]))
     slack = ROUNDING * signal.interval
@@ -190,7 +193,7 @@ def flush(signal: Signal, record: Samples, ring: Ring, case) -> tuple[Samples, R
     record = Samples(
         write(record.output, mean, jnp.nan),
         write(record.inner, inner, jnp.nan),
-        write(record.regime, regime, 255),
+        write(record.regime, regime, UNTOLD),
     )
-    rest = Samples(begun(output, 0), begun(square, 0), begun(regime, 255))
+    rest = Samples(begun(output, 0), begun(square, 0), begun(regime, UNTOLD))
     return record, ring._replace(samples=rest, first=index)
