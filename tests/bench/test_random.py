@@ -35,7 +35,8 @@ def judged():
     """A referee, blades, one of them, and the reference's events of it as an engine logs them."""
     referee = Referee(REFERENCE, 2e-3, 1e-6)
     drawn = wide.draw(0, 1, 0, 16)
-    place, events = next((i, e) for i in range(16) if len(e := referee.events(drawn, i)) > 3)
+    seen = ((i, referee.seen(drawn, i).events) for i in range(16))
+    place, events = next((i, e) for i, e in seen if len(e) > 3)
     kinds = {kind.name.lower(): int(kind) for kind in Event}
     assert events[-1][1] == "finished"
     return referee, drawn, place, [[t, kinds[k], b, a] for t, k, b, a in events[:-1]]
@@ -66,9 +67,27 @@ def test_the_reference_says_that_several_motions_were_possible(judged, monkeypat
         return run
 
     monkeypatch.setattr(referee.code, "simulate", flagged)
-    say = lambda code: referee.verdict(drawn, place, log, code)[0]
+    say = lambda code, events=log: referee.verdict(drawn, place, events, code)[0]
     assert say(Result.PAINLEVE_INDETERMINATE) == "same"
     assert say(Result.FINISHED) == "different"
+    others = [*log[:-1], [log[-1][0], int(Event.KINK), 1, 1]]
+    assert say(Result.PAINLEVE_INDETERMINATE, others) == "one of several"
+    assert say(Result.FINISHED, others) == "different"
+
+
+def test_events_before_several_motions_are_possible_are_not_excused(judged, monkeypatch):
+    referee, drawn, place, log = judged
+    simulate = referee.code.simulate
+
+    def flagged(*args, **options):
+        run = simulate(*args, **options)
+        run.flags.append((2e-3, "indeterminate"))
+        return run
+
+    monkeypatch.setattr(referee.code, "simulate", flagged)
+    others = [*log[:-1], [log[-1][0], int(Event.KINK), 1, 1]]
+    code = Result.PAINLEVE_INDETERMINATE
+    assert referee.verdict(drawn, place, others, code)[0] == "different"
 
 
 def test_a_folder_without_the_reference_is_refused(tmp_path):

@@ -7,7 +7,9 @@ That code is the tests' own (`tests/helpers/reference/blade.py` of a checkout: s
 import importlib.util
 import signal
 import sys
+from math import inf
 from pathlib import Path
+from typing import NamedTuple
 
 from wiperjax.vocabulary.codes import Event, Regime, Result
 
@@ -20,11 +22,19 @@ BELT = (Event.BELT_REVERSAL, Event.BELT_KINK)
 VERDICTS = {
     "same": "the same events and result code, as far as the start moved by rtol has them",
     "sensitive": "others where the start moved by 100 rtol has others, too",
+    "one of several": "others behind an instant at which both say that several are possible",
     "different": "others before that",
     "failed": "the engine stopped; the reference was asked for its first 1000 events only",
     "both stopped": "neither came to the end",
     "no reference": "the reference stopped, or took too long",
 }
+
+
+class Seen(NamedTuple):
+    """What the reference finds."""
+
+    events: list  # (time in s, name, regime before, regime after) each
+    splits: float  # first time at which several motions are possible, inf if there is none
 
 
 class Referee:
@@ -53,27 +63,30 @@ class Referee:
         if not stopped and len(log) < LOG:
             found.append(self._end(Result(result)))
         try:
-            true = self.events(drawn, i)
+            true, splits = self.seen(drawn, i)
             agreed = known = common(found, true)
             if stopped:
                 verdict = "failed"
             elif agreed == len(found):
                 verdict = "same"
             else:
-                known = common(true, self.events(drawn, i, self.rtol))
+                known = common(true, self.seen(drawn, i, self.rtol).events)
                 verdict = "same" if agreed >= known else "different"
             if verdict == "different":
-                far = common(true, self.events(drawn, i, 100 * self.rtol))
+                far = common(true, self.seen(drawn, i, 100 * self.rtol).events)
                 verdict = "sensitive" if agreed >= far else "different"
+            if verdict == "different" and result == Result.PAINLEVE_INDETERMINATE:
+                before = agreed < len(true) and splits < true[agreed][0]
+                verdict = "one of several" if before else "different"
         except (ArithmeticError, ValueError, TimeoutError):
             return ["both stopped" if stopped else "no reference", 0, 0, 0.0]
         pairs = zip(found[:agreed], true[:agreed], strict=True)
         return [verdict, agreed, known, max((abs(f[0] - t[0]) for f, t in pairs), default=0.0)]
 
-    def events(self, drawn: wide.Drawn, i: int, moved: float = 0.0) -> list:
-        """Return the reference's (time in s, name, regime before, regime after) of each event of
-        blade ``i``, from its start or from one moved by that share of lip and belt speed; the last
-        is called as the result code where it got there within `MOST` events.
+    def seen(self, drawn: wide.Drawn, i: int, moved: float = 0.0) -> Seen:
+        """Return what the reference finds of blade ``i``, from its start or from one moved by that
+        share of lip and belt speed; the last event is called as the result code where it got there
+        within `MOST` events.
 
         Raises TimeoutError after `PATIENCE`, ArithmeticError where the reference stops.
         """
@@ -89,11 +102,12 @@ class Referee:
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0)
         events = _merged([(e.time, e.kind, e.before, e.after) for e in run.events])
+        splits = min((time for time, _ in run.flags), default=inf)
         if run.result == "max_events":
-            return events
+            return Seen(events, splits)
         indeterminate = run.flags and run.result == "finished"
         code = "painleve_indeterminate" if indeterminate else run.result
-        return [*events, self._end(Result[code.upper()])]
+        return Seen([*events, self._end(Result[code.upper()])], splits)
 
     def _end(self, code: Result) -> tuple:
         return self.duration, code.name.lower(), -1, -1

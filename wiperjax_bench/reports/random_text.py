@@ -56,7 +56,8 @@ def _judged(dataset: xr.Dataset) -> list[str]:
         lines.append(f"| {name} | {np.sum(verdict == name)} | {meaning} |")
     agreed = int(dataset["agreed"].sum())
     lines += ["", f"{agreed} events agree in kind, order and regimes.", ""]
-    for at in np.flatnonzero(np.isin(verdict, ("different", "failed")))[:LISTED]:
+    told = [np.flatnonzero(verdict == name) for name in ("different", "one of several", "failed")]
+    for at in np.concatenate(told)[:LISTED]:
         row = {k: dataset[k].to_numpy()[at] for k in ("judged_chunk", "judged_place", "agreed")}
         chunk, place = int(row["judged_chunk"]), int(row["judged_place"])
         code = Result(int(dataset["result"][chunk * dataset.attrs["chunk"] + place])).name.lower()
