@@ -166,7 +166,7 @@ def _slips(run: xr.Dataset, velocity: np.ndarray, window: float) -> dict[str, fl
     """
     time = np.asarray(run["time"], dtype=float)
     names = flag_names(run["regime"])
-    regime = np.array([names[int(code)] for code in run["regime"]])
+    regime = np.array([names[code] for code in np.asarray(run["regime"]).tolist()])
     out = {code for code, name in flag_names(run["event_kind"]).items() if name == "release"}
     of_them = np.isin(run["event_kind"], list(out)) & (np.asarray(run["event_time"]) >= time[0])
     count = int(of_them.sum())
