@@ -3,30 +3,94 @@
 import json
 import threading
 import tomllib
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
+from bokeh.document import Document
 from stub_sweep import evaluate, make_spec
 
 from wiperjax.cli import main
 from wiperjax.explorer import motion
-from wiperjax.explorer.box import BLOCK, box_spec, compute
+from wiperjax.explorer.box import BLOCK, Boxes, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
 from wiperjax.explorer.explored import explored, open_explored, plain
+from wiperjax.explorer.map_panel import MapPanel
+from wiperjax.explorer.page import Page
 from wiperjax.explorer.scale import NOTHING, painted
 from wiperjax.explorer.static import nearest, write_static
 from wiperjax.explorer.worker import Worker
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
-from wiperjax.specs.load import parse_scene
+from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
 
 
 @pytest.fixture(scope="module")
 def whole():
     return explored(driver.sweep(make_spec(), evaluate=evaluate, progress=False), "stub.h5")
+
+
+@pytest.fixture(scope="module")
+def line():
+    """A map of one axis."""
+    spec = make_spec().document()
+    spec["axes"] = {"belt_speed": spec["axes"]["belt_speed"]}
+    return explored(driver.sweep(parse_sweep(spec), evaluate=evaluate, progress=False), "line.h5")
+
+
+def test_a_map_of_one_axis_is_a_strip_with_its_borders_across(line):
+    assert line.plane_axes() == ("belt_speed", "")
+    growth = np.linspace(1.0, -3.0, 11)  # 0 at two and a half cells
+    points = {
+        "border_axis": ("border", np.zeros(1, np.int8), {"flag_meanings": "belt_speed"}),
+        "border_belt_speed": ("border", line.ds["belt_speed"].values[[4]]),
+    }
+    ds = line.ds.assign(growth_rate=("belt_speed", growth), **points)
+    shown, panel = replace(line, ds=ds.assign_attrs(border_on="label")), MapPanel()
+    for variable, axis in (("label", False), ("velocity_rms", True), ("label", False)):
+        panel.show(shown, shown.plane("belt_speed", "", {}, None, {variable}), *(
+            "belt_speed", "", variable))  # fmt: skip
+        assert panel.overlay.axis.visible == axis and not panel.upright.visible
+        assert panel.plane.data["image"][0].shape == (1, 11)
+        (boundary,) = panel.overlay.lines["boundary"].data["x"]
+        np.testing.assert_allclose(boundary, 2.5)
+    (border,) = panel.overlay.lines["border"].data["x"]
+    np.testing.assert_allclose(border, 4.0, atol=1e-9)
+    assert "steady slip loses stability" in panel.legend.text and "located" in panel.legend.text
+
+
+def test_a_map_that_is_one_plane_is_not_kept_in_memory(tmp_path):
+    path = tmp_path / "plane.h5"
+    spec = make_spec().document()
+    del spec["axes"]["normal_load"]
+    driver.sweep(spec, path, evaluate=evaluate, progress=False).close()
+    found, ds = open_explored(path)
+    with ds:
+        plane = found.plane("attack_angle", "belt_speed", {}, None, {"normal_force_max"})
+        assert plane["normal_force_max"].any()
+        assert not found.ds["normal_force_max"].variable._in_memory
+
+
+def test_a_slider_that_moves_asks_for_a_motion_when_it_rests(whole):
+    wishes = []
+    worker = SimpleNamespace(wish=lambda *wish: wishes.append(wish))
+    document = Document()
+    page = Page(document, whole, worker, Boxes(evaluate))
+    assert len(wishes) == 1  # the cell that is shown first
+    (slider,) = page.below.children
+    for place in (1, 2, 3):
+        slider.value = place
+        expected = whole.ds["label"].isel(normal_load=place).transpose("belt_speed", ...)
+        np.testing.assert_array_equal(page.map.plane.data["values"][0], expected.values.ravel())
+    assert len(wishes) == 1
+    (rest,) = document.session_callbacks
+    rest.callback()
+    assert len(wishes) == 2 and wishes[1][1][1] == tuple(page.place().items())
+    assert page.place()["normal_load"] == 3
 
 
 def test_a_plane_holds_what_is_shown_and_no_more(whole):
@@ -45,6 +109,7 @@ def test_colours_stand_for_the_classes_and_numbers_of_a_plane(whole):
     assert paint.palette[0] == "#E3EAF0"  # quiet, as in every picture
     codes = np.array(list(paint.names))[paint.shades]
     np.testing.assert_array_equal(codes, plane["label"])
+    assert paint.values.dtype == np.int8  # a byte a cell is sent
     numbers = painted(plane, "normal_force_max")
     order = np.argsort(plane["normal_force_max"].values.ravel())
     assert (np.diff(numbers.shades.ravel()[order].astype(int)) >= 0).all()
@@ -86,6 +151,15 @@ def test_a_box_is_computed_whole_whatever_its_size(whole):
     np.testing.assert_array_equal(found.ds["velocity_rms"], expected)
 
 
+def test_a_box_of_one_axis_is_one_block(line):
+    spec = box_spec(line, {"belt_speed": (1.0, 3.0)}, {}, None)
+    assert spec.shape == (BLOCK,)
+    values = line.ds["belt_speed"].values
+    np.testing.assert_allclose(spec.axes_values()["belt_speed"][[0, -1]], values[[1, 3]])
+    found = compute(spec, lambda *counts: None, threading.Event(), evaluate)
+    assert found.plane_axes() == ("belt_speed", "")
+
+
 def test_a_thinned_curve_keeps_its_peaks():
     curve = np.sin(np.linspace(0, 300, 100_000))
     curve[54_321] = 7.0
@@ -104,6 +178,8 @@ def broken(ds, how):
         return bad
     if how == "axis of nan":
         return ds.assign_coords(belt_speed=np.full(ds.sizes["belt_speed"], np.nan))
+    if how == "one cell":
+        return ds.isel({name: [0] for name in ds["label"].dims})
     if how == "axis without values":
         return ds.drop_vars("belt_speed")
     return ds.isel(belt_speed=[0, 2, 1])
@@ -116,6 +192,7 @@ def broken(ds, how):
         ("no names", "names do not fit (label)"),
         ("axis of nan", "no finite numbers (belt_speed)"),
         ("axis without values", "without values (belt_speed)"),
+        ("one cell", "has one cell alone"),
         ("axis to and fro", "neither rise nor fall (belt_speed)"),
     ],
 )

@@ -20,6 +20,7 @@ from ..vocabulary.cf import flag_names
 from .explored import plain
 
 MOST_POINTS = 3000  # of a curve: more than a screen is wide
+MOST_TURNS = 12_000  # points of the phase portrait: a round of it has some twenty
 MOST_TICKS = 2000  # of one kind of event
 FRAMES = 150  # of the animation
 DECADES = 4  # of the spectrum
@@ -88,7 +89,8 @@ def thinned(*curves: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
     return np.unique(np.concatenate([*ends, *chosen]))
 
 
-def _with_room(values: np.ndarray, share: float = 0.08) -> tuple[float, float]:
+def with_room(values: np.ndarray, share: float = 0.08) -> tuple[float, float]:
+    """The ends of an axis that shows all of `values`, and `share` more on either side."""
     low, high = float(np.min(values)), float(np.max(values))
     room = share * (high - low) or 0.5 * abs(high) or 1.0
     return low - room, high + room
@@ -118,13 +120,13 @@ def _history(content: Content, part: xr.Dataset) -> None:
         "shape": [shape[EVENTS[name]] for name, times in marks.items() for _ in times[:400]],
     }
     content.ranges["time"] = (float(time[0]), float(time[-1]))
-    content.ranges["velocity"] = _with_room(np.concatenate([speed, glass]))
+    content.ranges["velocity"] = with_room(np.concatenate([speed, glass]))
 
 
 def _portrait(content: Content, part: xr.Dataset) -> None:
     """Velocity over position, a curve for each stretch in one regime."""
     x, v = orbit(part, 0)
-    chosen = thinned(x, v)
+    chosen = thinned(x, v, most=MOST_TURNS)
     x, v = x[chosen], v[chosen]
     codes = np.asarray(part["regime"], dtype=int)[chosen]
     names = {code: name.lower() for code, name in flag_names(part["regime"]).items()}
@@ -137,7 +139,7 @@ def _portrait(content: Content, part: xr.Dataset) -> None:
     }
     glass = float(part["belt_velocity"][0]) if "belt_velocity" in part else np.nan
     steady = "belt_velocity" in part and is_steady(part)
-    content.ranges["position"], content.ranges["speed"] = _with_room(x), _with_room(v)
+    content.ranges["position"], content.ranges["speed"] = with_room(x), with_room(v)
     ends = np.array(content.ranges["position"]) if steady else np.zeros(0)
     content.columns["glass_speed"] = {"x": ends, "v": np.full(ends.size, glass)}
 
@@ -157,7 +159,6 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
     content.columns["classes"] = {
         "left": [a for _, a, _ in rows],
         "right": [b for *_, b in rows],
-        "middle": [float(np.sqrt(a * b)) for _, a, b in rows],
         "colour": [CLASSES[name] for name, *_ in rows],
         "name": [name for name, *_ in rows],
     }
@@ -230,7 +231,7 @@ def _friction(content: Content, part: xr.Dataset) -> None:
         "colour": [REGIMES.get(names.get(int(code), ""), UNKNOWN) for code in codes],
     }
     content.ranges["slip"] = (float(speed[0]), float(speed[-1]))
-    content.ranges["mu"] = _with_room(np.concatenate([law, share]))
+    content.ranges["mu"] = with_room(np.concatenate([law, share]))
 
 
 def _lip(content: Content, part: xr.Dataset) -> None:
