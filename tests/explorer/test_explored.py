@@ -13,7 +13,7 @@ from bokeh.document import Document
 from stub_sweep import evaluate, make_spec
 
 from wiperjax.cli import main
-from wiperjax.explorer import motion
+from wiperjax.explorer import cells, motion
 from wiperjax.explorer.box import BLOCK, Boxes, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
@@ -245,9 +245,9 @@ def test_a_file_for_a_browser_takes_cells_of_the_map_only(whole, tmp_path):
     assert nearest(whole, {"attack_angle": 14}) == {
         "attack_angle": 4, "normal_load": 2, "belt_speed": 5,
     }  # fmt: skip
-    for cells, says in (({"attack": 3}, "must be an axis"), ({"attack_angle": 41}, "-40 ... 40")):
+    for cell, says in (({"attack": 3}, "must be an axis"), ({"attack_angle": 41}, "-40 ... 40")):
         with pytest.raises(ValueError, match=says):
-            write_static(whole, tmp_path / "page.html", [cells])
+            write_static(whole, tmp_path / "page.html", [cell])
     assert not list(tmp_path.iterdir())
 
 
@@ -258,6 +258,15 @@ def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch)
         document = whole.spec.document() | change
         found = explored(whole.ds.assign_attrs(specification=json.dumps(document)))
         assert found.spec is None and "only --trust imports" in found.unable
+
+
+def test_all_cells_of_a_map_are_asked_of_one_program(whole, monkeypatch):
+    asked = []
+    failed = {"result": 1}
+    monkeypatch.setattr(cells, "run_scene", lambda _, varied: asked.append(varied) or failed)
+    cells.simulated(whole, scene_of(whole, motion.first_place(whole)))
+    assert asked == [whole.dims]
+    assert whole.ds["attack_angle"][motion.first_place(whole)["attack_angle"]] == 0  # the middle
 
 
 def test_words_are_one_plain_line():

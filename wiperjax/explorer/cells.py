@@ -91,11 +91,13 @@ def _state(spec: Any, cell: np.ndarray, ended: Any = None) -> dict[str, Any]:
     return {"position": position + rest, "velocity": velocity + rest}
 
 
-def simulated(scene: dict[str, Any], transient: float) -> tuple[Any, dict[str, float]]:
-    """The run of a scene, and what is told of it after the `transient` (s), as a map tells it."""
-    run = run_scene(parse_scene(scene, "this cell"))
+def simulated(explored: Explored, scene: dict[str, Any]) -> tuple[Any, dict[str, float]]:
+    """The run of the scene of a cell, and what is told of it after the transient, as the map does.
+    All cells have one compiled program.
+    """
+    run = run_scene(parse_scene(scene, "this cell"), varied=explored.dims)
     finished = int(run["result"]) == 0
-    told = assess(run, transient=transient) if finished else None
+    told = assess(run, transient=explored.spec.run.transient) if finished else None
     return run, {} if told is None else {str(n): float(v) for n, v in told.data_vars.items()}
 
 

@@ -60,7 +60,7 @@ def file_of(
     explored: Explored, place: dict[str, int], start: Any, ending: str, reference: float
 ) -> bytes:
     """What a file of this ending holds of the run of a cell; the sound at its full scale."""
-    run, _ = simulated(scene_of(explored, place, start), explored.spec.run.transient)
+    run, _ = simulated(explored, scene_of(explored, place, start))
     if ending == ".wav":
         return sound(run, reference=reference).wav()
     return exported(run, ending)
