@@ -151,6 +151,15 @@ def test_a_box_is_computed_whole_whatever_its_size(whole):
     np.testing.assert_array_equal(found.ds["velocity_rms"], expected)
 
 
+def test_a_box_of_a_trusted_map_is_trusted(whole):
+    document = whole.spec.document() | {"blade": {"friction": "own_systems:Falling"}}
+    ds = driver.sweep(document, evaluate=evaluate, progress=False)
+    ends = {"attack_angle": (0.5, 2.0), "belt_speed": (-3.0, 4.0)}
+    spec = box_spec(explored(ds, trusted=True), ends, {"normal_load": 2}, None)
+    found = compute(spec, lambda *counts: None, threading.Event(), evaluate)
+    assert found.unable == "" and found.spec.blade.friction == "own_systems:Falling"
+
+
 def test_a_box_of_one_axis_is_one_block(line):
     spec = box_spec(line, {"belt_speed": (1.0, 3.0)}, {}, None)
     assert spec.shape == (BLOCK,)
@@ -166,6 +175,33 @@ def test_a_thinned_curve_keeps_its_peaks():
     chosen = thinned(curve, most=500)
     assert len(chosen) <= 500 and curve[chosen].max() == 7.0 and curve[chosen].min() == curve.min()
     assert chosen[0] == 0 and chosen[-1] == 99_999
+    chosen = thinned(curve, most=500, even=False)  # half of the points in half of the axis
+    assert len(chosen) <= 500 and curve[chosen].max() == 7.0 and {0, 99_999} <= set(chosen)
+    assert np.array_equal(chosen[:10], np.arange(10))
+
+
+def test_a_slow_system_is_sampled_and_shown_by_its_own_time():
+    spec = {
+        "system": "own_systems:Oscillator",
+        "axes": {"tilt": {"values": [0.0, 1.0]}, "load": {"values": [1.0, 2.0]}},
+        "run": {"transient": 30.0, "window": 30.0},
+        "classes": {"squeal_band": [0.05, 1.0], "chatter_band": [0.001, 0.05]},
+    }
+    ds = driver.sweep(spec, evaluate=still, progress=False)
+    found = motion.motion_of(explored(ds, trusted=True), {"tilt": 0, "load": 1})
+    assert found.labels["history"][0] == "time (s)" and found.ranges["time"][1] == 60
+    assert found.ranges["frequency"][1] == pytest.approx(25, rel=0.01)  # a 50th of a period each
+    assert "stick-slip" in found.texts["table"]
+
+
+def still(spec, index, finer=1, room=None):
+    """Cells of any system, at rest."""
+    nothing = np.zeros(len(index))
+    names = ("velocity_rms", "stick_fraction", "flight_fraction", "normal_force_max", "steps")
+    signal = np.zeros((len(index), finer * spec.samples), np.float32)
+    return {"result": nothing.astype(int), "slip_fraction": nothing + 1, "signal": signal} | {
+        name: nothing for name in (*names, "belt_speed_rms")
+    }
 
 
 def broken(ds, how):

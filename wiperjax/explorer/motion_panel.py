@@ -32,8 +32,8 @@ SOURCES = {  # source -> its columns
     "classes": ("left", "right", "colour", "name"),
     "levels": ("image", "t", "f", "width", "height"), "ticks": ("t", "row"),
     "law": ("slip", "mu"), "force": ("slip", "mu", "colour"),
-    "frames": ("x", "y", "hinge", "travel", "px", "py", "t", "v", "at", "colour", "regime",
-               "length"),
+    "frames": ("x", "y", "hinge", "travel", "px", "py", "t", "when", "v", "at", "colour",
+               "regime", "length"),
 }  # fmt: skip
 RANGES = (
     *("time", "velocity", "position", "speed", "frequency", "amplitude", "whole", "pitch"),
@@ -166,6 +166,7 @@ class MotionPanel:
             "Phase portrait", "position along the glass (mm)", "velocity (m/s)",
             x_range=self.ranges["position"], y_range=self.ranges["speed"],
         )  # fmt: skip
+        picture.xaxis.ticker.desired_num_ticks = 4  # a small motion has long numbers
         picture.line(
             "x", "v", source=self.sources["glass_speed"], color=BELT, line_dash="dashed",
             line_width=1.4,
