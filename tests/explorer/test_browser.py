@@ -5,6 +5,7 @@ import io
 
 import numpy as np
 import pytest
+import pyuff
 import scipy.io.wavfile
 from explorer_pages import Window, browser, servers, sixteen  # noqa: F401
 
@@ -91,17 +92,22 @@ def test_the_sound_is_that_of_the_motion(window):
     assert "full scale = 0.1 m/s" in window.text(".audio p")
 
 
-@pytest.mark.parametrize("kind", ["CSV", "WAV"])
-def test_the_run_is_saved(window, kind):
+@pytest.mark.parametrize("kind", ["CSV", "WAV", "UFF 55 (its modes)"])
+def test_the_run_is_saved(window, kind, tmp_path):
     window.click(2, 1, 4, 2)
     window.until(lambda: "belt speed 0.3" in window.text(".where"))
     window.page.get_by_label("save the run as").select_option(label=kind)
-    with window.page.expect_download() as download:
+    with window.page.expect_download(timeout=150_000) as download:  # it may compile
         window.page.get_by_role("button", name="save the run").click()
     content = download.value.path().read_bytes()
     if kind == "CSV":
         table = np.loadtxt(io.BytesIO(content), delimiter=",", skiprows=1)
         assert table[-1, 0] == pytest.approx(0.07) and np.ptp(table[:, 3]) > 0.3
+    elif kind != "WAV":
+        assert download.value.suggested_filename == "modes.uff"
+        (tmp_path / "modes.uff").write_bytes(content)
+        one = pyuff.UFF(str(tmp_path / "modes.uff")).read_sets()
+        assert one["type"] == 55 and one["eig"].real > 0  # it squeals
     else:
         rate, samples = scipy.io.wavfile.read(io.BytesIO(content))
         assert rate == 48_000 and len(samples) == pytest.approx(0.07 * rate, abs=2)
