@@ -191,7 +191,8 @@ def test_a_slow_system_is_sampled_and_shown_by_its_own_time():
     found = motion.motion_of(explored(ds, trusted=True), {"tilt": 0, "load": 1})
     assert found.labels["history"][0] == "time (s)" and found.ranges["time"][1] == 60
     assert found.ranges["frequency"][1] == pytest.approx(25, rel=0.01)  # a 50th of a period each
-    assert "stick-slip" in found.texts["table"]
+    assert found.ranges["pitch"][1] == pytest.approx(2, rel=0.1)
+    assert "stick-slip" in found.texts["table"] and "too slow" in found.texts["audio"]
 
 
 def still(spec, index, finer=1, room=None):

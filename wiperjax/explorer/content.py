@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..datasets.run_dataset import event_times, is_steady, last_periods, settled
+from ..datasets.run_dataset import event_times, is_steady, last_periods, pitch, settled
 from ..noise.classes import stored
 from ..plots.runs.animation import lip_scene
 from ..plots.runs.bands import pieces
@@ -187,7 +187,9 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
 
 def _spectrogram(content: Content, run: xr.Dataset) -> None:
     """Level over time and frequency as shades, and ticks of the events below."""
-    found = levels(run)
+    tone = pitch(run)
+    top = max(2 * stored(run.attrs).squeal_band[1], 8 * tone if np.isfinite(tone) else 0.0)
+    found = levels(run, highest=top)
     chosen = np.linspace(0, found.frequency.size - 1, min(found.frequency.size, 256)).astype(int)
     columns = np.linspace(0, found.time.size - 2, min(found.time.size - 1, 400)).astype(int)
     share = (found.decibels[np.ix_(chosen, columns)] - found.peak) / LEVELS + 1
