@@ -6,6 +6,7 @@ import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -17,11 +18,12 @@ from wiperjax.explorer import cells, motion
 from wiperjax.explorer.box import BLOCK, Boxes, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
-from wiperjax.explorer.explored import explored, open_explored, plain
+from wiperjax.explorer.explored import EVERY, explored, open_explored, plain
 from wiperjax.explorer.map_panel import MapPanel
 from wiperjax.explorer.page import Page
 from wiperjax.explorer.scale import NOTHING, painted
 from wiperjax.explorer.static import nearest, write_static
+from wiperjax.explorer.unpacked import MOST
 from wiperjax.explorer.worker import Worker
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
@@ -73,6 +75,24 @@ def test_a_map_that_is_one_plane_is_not_kept_in_memory(tmp_path):
         plane = found.plane("attack_angle", "belt_speed", {}, None, {"normal_force_max"})
         assert plane["normal_force_max"].any()
         assert not found.ds["normal_force_max"].variable._in_memory
+
+
+def test_variables_that_were_shown_last_are_held_open(tmp_path):
+    """HDF5 keeps their unpacked pieces that long."""
+    path = tmp_path / "map.h5"
+    driver.sweep(make_spec(), path, evaluate=evaluate, progress=False).close()
+    found, ds = open_explored(path)
+    shown = list(found.variables)[: MOST + 3]
+    with ds:
+        for name in shown:
+            at = {"normal_load": 1}
+            plane = found.plane("attack_angle", "belt_speed", at, None, {name})
+            np.testing.assert_array_equal(plane[name], ds[name].isel(at).T)
+        held = [name for name in shown if name not in EVERY][-MOST:]
+        assert list(found.unpacked._open) == held
+        found.unpacked.close()
+    with h5py.File(path, "r+"):  # it is free
+        pass
 
 
 def test_a_slider_that_moves_asks_for_a_motion_when_it_rests(whole):
@@ -243,7 +263,6 @@ def test_a_broken_map_is_refused_in_one_line(whole, how, says, tmp_path, capsys)
 
 def test_what_would_fill_the_memory_is_refused_unread(tmp_path):
     path = tmp_path / "large.h5"
-    h5py = pytest.importorskip("h5py")
     count = 30_000
     label = xr.Dataset(
         {"label": (("x", "y"), np.zeros((2, 2), np.int8),

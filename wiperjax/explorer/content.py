@@ -101,7 +101,7 @@ def with_room(values: np.ndarray, share: float = 0.08) -> tuple[float, float]:
 
 def _clock(part: xr.Dataset) -> tuple[float, str]:
     """Factor and unit of the times that are shown: of a slow system seconds."""
-    return (1.0, "s") if float(part["time"][-1]) > LONG else (1e3, "ms")
+    return (1.0, "s") if float(part.attrs["duration"]) > LONG else (1e3, "ms")
 
 
 def _history(content: Content, part: xr.Dataset) -> None:

@@ -4,7 +4,7 @@ import html
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from ..store.levels import is_refined
 from ..store.whole import borders, open_map
 from ..vocabulary.cf import flag_names
 from ..vocabulary.wording import shorten
+from .unpacked import Unpacked
 
 MOST_PLANE = 4_000_000  # cells of a plane: more than a screen has points
 MOST_CHUNK = 2**26  # cells that are unpacked at once: a file may claim any number
@@ -46,6 +47,7 @@ class Explored:
         unable: why they cannot; empty if they can.
         dims: its axes.
         starts: names or numbers of the starts of a cell; empty if it has but one.
+        unpacked: pieces of its file that planes side by side share.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Explored:
     unable: str
     dims: tuple[str, ...]
     starts: tuple[Any, ...] = ()
+    unpacked: Unpacked = field(default_factory=Unpacked)
 
     @cached_property
     def variables(self) -> dict[str, str]:
@@ -95,6 +98,7 @@ class Explored:
             for name in self.ds.data_vars
             if name in wanted or str(name).startswith(PREFIX)
         ]
+        self.unpacked.keep(held)
         whole = dict.fromkeys(self.dims, slice(None))  # said: else the map itself would be loaded
         plane = self.ds[held].isel(whole | {k: n for k, n in at.items() if k not in (x, y)})
         plane = from_start(plane.load(), start)
@@ -163,7 +167,8 @@ def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
         if every in ds and ds[every].nbytes <= MOST_KEPT:
             ds[every].load()
     starts = tuple(ds["start"].values.tolist()) if "start" in ds["label"].dims else ()
-    return Explored(plain(name), ds, spec, unable, dims, starts)
+    source = str(ds.encoding.get("source", ""))
+    return Explored(plain(name), ds, spec, unable, dims, starts, Unpacked(source, EVERY))
 
 
 def _check_axis(ds: xr.Dataset, dim: str) -> None:
