@@ -20,8 +20,8 @@ ROWS = (  # column of a map, and what it is called here
     ("velocity_rms", "velocity, rms"),
     ("stick_fraction", "share in stick"),
     ("flight_fraction", "share in flight"),
-    ("normal_force_max", "normal force, max"),
-    ("impact_count", "impacts (window)"),
+    ("normal_force_max", "largest normal force"),
+    ("impact_count", "impacts in the window"),
 )
 CODED = (("mechanism", "mechanism"), ("band", "band"), ("settled", "settled"))
 COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, beside the run
@@ -57,7 +57,7 @@ def table(run: xr.Dataset, told: dict[str, float], stored: dict[str, float], ds:
         rows.append((name, label, _number(factor * here), _number(factor * there), unit))
     attrs = run.attrs
     rows += [
-        ("events", "events (all)", f"{run.sizes.get('event', 0):,}", "", ""),
+        ("events", "events, whole run", f"{run.sizes.get('event', 0):,}", "", ""),
         ("steps", "steps (rejected)", f"{attrs['steps']:,} ({attrs['rejected_steps']:,})", "", ""),
         ("result", "result", Result(int(run["result"])).name.lower().replace("_", " "), "", ""),
     ]
