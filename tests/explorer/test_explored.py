@@ -91,7 +91,9 @@ def test_variables_that_were_shown_last_are_held_open(tmp_path):
         held = [name for name in shown if name not in EVERY][-MOST:]
         assert list(found.unpacked._open) == held
         found.unpacked.close()
-    with h5py.File(path, "r+"):  # it is free
+        loaded = explored(ds.load())
+    assert loaded.plane("attack_angle", "belt_speed", at, None, {shown[-1]})[shown[-1]].size == 77
+    with h5py.File(path, "r+"):  # nobody holds it
         pass
 
 

@@ -98,7 +98,7 @@ class Explored:
             for name in self.ds.data_vars
             if name in wanted or str(name).startswith(PREFIX)
         ]
-        self.unpacked.keep(held)
+        self.unpacked.keep(n for n in held if not self.ds[n].variable._in_memory)
         whole = dict.fromkeys(self.dims, slice(None))  # said: else the map itself would be loaded
         plane = self.ds[held].isel(whole | {k: n for k, n in at.items() if k not in (x, y)})
         plane = from_start(plane.load(), start)
@@ -168,7 +168,7 @@ def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
             ds[every].load()
     starts = tuple(ds["start"].values.tolist()) if "start" in ds["label"].dims else ()
     source = str(ds.encoding.get("source", ""))
-    return Explored(plain(name), ds, spec, unable, dims, starts, Unpacked(source, EVERY))
+    return Explored(plain(name), ds, spec, unable, dims, starts, Unpacked(source))
 
 
 def _check_axis(ds: xr.Dataset, dim: str) -> None:

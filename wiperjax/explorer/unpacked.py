@@ -18,16 +18,16 @@ class Unpacked:
     half of what a plane costs.
     """
 
-    def __init__(self, source: str = "", known: Iterable[str] = ()) -> None:
-        """Of the file `source` (empty: there is none); variables `known` are in memory anyway."""
-        self._source, self._known = Path(source) if source else None, set(known)
+    def __init__(self, source: str = "") -> None:
+        """Of the file `source`; empty: there is none."""
+        self._source = Path(source) if source else None
         self._file: Any = None
         self._open: OrderedDict[str, Any] = OrderedDict()
 
     def keep(self, names: Iterable[str]) -> None:
         """Holds these variables open, and lets go of those that were shown before the last few."""
         for name in names:
-            if name in self._known or self._source is None or not self._source.is_file():
+            if self._source is None or not self._source.is_file():
                 continue
             if self._file is None:
                 self._file = h5py.File(self._source, "r")
