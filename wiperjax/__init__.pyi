@@ -21,7 +21,9 @@ from .modes.over import modes_over
 from .modes.table import modes
 from .noise.class_counts import class_table, share_error
 from .noise.run_class import assess
+from .plots.preview import load_ipython_extension as load_ipython_extension
 from .plots.preview import preview
+from .plots.preview import unload_ipython_extension as unload_ipython_extension
 from .runs.scene import run_scene
 from .runs.simulate import simulate
 from .specs.load import load_scene, load_sweep, parse_scene, parse_sweep

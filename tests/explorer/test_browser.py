@@ -5,10 +5,12 @@ import io
 
 import numpy as np
 import pytest
+import pyuff
 import scipy.io.wavfile
 from explorer_pages import Window, browser, servers, sixteen  # noqa: F401
 
 from wiperjax.explorer.explored import explored
+from wiperjax.explorer.notebook import explore
 from wiperjax.explorer.static import write_static
 from wiperjax.vocabulary.cf import flag_names
 
@@ -90,17 +92,22 @@ def test_the_sound_is_that_of_the_motion(window):
     assert "full scale = 0.1 m/s" in window.text(".audio p")
 
 
-@pytest.mark.parametrize("kind", ["CSV", "WAV"])
-def test_the_run_is_saved(window, kind):
+@pytest.mark.parametrize("kind", ["CSV", "WAV", "UFF 55 (its modes)"])
+def test_the_run_is_saved(window, kind, tmp_path):
     window.click(2, 1, 4, 2)
     window.until(lambda: "belt speed 0.3" in window.text(".where"))
     window.page.get_by_label("save the run as").select_option(label=kind)
-    with window.page.expect_download() as download:
+    with window.page.expect_download(timeout=150_000) as download:  # it may compile
         window.page.get_by_role("button", name="save the run").click()
     content = download.value.path().read_bytes()
     if kind == "CSV":
         table = np.loadtxt(io.BytesIO(content), delimiter=",", skiprows=1)
         assert table[-1, 0] == pytest.approx(0.07) and np.ptp(table[:, 3]) > 0.3
+    elif kind != "WAV":
+        assert download.value.suggested_filename == "modes.uff"
+        (tmp_path / "modes.uff").write_bytes(content)
+        one = pyuff.UFF(str(tmp_path / "modes.uff")).read_sets()
+        assert one["type"] == 55 and one["eig"].real > 0  # it squeals
     else:
         rate, samples = scipy.io.wavfile.read(io.BytesIO(content))
         assert rate == 48_000 and len(samples) == pytest.approx(0.07 * rate, abs=2)
@@ -159,6 +166,46 @@ def test_one_file_holds_the_map_and_motions(browser, cells, tmp_path):  # noqa: 
     window.page.mouse.move(*window.point(3, 0, 4, 2))
     name, _ = told(cells, {"attack_angle": 3, "normal_load": 0, "belt_speed": 0})
     window.until(lambda: window.says(f"attack angle 20 deg, belt speed 0.2 m/s: {name}"))
+    assert window.faults == []
+    window.page.close()
+
+
+def test_a_frame_of_a_notebook_shows_the_page(browser, cells, tmp_path):  # noqa: F811
+    """The frame is of another origin than what is around it, and narrow."""
+    shown, path = explore(cells), tmp_path / "notebook.html"
+    path.write_text(f"<body><div style='width: 828px'>{shown._repr_html_()}</div></body>")
+    window = Window(browser, path.as_uri())
+    window.until(lambda: len(window.page.frames) == 2)
+    window.view = window.page.frames[1]
+    window.until(lambda: window.text(".noise"))
+    place = {"attack_angle": 2, "belt_speed": 1, "normal_load": 1}
+    window.click(2, 1, 4, 2)
+    window.until(lambda: agrees(window, cells, place))
+    window.page.keyboard.press("ArrowDown")
+    window.until(lambda: agrees(window, cells, place | {"belt_speed": 0}))
+    width = window.view.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+    assert width[0] <= width[1]  # nothing is cut off at the side
+    assert window.faults == []
+    window.page.close()
+    shown.stop()
+
+
+def test_a_map_of_one_axis_is_clicked_like_any_other(browser, servers, tmp_path):  # noqa: F811
+    line = sixteen(normal_load={"values": [12]}, belt_speed={"values": [0.3]})
+    window = Window(browser, servers(explored(line, "line.h5")))
+    window.until(lambda: window.text(".noise"))
+    places = [{"attack_angle": k, "normal_load": 0, "belt_speed": 0} for k in range(4)]
+    window.click(1, 0, 4, 1)
+    window.until(lambda: agrees(window, line, places[1]))
+    window.page.keyboard.press("ArrowUp")  # there is nothing above
+    window.page.keyboard.press("ArrowRight")
+    window.until(lambda: agrees(window, line, places[2]))
+    assert window.faults == []
+    path = tmp_path / "page.html"
+    assert write_static(explored(line, "line.h5"), path, [{"attack_angle": 20}]) == 1
+    window.page.goto(path.as_uri())
+    window.click(2, 0, 4, 1)
+    window.until(lambda: agrees(window, line, places[3]))
     assert window.faults == []
     window.page.close()
 

@@ -4,30 +4,115 @@ import json
 import threading
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
+from bokeh.document import Document
 from stub_sweep import evaluate, make_spec
 
 from wiperjax.cli import main
-from wiperjax.explorer import motion
-from wiperjax.explorer.box import BLOCK, box_spec, compute
+from wiperjax.explorer import cells, motion
+from wiperjax.explorer.box import BLOCK, Boxes, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
-from wiperjax.explorer.explored import explored, open_explored, plain
+from wiperjax.explorer.explored import EVERY, explored, open_explored, plain
+from wiperjax.explorer.map_panel import MapPanel
+from wiperjax.explorer.page import Page
 from wiperjax.explorer.scale import NOTHING, painted
 from wiperjax.explorer.static import nearest, write_static
+from wiperjax.explorer.unpacked import MOST
 from wiperjax.explorer.worker import Worker
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
-from wiperjax.specs.load import parse_scene
+from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
 
 
 @pytest.fixture(scope="module")
 def whole():
     return explored(driver.sweep(make_spec(), evaluate=evaluate, progress=False), "stub.h5")
+
+
+@pytest.fixture(scope="module")
+def line():
+    """A map of one axis."""
+    spec = make_spec().document()
+    spec["axes"] = {"belt_speed": spec["axes"]["belt_speed"]}
+    return explored(driver.sweep(parse_sweep(spec), evaluate=evaluate, progress=False), "line.h5")
+
+
+def test_a_map_of_one_axis_is_a_strip_with_its_borders_across(line):
+    assert line.plane_axes() == ("belt_speed", "")
+    growth = np.linspace(1.0, -3.0, 11)  # 0 at two and a half cells
+    points = {
+        "border_axis": ("border", np.zeros(1, np.int8), {"flag_meanings": "belt_speed"}),
+        "border_belt_speed": ("border", line.ds["belt_speed"].values[[4]]),
+    }
+    ds = line.ds.assign(growth_rate=("belt_speed", growth), **points)
+    shown, panel = replace(line, ds=ds.assign_attrs(border_on="label")), MapPanel()
+    for variable, axis in (("label", False), ("velocity_rms", True), ("label", False)):
+        panel.show(shown, shown.plane("belt_speed", "", {}, None, {variable}), *(
+            "belt_speed", "", variable))  # fmt: skip
+        assert panel.overlay.axis.visible == axis and not panel.upright.visible
+        assert panel.plane.data["image"][0].shape == (1, 11)
+        (boundary,) = panel.overlay.lines["boundary"].data["x"]
+        np.testing.assert_allclose(boundary, 2.5)
+    (border,) = panel.overlay.lines["border"].data["x"]
+    np.testing.assert_allclose(border, 4.0, atol=1e-9)
+    assert "steady slip loses stability" in panel.legend.text and "located" in panel.legend.text
+
+
+def test_a_map_that_is_one_plane_is_not_kept_in_memory(tmp_path):
+    path = tmp_path / "plane.h5"
+    spec = make_spec().document()
+    del spec["axes"]["normal_load"]
+    driver.sweep(spec, path, evaluate=evaluate, progress=False).close()
+    found, ds = open_explored(path)
+    with ds:
+        plane = found.plane("attack_angle", "belt_speed", {}, None, {"normal_force_max"})
+        assert plane["normal_force_max"].any()
+        assert not found.ds["normal_force_max"].variable._in_memory
+
+
+def test_variables_that_were_shown_last_are_held_open(tmp_path):
+    """HDF5 keeps their unpacked pieces that long."""
+    path = tmp_path / "map.h5"
+    driver.sweep(make_spec(), path, evaluate=evaluate, progress=False).close()
+    found, ds = open_explored(path)
+    shown = list(found.variables)[: MOST + 3]
+    with ds:
+        for name in shown:
+            at = {"normal_load": 1}
+            plane = found.plane("attack_angle", "belt_speed", at, None, {name})
+            np.testing.assert_array_equal(plane[name], ds[name].isel(at).T)
+        held = [name for name in shown if name not in EVERY][-MOST:]
+        assert list(found.unpacked._open) == held
+        found.unpacked.close()
+        loaded = explored(ds.load())
+    assert loaded.plane("attack_angle", "belt_speed", at, None, {shown[-1]})[shown[-1]].size == 77
+    with h5py.File(path, "r+"):  # nobody holds it
+        pass
+
+
+def test_a_slider_that_moves_asks_for_a_motion_when_it_rests(whole):
+    wishes = []
+    worker = SimpleNamespace(wish=lambda *wish: wishes.append(wish))
+    document = Document()
+    page = Page(document, whole, worker, Boxes(evaluate))
+    assert len(wishes) == 1  # the cell that is shown first
+    (slider,) = page.below.children
+    for place in (1, 2, 3):
+        slider.value = place
+        expected = whole.ds["label"].isel(normal_load=place).transpose("belt_speed", ...)
+        np.testing.assert_array_equal(page.map.plane.data["values"][0], expected.values.ravel())
+    assert len(wishes) == 1
+    (rest,) = document.session_callbacks
+    rest.callback()
+    assert len(wishes) == 2 and wishes[1][1][1] == tuple(page.place().items())
+    assert page.place()["normal_load"] == 3
 
 
 def test_a_plane_holds_what_is_shown_and_no_more(whole):
@@ -46,6 +131,7 @@ def test_colours_stand_for_the_classes_and_numbers_of_a_plane(whole):
     assert paint.palette[0] == "#E3EAF0"  # quiet, as in every picture
     codes = np.array(list(paint.names))[paint.shades]
     np.testing.assert_array_equal(codes, plane["label"])
+    assert paint.values.dtype == np.int8  # a byte a cell is sent
     numbers = painted(plane, "normal_force_max")
     order = np.argsort(plane["normal_force_max"].values.ravel())
     assert (np.diff(numbers.shades.ravel()[order].astype(int)) >= 0).all()
@@ -87,12 +173,58 @@ def test_a_box_is_computed_whole_whatever_its_size(whole):
     np.testing.assert_array_equal(found.ds["velocity_rms"], expected)
 
 
+def test_a_box_of_a_trusted_map_is_trusted(whole):
+    document = whole.spec.document() | {"blade": {"friction": "own_systems:Falling"}}
+    ds = driver.sweep(document, evaluate=evaluate, progress=False)
+    ends = {"attack_angle": (0.5, 2.0), "belt_speed": (-3.0, 4.0)}
+    spec = box_spec(explored(ds, trusted=True), ends, {"normal_load": 2}, None)
+    found = compute(spec, lambda *counts: None, threading.Event(), evaluate)
+    assert found.unable == "" and found.spec.blade.friction == "own_systems:Falling"
+
+
+def test_a_box_of_one_axis_is_one_block(line):
+    spec = box_spec(line, {"belt_speed": (1.0, 3.0)}, {}, None)
+    assert spec.shape == (BLOCK,)
+    values = line.ds["belt_speed"].values
+    np.testing.assert_allclose(spec.axes_values()["belt_speed"][[0, -1]], values[[1, 3]])
+    found = compute(spec, lambda *counts: None, threading.Event(), evaluate)
+    assert found.plane_axes() == ("belt_speed", "")
+
+
 def test_a_thinned_curve_keeps_its_peaks():
     curve = np.sin(np.linspace(0, 300, 100_000))
     curve[54_321] = 7.0
     chosen = thinned(curve, most=500)
     assert len(chosen) <= 500 and curve[chosen].max() == 7.0 and curve[chosen].min() == curve.min()
     assert chosen[0] == 0 and chosen[-1] == 99_999
+    chosen = thinned(curve, most=500, even=False)  # half of the points in half of the axis
+    assert len(chosen) <= 500 and curve[chosen].max() == 7.0 and {0, 99_999} <= set(chosen)
+    assert np.array_equal(chosen[:10], np.arange(10))
+
+
+def test_a_slow_system_is_sampled_and_shown_by_its_own_time():
+    spec = {
+        "system": "own_systems:Oscillator",
+        "axes": {"tilt": {"values": [0.0, 1.0]}, "load": {"values": [1.0, 2.0]}},
+        "run": {"transient": 30.0, "window": 30.0},
+        "classes": {"squeal_band": [0.05, 1.0], "chatter_band": [0.001, 0.05]},
+    }
+    ds = driver.sweep(spec, evaluate=still, progress=False)
+    found = motion.motion_of(explored(ds, trusted=True), {"tilt": 0, "load": 1})
+    assert found.labels["history"][0] == "time (s)" and found.ranges["time"][1] == 60
+    assert found.ranges["frequency"][1] == pytest.approx(25, rel=0.01)  # a 50th of a period each
+    assert found.ranges["pitch"][1] == pytest.approx(2, rel=0.1)
+    assert "stick-slip" in found.texts["table"] and "too slow" in found.texts["audio"]
+
+
+def still(spec, index, finer=1, room=None):
+    """Cells of any system, at rest."""
+    nothing = np.zeros(len(index))
+    names = ("velocity_rms", "stick_fraction", "flight_fraction", "normal_force_max", "steps")
+    signal = np.zeros((len(index), finer * spec.samples), np.float32)
+    return {"result": nothing.astype(int), "slip_fraction": nothing + 1, "signal": signal} | {
+        name: nothing for name in (*names, "belt_speed_rms")
+    }
 
 
 def broken(ds, how):
@@ -105,6 +237,8 @@ def broken(ds, how):
         return bad
     if how == "axis of nan":
         return ds.assign_coords(belt_speed=np.full(ds.sizes["belt_speed"], np.nan))
+    if how == "one cell":
+        return ds.isel({name: [0] for name in ds["label"].dims})
     if how == "axis without values":
         return ds.drop_vars("belt_speed")
     return ds.isel(belt_speed=[0, 2, 1])
@@ -117,6 +251,7 @@ def broken(ds, how):
         ("no names", "names do not fit (label)"),
         ("axis of nan", "no finite numbers (belt_speed)"),
         ("axis without values", "without values (belt_speed)"),
+        ("one cell", "has one cell alone"),
         ("axis to and fro", "neither rise nor fall (belt_speed)"),
     ],
 )
@@ -130,7 +265,6 @@ def test_a_broken_map_is_refused_in_one_line(whole, how, says, tmp_path, capsys)
 
 def test_what_would_fill_the_memory_is_refused_unread(tmp_path):
     path = tmp_path / "large.h5"
-    h5py = pytest.importorskip("h5py")
     count = 30_000
     label = xr.Dataset(
         {"label": (("x", "y"), np.zeros((2, 2), np.int8),
@@ -169,9 +303,9 @@ def test_a_file_for_a_browser_takes_cells_of_the_map_only(whole, tmp_path):
     assert nearest(whole, {"attack_angle": 14}) == {
         "attack_angle": 4, "normal_load": 2, "belt_speed": 5,
     }  # fmt: skip
-    for cells, says in (({"attack": 3}, "must be an axis"), ({"attack_angle": 41}, "-40 ... 40")):
+    for cell, says in (({"attack": 3}, "must be an axis"), ({"attack_angle": 41}, "-40 ... 40")):
         with pytest.raises(ValueError, match=says):
-            write_static(whole, tmp_path / "page.html", [cells])
+            write_static(whole, tmp_path / "page.html", [cell])
     assert not list(tmp_path.iterdir())
 
 
@@ -182,6 +316,15 @@ def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch)
         document = whole.spec.document() | change
         found = explored(whole.ds.assign_attrs(specification=json.dumps(document)))
         assert found.spec is None and "only --trust imports" in found.unable
+
+
+def test_all_cells_of_a_map_are_asked_of_one_program(whole, monkeypatch):
+    asked = []
+    failed = {"result": 1}
+    monkeypatch.setattr(cells, "run_scene", lambda _, varied: asked.append(varied) or failed)
+    cells.simulated(whole, scene_of(whole, motion.first_place(whole)))
+    assert asked == [whole.dims]
+    assert whole.ds["attack_angle"][motion.first_place(whole)["attack_angle"]] == 0  # the middle
 
 
 def test_words_are_one_plain_line():

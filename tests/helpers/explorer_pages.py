@@ -16,9 +16,11 @@ AXES = {
 }
 
 
-def sixteen(path=None, title="sixteen cells"):
-    """Sweep of `AXES`, four cells at a time: the program of the sweep in tests/whole."""
-    spec = {"title": title, "axes": AXES, "run": {"transient": 0.02, "window": 0.05}}
+def sixteen(path=None, title="sixteen cells", **axes):
+    """Sweep of `AXES`, four cells at a time: the program of the sweep in tests/whole. `axes` take
+    the place of some of them.
+    """
+    spec = {"title": title, "axes": AXES | axes, "run": {"transient": 0.02, "window": 0.05}}
     return driver.sweep(spec, path, block=4, progress=False)
 
 
@@ -40,10 +42,12 @@ class Servers:
 
 
 class Window:
-    """A page in the browser; `faults` gathers what no page may do."""
+    """A page in the browser; `view` is where the explorer is in it, a frame perhaps; `faults`
+    gathers what no page may do.
+    """
 
     def __init__(self, browser, address, width=1280, height=900):
-        self.page = browser.new_page(viewport={"width": width, "height": height})
+        self.page = self.view = browser.new_page(viewport={"width": width, "height": height})
         self.faults = []
         self.page.on("pageerror", lambda error: self.faults.append(f"error: {error}"))
         self.page.on("console", self._heard)
@@ -70,12 +74,12 @@ class Window:
 
     def text(self, place, which=0):
         """Text of an element, empty if it is not there."""
-        found = self.page.locator(place)
+        found = self.view.locator(place)
         return found.nth(which).inner_text() if found.count() > which else ""
 
     def says(self, words):
         """Whether these words can be seen."""
-        found = self.page.get_by_text(words)
+        found = self.view.get_by_text(words)
         return found.count() > 0 and found.first.is_visible()
 
     def number(self, name, column="here"):
@@ -84,8 +88,8 @@ class Window:
 
     def point(self, i, j, columns, rows):
         """Where a cell of the map is on the page."""
-        frame = self.page.locator(".bk-Figure").first.bounding_box()
-        inner = self.page.evaluate(
+        frame = self.view.locator(".bk-Figure").first.bounding_box()
+        inner = self.view.evaluate(
             """() => { const view = Object.values(Bokeh.index.roots ? [...Bokeh.index.roots] :
                Object.values(Bokeh.index))[0];
                const find = v => v.frame ? v : (v.child_views || []).map(find).find(x => x);

@@ -1,6 +1,7 @@
 """What a notebook shows of datasets and systems."""
 
 import io
+from types import SimpleNamespace
 
 import numpy as np
 import xarray as xr
@@ -24,6 +25,30 @@ def test_a_map_is_shown_by_its_classes_and_a_run_by_its_motion(squeal):
     found = preview(squeal)
     assert "run of 0.2 s" in repr(found) and "780.8 Hz" in repr(found)
     assert len(colours(found.png)) > 10
+
+
+def test_a_map_of_one_axis_is_a_line_also_one_of_several_starts():
+    spec = make_spec().document()
+    spec["axes"] = {"belt_speed": spec["axes"]["belt_speed"]}
+    line = driver.sweep(spec, evaluate=evaluate, progress=False)
+    assert (0xD5, 0x5E, 0x00) in colours(preview(line).png)
+    several = line.expand_dims(start=["up", "down"])
+    assert (0xD5, 0x5E, 0x00) in colours(preview(several).png)
+    assert preview(line.isel(belt_speed=[0])).png == b""
+
+
+def test_the_extension_shows_maps_with_their_picture_and_nothing_else():
+    shown = {}
+    html = SimpleNamespace(for_type=shown.__setitem__, pop=shown.pop)
+    shell = SimpleNamespace(display_formatter=SimpleNamespace(formatters={"text/html": html}))
+    wiperjax.load_ipython_extension(shell)
+    ds = driver.sweep(make_spec(), evaluate=evaluate, progress=False)
+    picture, page = preview(ds)._repr_html_(), shown[xr.Dataset](ds)
+    assert page.startswith(picture) and "xarray.Dataset" in page[len(picture) :]
+    other = xr.Dataset({"label": ("x", [1, 2])})
+    assert "<img" not in shown[xr.Dataset](other)
+    wiperjax.unload_ipython_extension(shell)
+    assert shown == {}
 
 
 def test_words_of_a_dataset_are_words_in_a_notebook():

@@ -13,7 +13,7 @@ from wiperjax.blade import build
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.datasets import run_dataset
 from wiperjax.noise.run_class import assess, words
-from wiperjax.runs import scene
+from wiperjax.runs import scene, simulate
 from wiperjax.specs.load import load_scene, parse_scene, parse_sweep
 from wiperjax.specs.tables import Start
 from wiperjax.store import whole
@@ -229,6 +229,25 @@ def test_start_from_steady_slip_stays_there():
     assert float(abs(run.position.sel(axis="x") - slip.x).max()) < 1.01e-6 * 6e-3
     assert float(run.normal_force[-1]) == pytest.approx(slip.normal_force, rel=1e-6)
     assert json.loads(run.attrs["start"]) == {"equilibrium": 1e-6}
+
+
+def test_a_varied_parameter_is_computed_with_where_it_is_zero(squeal, monkeypatch):
+    """Scenes that differ in it have one program (else a Python 0 is left out: another one)."""
+    traces = []
+    step = simulate.advance
+    monkeypatch.setattr(simulate, "advance", lambda *given: traces.append(1) or step(*given))
+    told = json.loads(squeal.attrs["specification"])
+    told["run"]["duration"] = 0.01
+    for angle in (5.0, 0.0):
+        traces.clear()
+        told["blade"]["attack_angle"] = angle
+        run = scene.run_scene(parse_scene(told), varied=["attack_angle"])
+    assert traces == []
+    assert run.attrs["attack_angle"] == 0 and run.attrs["steps"] > 0
+    plain = scene.run_scene(parse_scene(told))
+    np.testing.assert_allclose(run["position"], plain["position"], atol=1e-9)
+    with pytest.raises(ValueError, match="did you mean attack_angle"):
+        scene.run_scene(parse_scene(told), varied=["atack_angle"])
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ def box_spec(
     whole: Explored, ends: Mapping[str, tuple[float, float]], at: Mapping[str, int], start: Any
 ) -> Any:
     """The sweep of a box: its two axes at twice the density of the map or better, all others at
-    one value.
+    one value. Of a map of one axis it has as many cells as are computed at once.
 
     Arguments: axis -> the first and the last cell of the box (with parts of one); axis -> place of
     each other one; the start, of a map of several.
@@ -49,8 +49,9 @@ def box_spec(
         document["starts"] = {"names": ["steady_slip"], "kick": several.kick}
     else:
         document["start"] = start_of(whole, place, start)
+    most = (FEWEST, MOST) if len(ends) > 1 else (BLOCK, BLOCK)
     document["axes"] = {
-        dim: {"values": _finer(whole.ds[dim].values, *ends[dim]).tolist()}
+        dim: {"values": _finer(whole.ds[dim].values, *ends[dim], *most).tolist()}
         if dim in ends
         else {"values": [float(whole.ds[dim].values[at[dim]])]}
         for dim in whole.dims
@@ -59,12 +60,14 @@ def box_spec(
     return parse_sweep(document | {"title": title}, "the box")
 
 
-def _finer(values: np.ndarray, first: float, last: float) -> np.ndarray:
+def _finer(
+    values: np.ndarray, first: float, last: float, fewest: int, most: int
+) -> np.ndarray:  # fmt: skip
     """Values between two places of an axis, (n,), spaced as the axis is."""
     first, last = (float(np.clip(place, 0, len(values) - 1)) for place in sorted((first, last)))
     if last - first < 1e-3:
-        raise ValueError("the box must reach over more than one cell, in both directions")
-    count = int(np.clip(round(2 * (last - first)), FEWEST, MOST))
+        raise ValueError("the box must reach over more than one cell, along each axis")
+    count = int(np.clip(round(2 * (last - first)), fewest, most))
     places, cells = np.linspace(first, last, count), np.arange(len(values))
     if is_geometric(values):
         return np.exp(np.interp(places, cells, np.log(values)))
@@ -90,7 +93,8 @@ def compute(
         done += new
         report(done, spec.size)
     columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-    return explored(assemble(spec, columns), "a part, computed again and finer")
+    words = "a part, computed again and finer"
+    return explored(assemble(spec, columns), words, trusted=True)  # modules are imported by now
 
 
 class Boxes:

@@ -16,7 +16,9 @@ from ..specs.tables import Start
 from ..vocabulary.kinds import BELTS, WAYS, WIPER
 from .explored import Explored
 
-RATE = 50_000  # samples a second: what is heard, and every corner of a squeal
+RATE = 50_000  # samples a second of a blade: what is heard, and every corner of a squeal
+A_PERIOD = 50  # samples of the highest squeal of another system, which may be slow
+FEWEST_SAMPLES = 1000
 MOST_SAMPLES = 1_000_000  # of a run: a longer one is sampled more coarsely
 
 
@@ -31,7 +33,8 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
         raise ValueError(f"this cell cannot be simulated: {explored.unable}")
     settings = spec.settings
     duration = settings.transient + settings.window
-    interval = max(1 / RATE, duration / MOST_SAMPLES)
+    rate = RATE if spec.system == WIPER else A_PERIOD * spec.classes.squeal_band[1]
+    interval = min(max(1 / rate, duration / MOST_SAMPLES), duration / FEWEST_SAMPLES)
     document = spec.document()
     tables = {name: dict(document.get(name, {})) for name in ("blade", "parameters", "belt")}
     keys = {name: key for key, name in BELTS.get(spec.belt_kind or "", {}).items()}
@@ -91,11 +94,13 @@ def _state(spec: Any, cell: np.ndarray, ended: Any = None) -> dict[str, Any]:
     return {"position": position + rest, "velocity": velocity + rest}
 
 
-def simulated(scene: dict[str, Any], transient: float) -> tuple[Any, dict[str, float]]:
-    """The run of a scene, and what is told of it after the `transient` (s), as a map tells it."""
-    run = run_scene(parse_scene(scene, "this cell"))
+def simulated(explored: Explored, scene: dict[str, Any]) -> tuple[Any, dict[str, float]]:
+    """The run of the scene of a cell, and what is told of it after the transient, as the map does.
+    All cells have one compiled program.
+    """
+    run = run_scene(parse_scene(scene, "this cell"), varied=explored.dims)
     finished = int(run["result"]) == 0
-    told = assess(run, transient=transient) if finished else None
+    told = assess(run, transient=explored.spec.run.transient) if finished else None
     return run, {} if told is None else {str(n): float(v) for n, v in told.data_vars.items()}
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..datasets.run_dataset import event_times, is_steady, last_periods, settled
+from ..datasets.run_dataset import event_times, is_steady, last_periods, pitch, settled
 from ..noise.classes import stored
 from ..plots.runs.animation import lip_scene
 from ..plots.runs.bands import pieces
@@ -20,7 +20,9 @@ from ..vocabulary.cf import flag_names
 from .explored import plain
 
 MOST_POINTS = 3000  # of a curve: more than a screen is wide
+MOST_TURNS = 12_000  # points of the phase portrait: a round of it has some twenty
 MOST_TICKS = 2000  # of one kind of event
+LONG = 10.0  # s: a run whose times are shown in seconds
 FRAMES = 150  # of the animation
 DECADES = 4  # of the spectrum
 LEVELS = 60.0  # dB of the spectrogram
@@ -64,7 +66,7 @@ def content_of(run: xr.Dataset) -> Content:
     )
     strength = label(f"{_words(run['velocity'])}, rms of line", shown(run["velocity"])[1])
     content.labels = {
-        "history": ("time (ms)", speed),
+        "history": (f"time ({_clock(part)[1]})", speed),
         "portrait": (place, speed),
         "spectrum": ("frequency (Hz)", strength),
     }
@@ -75,28 +77,37 @@ def _words(values: xr.DataArray) -> str:
     return plain(long_name(values).removesuffix(" of the tip"), 60)
 
 
-def thinned(*curves: np.ndarray, most: int = MOST_POINTS) -> np.ndarray:
+def thinned(*curves: np.ndarray, most: int = MOST_POINTS, even: bool = True) -> np.ndarray:
     """Places of the samples that are drawn: of each stretch the least and the greatest of every
-    curve, so that no peak is lost.
+    curve, so that no peak is lost. The stretches are `even`, or so on a logarithmic axis.
     """
     count = len(curves[0])
     if count <= most:
         return np.arange(count)
-    stretches = np.array_split(np.arange(count), max(1, most // (2 * len(curves))))
+    parts = max(1, most // (2 * len(curves)))
+    cuts = np.unique(np.geomspace(1, count - 1, parts - 1).astype(int))
+    stretches = np.array_split(np.arange(count), parts if even else cuts)
     ends = [s[[0, -1]] for s in (stretches[0], stretches[-1])]
     chosen = [s[[np.argmin(c[s]), np.argmax(c[s])]] for s in stretches for c in curves]
     return np.unique(np.concatenate([*ends, *chosen]))
 
 
-def _with_room(values: np.ndarray, share: float = 0.08) -> tuple[float, float]:
+def with_room(values: np.ndarray, share: float = 0.08) -> tuple[float, float]:
+    """The ends of an axis that shows all of `values`, and `share` more on either side."""
     low, high = float(np.min(values)), float(np.max(values))
     room = share * (high - low) or 0.5 * abs(high) or 1.0
     return low - room, high + room
 
 
+def _clock(part: xr.Dataset) -> tuple[float, str]:
+    """Factor and unit of the times that are shown: of a slow system seconds."""
+    return (1.0, "s") if float(part.attrs["duration"]) > LONG else (1e3, "ms")
+
+
 def _history(content: Content, part: xr.Dataset) -> None:
-    """Velocity over time (ms), the glass, bands of regime, marks of events."""
-    time = 1e3 * np.asarray(part["time"], dtype=float)
+    """Velocity over time, the glass, bands of regime, marks of events."""
+    scale, _ = _clock(part)
+    time = scale * np.asarray(part["time"], dtype=float)
     speed = orbit(part, 0)[1]
     chosen = thinned(speed)
     content.columns["velocity"] = {"t": time[chosen], "v": speed[chosen]}
@@ -106,7 +117,7 @@ def _history(content: Content, part: xr.Dataset) -> None:
     for start, stop, shares in pieces(part):
         low = 0.0
         for name in sorted(shares, key=lambda n: [*REGIMES, n].index(n)):
-            row = (1e3 * start, 1e3 * stop, low, low + shares[name], REGIMES.get(name, UNKNOWN))
+            row = (scale * start, scale * stop, low, low + shares[name], REGIMES.get(name, UNKNOWN))
             for key, value in zip(boxes, row, strict=True):
                 boxes[key].append(value)
             low += shares[name]
@@ -114,17 +125,17 @@ def _history(content: Content, part: xr.Dataset) -> None:
     marks = {name: times for name, times in event_times(part).items() if name in MARKED}
     shape = {"v": "inverted_triangle", "^": "triangle", "*": "star", "D": "diamond"}
     content.columns["marks"] = {
-        "t": np.concatenate([1e3 * times[:400] for times in marks.values()] or [[]]),
+        "t": np.concatenate([scale * times[:400] for times in marks.values()] or [[]]),
         "shape": [shape[EVENTS[name]] for name, times in marks.items() for _ in times[:400]],
     }
     content.ranges["time"] = (float(time[0]), float(time[-1]))
-    content.ranges["velocity"] = _with_room(np.concatenate([speed, glass]))
+    content.ranges["velocity"] = with_room(np.concatenate([speed, glass]))
 
 
 def _portrait(content: Content, part: xr.Dataset) -> None:
     """Velocity over position, a curve for each stretch in one regime."""
     x, v = orbit(part, 0)
-    chosen = thinned(x, v)
+    chosen = thinned(x, v, most=MOST_TURNS)
     x, v = x[chosen], v[chosen]
     codes = np.asarray(part["regime"], dtype=int)[chosen]
     names = {code: name.lower() for code, name in flag_names(part["regime"]).items()}
@@ -137,7 +148,7 @@ def _portrait(content: Content, part: xr.Dataset) -> None:
     }
     glass = float(part["belt_velocity"][0]) if "belt_velocity" in part else np.nan
     steady = "belt_velocity" in part and is_steady(part)
-    content.ranges["position"], content.ranges["speed"] = _with_room(x), _with_room(v)
+    content.ranges["position"], content.ranges["speed"] = with_room(x), with_room(v)
     ends = np.array(content.ranges["position"]) if steady else np.zeros(0)
     content.columns["glass_speed"] = {"x": ends, "v": np.full(ends.size, glass)}
 
@@ -148,7 +159,7 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
     peak = max(float(found.amplitude.max(initial=0.0)), found.quiet) or 1.0
     floor = peak * 10.0**-DECADES
     heights = np.maximum(found.amplitude, 0.1 * floor)
-    chosen = thinned(np.log(heights))
+    chosen = thinned(np.log(heights), even=False)
     content.columns["lines"] = {"f": found.frequency[chosen], "a": heights[chosen]}
     low, high = float(found.frequency[0]), float(found.frequency[-1])
     bands = stored(part.attrs)
@@ -157,7 +168,6 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
     content.columns["classes"] = {
         "left": [a for _, a, _ in rows],
         "right": [b for *_, b in rows],
-        "middle": [float(np.sqrt(a * b)) for _, a, b in rows],
         "colour": [CLASSES[name] for name, *_ in rows],
         "name": [name for name, *_ in rows],
     }
@@ -177,7 +187,9 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
 
 def _spectrogram(content: Content, run: xr.Dataset) -> None:
     """Level over time and frequency as shades, and ticks of the events below."""
-    found = levels(run)
+    tone = pitch(run)
+    top = max(2 * stored(run.attrs).squeal_band[1], 8 * tone if np.isfinite(tone) else 0.0)
+    found = levels(run, highest=top)
     chosen = np.linspace(0, found.frequency.size - 1, min(found.frequency.size, 256)).astype(int)
     columns = np.linspace(0, found.time.size - 2, min(found.time.size - 1, 400)).astype(int)
     share = (found.decibels[np.ix_(chosen, columns)] - found.peak) / LEVELS + 1
@@ -230,7 +242,7 @@ def _friction(content: Content, part: xr.Dataset) -> None:
         "colour": [REGIMES.get(names.get(int(code), ""), UNKNOWN) for code in codes],
     }
     content.ranges["slip"] = (float(speed[0]), float(speed[-1]))
-    content.ranges["mu"] = _with_room(np.concatenate([law, share]))
+    content.ranges["mu"] = with_room(np.concatenate([law, share]))
 
 
 def _lip(content: Content, part: xr.Dataset) -> None:
@@ -245,9 +257,11 @@ def _lip(content: Content, part: xr.Dataset) -> None:
     largest = float(np.linalg.norm(scene.force, axis=1).max(initial=0.0)) or 1.0
     push = 0.6 * scene.length / largest * scene.force[k]
     x, y = scene.tip[k].T
+    scale, unit = _clock(part)
     content.columns["frames"] = {
         "x": x, "y": y, "hinge": scene.hinge[k], "travel": scene.travel[k],
-        "px": x + push[:, 0], "py": y + push[:, 1], "t": 1e3 * scene.time[k],
+        "px": x + push[:, 0], "py": y + push[:, 1], "t": scale * scene.time[k],
+        "when": [f"{scale * time:.2f} {unit}" for time in scene.time[k]],
         "v": orbit(part, 0)[1][k], "at": orbit(part, 0)[0][k],
         "colour": [REGIMES.get(scene.regimes[i], UNKNOWN) for i in k],
         "regime": [readable(scene.regimes[i]) for i in k],

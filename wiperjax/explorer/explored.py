@@ -4,7 +4,8 @@ import html
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import xarray as xr
 from ..datasets.map_starts import from_start
 from ..machine.files import StoreError
 from ..plots.maps.borders import PREFIX, with_borders
-from ..plots.maps.planes import map_dims
+from ..plots.maps.planes import map_dims, usual_plane
 from ..plots.style.axes import long_name, number, shown
 from ..specs.imported import findable, is_path
 from ..specs.load import SpecError, parse_sweep
@@ -22,6 +23,7 @@ from ..store.levels import is_refined
 from ..store.whole import borders, open_map
 from ..vocabulary.cf import flag_names
 from ..vocabulary.wording import shorten
+from .unpacked import Unpacked
 
 MOST_PLANE = 4_000_000  # cells of a plane: more than a screen has points
 MOST_CHUNK = 2**26  # cells that are unpacked at once: a file may claim any number
@@ -45,6 +47,7 @@ class Explored:
         unable: why they cannot; empty if they can.
         dims: its axes.
         starts: names or numbers of the starts of a cell; empty if it has but one.
+        unpacked: pieces of its file that planes side by side share.
     """
 
     name: str
@@ -53,8 +56,9 @@ class Explored:
     unable: str
     dims: tuple[str, ...]
     starts: tuple[Any, ...] = ()
+    unpacked: Unpacked = field(default_factory=Unpacked)
 
-    @property
+    @cached_property
     def variables(self) -> dict[str, str]:
         """Variable -> its words, of those with a value for each cell; usual ones first."""
         held = [
@@ -69,7 +73,9 @@ class Explored:
         return {name: plain(long_name(self.ds[name])) for name in order}
 
     def axis_words(self, name: str) -> tuple[str, str, list[str]]:
-        """What an axis is, its unit, and its values, all as text."""
+        """What an axis is, its unit, and its values, all as text; of no axis ("") nothing."""
+        if not name:
+            return "", "", [""]
         values, unit = shown(self.ds[name])
         texts = [f"{number(value)} {unit}".strip() for value in values.tolist()]
         return plain(long_name(self.ds[name])), plain(unit), texts
@@ -77,12 +83,14 @@ class Explored:
     def plane(self, x: str, y: str, at: dict[str, int], start: Any, names: set[str]) -> xr.Dataset:
         """The variables `names` of one plane, in memory; what else a plane needs is read too.
 
-        Arguments: axes across and up; axis -> place of each other one; start, None: the usual one.
+        Arguments: axes across and up ("": none, the plane is one row of cells); axis -> place of
+        each other one; start, None: the usual one.
 
         Raises: `ValueError` for a plane that no screen could show.
         """
-        if self.ds.sizes[x] * self.ds.sizes[y] > MOST_PLANE:
-            size = f"{self.ds.sizes[x]:,} x {self.ds.sizes[y]:,}"
+        rows = self.ds.sizes[y] if y else 1
+        if self.ds.sizes[x] * rows > MOST_PLANE:
+            size = f"{self.ds.sizes[x]:,} x {rows:,}"
             raise ValueError(f"a plane of {size} cells cannot be shown; at most {MOST_PLANE:,} can")
         wanted = names.union(EVERY)
         held = [
@@ -90,8 +98,16 @@ class Explored:
             for name in self.ds.data_vars
             if name in wanted or str(name).startswith(PREFIX)
         ]
-        plane = self.ds[held].isel({dim: place for dim, place in at.items() if dim not in (x, y)})
-        return from_start(plane.load(), start).transpose(y, x, ...)
+        self.unpacked.keep(n for n in held if not self.ds[n].variable._in_memory)
+        whole = dict.fromkeys(self.dims, slice(None))  # said: else the map itself would be loaded
+        plane = self.ds[held].isel(whole | {k: n for k, n in at.items() if k not in (x, y)})
+        plane = from_start(plane.load(), start)
+        return (plane if y else plane.expand_dims({y: 1})).transpose(y, x, ...)
+
+    def plane_axes(self) -> tuple[str, str]:
+        """Axes that are shown first across and up; "" up in a map of one axis."""
+        x, y = usual_plane([dim for dim in self.dims if self.ds.sizes[dim] > 1])
+        return x or "", y or ""
 
     def cell(
         self, place: dict[str, int], names: Iterable[str], start: Any = None
@@ -139,8 +155,8 @@ def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
         raise StoreError(f"must have 1 to {MOST_AXES} axes, but has {len(dims)}")
     for dim in dims:
         _check_axis(ds, dim)
-    if sum(ds.sizes[dim] > 1 for dim in dims) < 2:
-        raise StoreError("has no two axes to show; 'wiperjax plot -p line' draws one")
+    if all(ds.sizes[dim] < 2 for dim in dims):
+        raise StoreError("has one cell alone; 'wiperjax simulate' shows the motion of a scene")
     if "flag_values" not in ds["label"].attrs:
         raise StoreError("has classes without names ('label' has no flag_values)")
     for variable in ds.data_vars.values():
@@ -151,7 +167,8 @@ def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
         if every in ds and ds[every].nbytes <= MOST_KEPT:
             ds[every].load()
     starts = tuple(ds["start"].values.tolist()) if "start" in ds["label"].dims else ()
-    return Explored(plain(name), ds, spec, unable, dims, starts)
+    source = str(ds.encoding.get("source", ""))
+    return Explored(plain(name), ds, spec, unable, dims, starts, Unpacked(source))
 
 
 def _check_axis(ds: xr.Dataset, dim: str) -> None:

@@ -33,6 +33,7 @@ class FinerPart:
             page.x: (float(shape["x0"]), float(shape["x1"])),
             page.y: (float(shape["y0"]), float(shape["y1"])),
         }
+        ends.pop("", None)  # of a map of one axis
         self.stop()
         try:
             spec = box_spec(page.explored, ends, page.place(), page.begin())

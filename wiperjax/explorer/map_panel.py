@@ -6,7 +6,6 @@ marks are the values. What a pointer or a key does to the cursor happens in the 
 
 from typing import Any
 
-import contourpy
 import numpy as np
 from bokeh.events import DocumentReady, MouseLeave, MouseMove, Tap
 from bokeh.models import (
@@ -18,26 +17,15 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-from ..datasets.map_starts import hangs_on_start
-from ..plots.maps.borders import border_pieces
-from ..plots.maps.categories import row_runs
-from ..plots.maps.planes import bent_growth
 from ..plots.style.axes import is_geometric, number, shown
-from ..plots.style.palette import BORDER, BOUNDARY, HATCHES, SEVERAL, UNKNOWN
-from ..vocabulary.cf import flag_names
+from ..plots.style.palette import UNKNOWN
 from .explored import Explored
+from .overlay import Overlay
 from .scale import painted
 from .style import titled
 from .widgets import source, span, words
 
 WIDTH = 520
-MOST_HATCHED = 4000  # pieces: beyond, cells are finer than the pattern
-PATTERNS = {
-    "////": "right_diagonal_line",
-    "xxxx": "cross",
-    "....": "dot",
-    "\\\\\\\\": "left_diagonal_line",
-}
 
 TAP = """
 const nx = axes.data.x[0].length, ny = axes.data.y[0].length;
@@ -51,7 +39,8 @@ const spot = (i, j) => {
   const name = names.data.code.indexOf(v);
   const number = Number.isFinite(v) ? Number(v.toPrecision(4)) + ' ' + names.tags[1] : 'no number';
   const word = names.tags[2] ? (name < 0 ? 'not computed' : names.data.name[name]) : number;
-  return `${names.tags[3]} ${a.x[i]}, ${names.tags[4]} ${a.y[j]}: ${word}`;
+  const up = names.tags[4] ? `, ${names.tags[4]} ${a.y[j]}` : '';
+  return `${names.tags[3]} ${a.x[i]}${up}: ${word}`;
 };
 const i = Math.round(cb_obj.x), j = Math.round(cb_obj.y);
 if (i >= 0 && j >= 0 && i < a.x.length && j < a.y.length) readout.text = spot(i, j);
@@ -93,10 +82,6 @@ class MapPanel:
         self.cursor = source(x=[0], y=[0])
         self.held = source(x=[], y=[])
         self._axes: Any = None  # that are shown
-        self.lines = {name: source(x=[], y=[]) for name in ("boundary", "border", "dots")}
-        self.hatched = {
-            pattern: source(left=[], right=[], bottom=[], top=[]) for pattern in PATTERNS
-        }
         self.mapper = LinearColorMapper(low=-0.5, high=0.5, palette=[UNKNOWN], high_color=UNKNOWN)
         self.picture = self._figure()
         self.legend = words(WIDTH)
@@ -117,7 +102,9 @@ class MapPanel:
         document.js_on_event(DocumentReady, CustomJS(args=given, code=KEYS))
 
     def show(self, explored: Explored, plane: Any, x: str, y: str, variable: str) -> None:
-        """Shows a `plane` (`Explored.plane`) by one of its variables."""
+        """Shows a `plane` (`Explored.plane`) by one of its variables; `y` is empty for a map of one
+        axis, which is a strip, and under the curve of a number.
+        """
         paint = painted(plane, variable)
         rows, columns = paint.shades.shape
         named = {name: explored.axis_words(name) for name in (x, y)}
@@ -133,14 +120,16 @@ class MapPanel:
             tags=tags,
         )
         self._show_axes(plane, x, y, named)
-        keys = self._draw_lines(plane, x, y, variable)
+        curve = paint.values[0] if not y and not paint.names else None
+        keys = self.overlay.show(plane, x, y, variable, curve)
+        label = f"{explored.variables[variable]}{f' ({paint.unit})' if paint.unit else ''}"
+        _change(self.overlay.axis, axis_label=label)
         _change(self.legend, text=paint.legend + keys)
-        self._hatch(plane, variable)
 
     def _show_axes(self, plane: Any, x: str, y: str, named: Any) -> None:
         """Shows what the two axes are, unless it is there."""
         texts = {"x": [named[x][2]], "y": [named[y][2]]}
-        falls = [bool(np.diff(plane[name].values[[0, -1]])[0] < 0) for name in (x, y)]
+        falls = [bool(name) and bool(np.diff(plane[name][[0, -1]])[0] < 0) for name in (x, y)]
         pair = (x, y, falls)
         if self._axes == pair and dict(self.axes.data) == texts:
             return
@@ -151,14 +140,17 @@ class MapPanel:
         for fall, count, range_ in zip(falls, counts, ranges, strict=True):
             ends = (-0.5, count - 0.5)
             range_.update(start=ends[fall], end=ends[not fall])
-        for name, axis in ((x, self.picture.xaxis), (y, self.picture.yaxis)):
-            _mark(axis[0], plane[name], named[name])
+        self.upright.visible = bool(y)
+        for name, axis in ((x, self.picture.xaxis[0]), (y, self.upright)):
+            if name:
+                _mark(axis, plane[name], named[name])
 
     def parts(self) -> list[tuple[Any, tuple[str, ...]]]:
         """What `show` changes from plane to plane of the same two axes: models and properties."""
-        sources = [self.plane, self.axes, *self.lines.values(), *self.hatched.values()]
         return [
-            *((one, ("data",)) for one in sources),
+            (self.plane, ("data",)),
+            (self.axes, ("data",)),
+            *self.overlay.parts(),
             (self.names, ("data", "tags")),
             (self.mapper, ("palette", "low", "high")),
             (self.legend, ("text",)),
@@ -174,20 +166,8 @@ class MapPanel:
             image="image", x="x", y="y", dw="w", dh="h", color_mapper=self.mapper,
             source=self.plane,
         )  # fmt: skip
-        for pattern, one in self.hatched.items():
-            colour = dict(HATCHES.values()) | {SEVERAL[0]: SEVERAL[1]}
-            picture.quad(
-                left="left", right="right", bottom="bottom", top="top", source=one,
-                fill_alpha=0, line_width=0, hatch_pattern=PATTERNS[pattern], hatch_scale=8,
-                hatch_color=colour[pattern], hatch_weight=1.2,
-            )  # fmt: skip
-        for colour, width in ((BOUNDARY, 3), (BORDER, 1.4)):
-            picture.multi_line("x", "y", source=self.lines["border"], color=colour,
-                               line_width=width, line_cap="round")  # fmt: skip
-        picture.scatter("x", "y", source=self.lines["dots"], size=2, color=BORDER)
-        for colour, width in (("white", 4.5), (BOUNDARY, 2)):
-            picture.multi_line("x", "y", source=self.lines["boundary"], color=colour,
-                               line_width=width, line_dash="solid")  # fmt: skip
+        self.upright = picture.yaxis[0]
+        self.overlay = Overlay(picture)
         for one, dash in ((self.held, "dashed"), (self.cursor, "solid")):
             for colour, width in (("white", 6), ("black", 2.6)):
                 picture.rect("x", "y", width=1, height=1, source=one, fill_alpha=0,
@@ -197,54 +177,10 @@ class MapPanel:
                             fill_alpha=0, line_color=colour, line_width=width)  # fmt: skip
         return picture
 
-    def _draw_lines(self, plane: Any, x: str, y: str, variable: str) -> str:
-        """Draws the border of linear stability, and those that were located; returns their key."""
-        bent = bent_growth(plane, x, y)
-        found: Any = [] if bent is None else contourpy.contour_generator(z=bent).lines(0.0)
-        keys = ""
-        if found:
-            keys += _line(BOUNDARY, "steady slip loses stability (linear)")
-        _fill(self.lines["boundary"], x=[c[:, 0] for c in found], y=[c[:, 1] for c in found])
-        pieces, dots = border_pieces(plane, x, y, variable)
-        _fill(
-            self.lines["border"],
-            x=[np.array([a[0], b[0]]) for a, b in pieces],
-            y=[np.array([a[1], b[1]]) for a, b in pieces],
-        )
-        _fill(self.lines["dots"], x=dots[:, 0], y=dots[:, 1])
-        if pieces:
-            keys += _line("#ffffff;outline:1px solid #000", "border (located)")
-        return f'<div class="keys">{keys}</div>' if keys else ""
-
-    def _hatch(self, plane: Any, variable: str) -> None:
-        """Patterns over classes that have one, and where the class hangs on the start."""
-        masks = {}
-        if "flag_values" in plane[variable].attrs:
-            for code, name in flag_names(plane[variable]).items():
-                if name in HATCHES:
-                    masks[HATCHES[name][0]] = plane[variable].values == code
-        if variable == "label" and (several := hangs_on_start(plane)) is not None:
-            masks[SEVERAL[0]] = several.values
-        for pattern, one in self.hatched.items():
-            row, start, stop = row_runs(masks.get(pattern, np.zeros((1, 1), bool)))
-            if len(row) > MOST_HATCHED:
-                row = start = stop = row[:0]
-            _fill(one, left=start - 0.5, right=stop - 0.5, bottom=row - 0.5, top=row + 0.5)
-
 
 def _change(model: Any, **values: Any) -> None:
     """Sets what differs: what is set is sent, and drawn anew."""
     model.update(**{name: x for name, x in values.items() if getattr(model, name) != x})
-
-
-def _fill(one: Any, **columns: Any) -> None:
-    """Fills a source, unless it was empty and stays so."""
-    if any(map(len, columns.values())) or any(map(len, one.data.values())):
-        one.data = columns
-
-
-def _line(colour: str, text: str) -> str:
-    return f'<span class="key"><i class="line" style="border-color:{colour}"></i>{text}</span>'
 
 
 def _mark(axis: Any, coordinate: Any, named: tuple[str, str, list[str]]) -> None:

@@ -4,8 +4,6 @@ from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from .cells import scene_of, simulated, toml_of
 from .content import Content, content_of
 from .explored import Explored
@@ -22,7 +20,7 @@ def motion_of(
 ) -> Content:
     """All that is shown of the motion of one cell, computed now."""
     scene = scene_of(explored, place, start)
-    run, told = simulated(scene, explored.spec.run.transient)
+    run, told = simulated(explored, scene)
     content = content_of(run)
     content.texts = {
         "heading": heading(run, told, scene["title"]),
@@ -56,11 +54,5 @@ def wish_ahead(worker: Worker, explored: Explored) -> None:
 
 
 def first_place(explored: Explored) -> dict[str, int]:
-    """The cell that a window shows first, near the middle of each axis."""
-    return {dim: _off_zero(explored.ds[dim].values) for dim in explored.dims}
-
-
-def _off_zero(values: np.ndarray) -> int:
-    """The middle of an axis, or its neighbour: a blade at exactly 0 is a program of its own."""
-    middle = len(values) // 2
-    return middle if values[middle] != 0 or len(values) < 2 else min(middle + 1, len(values) - 1)
+    """The cell that a window shows first, in the middle of each axis."""
+    return {dim: explored.ds.sizes[dim] // 2 for dim in explored.dims}

@@ -23,16 +23,17 @@ from .style import SHEET, titled
 from .widgets import source, span, toggle, words
 
 WIDTH, HEIGHT = 322, 208  # of a picture
+FLEX = f"1 1 {WIDTH + 8}px"  # a panel takes what is left of a row, at least one picture
 SOURCES = {  # source -> its columns
     "velocity": ("t", "v"), "glass": ("t", "v"), "marks": ("t", "shape"),
     "bands": ("left", "right", "bottom", "top", "colour"),
     "orbit": ("x", "v", "colour"), "glass_speed": ("x", "v"),
     "lines": ("f", "a"), "quiet": ("f", "a"), "tone": ("f", "a", "text"),
-    "classes": ("left", "right", "middle", "colour", "name"),
+    "classes": ("left", "right", "colour", "name"),
     "levels": ("image", "t", "f", "width", "height"), "ticks": ("t", "row"),
     "law": ("slip", "mu"), "force": ("slip", "mu", "colour"),
-    "frames": ("x", "y", "hinge", "travel", "px", "py", "t", "v", "at", "colour", "regime",
-               "length"),
+    "frames": ("x", "y", "hinge", "travel", "px", "py", "t", "when", "v", "at", "colour",
+               "regime", "length"),
 }  # fmt: skip
 RANGES = (
     *("time", "velocity", "position", "speed", "frequency", "amplitude", "whole", "pitch"),
@@ -94,7 +95,7 @@ class MotionPanel:
             ],
             css_classes=["motion"],
             sizing_mode="stretch_width",
-            styles={"min-width": f"{WIDTH + 8}px", "flex": "1 1 0"},
+            styles={"min-width": f"{WIDTH + 8}px", "flex": FLEX},
         )
 
     def show(self, content: Content, only: Collection[str] = ()) -> None:
@@ -165,6 +166,7 @@ class MotionPanel:
             "Phase portrait", "position along the glass (mm)", "velocity (m/s)",
             x_range=self.ranges["position"], y_range=self.ranges["speed"],
         )  # fmt: skip
+        picture.xaxis.ticker.desired_num_ticks = 4  # a small motion has long numbers
         picture.line(
             "x", "v", source=self.sources["glass_speed"], color=BELT, line_dash="dashed",
             line_width=1.4,
@@ -191,7 +193,7 @@ class MotionPanel:
             line_width=0, source=bands, y_range_name="share",
         )  # fmt: skip
         picture.text(
-            "middle", 0.99, text="name", source=bands, y_range_name="share", text_align="center",
+            "left", 0.99, text="name", source=bands, y_range_name="share", x_offset=2,
             text_baseline="top", text_font_size="11px", text_color="#444444",
         )  # fmt: skip
         picture.line("f", "a", source=self.sources["lines"], color="black", line_width=0.9)
@@ -205,7 +207,7 @@ class MotionPanel:
 
     def _spectrogram(self) -> Any:
         picture = self._figure(
-            "Spectrogram (60 dB), events below", "", "frequency (Hz)", height=150,
+            "Spectrogram (60 dB), events", "", "frequency (Hz)", height=150,
             x_range=self.ranges["whole"], y_range=self.ranges["pitch"],
         )  # fmt: skip
         shades = [to_hex(colour) for colour in colormaps["magma"](np.linspace(0, 1, SHADES))]

@@ -25,7 +25,7 @@ class Served:
     """
 
     def __init__(self, found: Explored, height: int = 1000, evaluate: Evaluate | None = None):
-        self.height = height
+        self.height, self._unpacked = height, found.unpacked
         answer: queue.Queue[Any] = queue.Queue()
 
         def work() -> None:
@@ -54,6 +54,7 @@ class Served:
 
         self._loop.add_callback(end)
         self._thread.join(timeout=10)
+        self._unpacked.close()
 
     def __repr__(self) -> str:
         return f"the explorer at {self.address}"

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ..datasets.run_dataset import sample_interval
 from ..noise.run_class import words
 from ..plots.style.palette import CLASSES, UNKNOWN, readable
-from ..sound import sound
+from ..sound import COARSEST, sound
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import Result
 from .explored import escaped
@@ -86,6 +87,8 @@ def _number(value: float) -> str:
 
 def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> str:
     """An audio element with so many seconds of a run as they are; full scale is `reference`."""
+    if sample_interval(run) > COARSEST:
+        return '<p class="note">No sound: its motions are too slow to be heard.</p>'
     try:
         heard = sound(run, reference=reference, seconds=seconds)
     except ValueError:  # no whole period in the settled half

@@ -9,7 +9,6 @@ from bokeh.events import SelectionGeometry
 from bokeh.models import Column, Row
 
 from ..machine.files import StoreError
-from ..plots.maps.planes import choose_plane
 from .box import Boxes
 from .content import Content
 from .downloads import Downloads
@@ -17,11 +16,12 @@ from .explored import Explored, escaped, plain
 from .finer_part import FinerPart
 from .map_panel import WIDTH, MapPanel
 from .motion import first_place, wish_motion
-from .motion_panel import FIRST, MotionPanel
+from .motion_panel import FIRST, FLEX, MotionPanel
 from .style import PAGE
-from .widgets import LIVE, button, choice, slider, words
+from .widgets import LIVE, beside, button, choice, slider, words
 from .worker import Worker
 
+REST = 200  # ms without a move after which a slider rests
 FULL_SCALES = {"1": "1 m/s", "0.3": "0.3 m/s", "0.1": "0.1 m/s", "0.03": "0.03 m/s"}
 
 
@@ -35,6 +35,7 @@ class Page:
         self.other.view.visible = False
         self.last: tuple[Any, Content] | None = None
         self.quiet = False  # whether widgets change by themselves
+        self.rests: Any = None  # what is done once a slider rests
         self.status = words(WIDTH, html_attributes=LIVE, css_classes=["state"])
         self.above = Column(children=[], width=WIDTH)
         self.hold = button("hold this cell beside")
@@ -60,11 +61,8 @@ class Page:
             ],
             width=WIDTH,
         )  # fmt: skip
-        motions = Row(
-            children=[self.motion.view, self.other.view], styles={"gap": "16px", "flex": "1 1 0"}
-        )
-        root = Row(children=[left, motions], styles={"gap": "18px"}, sizing_mode="stretch_width")
-        document.add_root(root)
+        motions = beside(self.motion.view, self.other.view, flex=FLEX)
+        document.add_root(beside(left, motions))
         document.title = plain(f"wiperjax explore: {explored.name}")
         document.template = PAGE
         self.map.listen(document)
@@ -80,16 +78,17 @@ class Page:
     ) -> None:
         """Shows a map (the first one, or a part of it, finer), at `place` or its middle."""
         self.explored = explored
-        self.x, self.y = choose_plane(explored.ds, None, None) if x is None else (x, y or "")
+        self.x, self.y = explored.plane_axes() if x is None else (x, y or "")
         name = escaped(explored.ds.attrs.get("title") or explored.name)
-        self.title.text = f"<h1>{name}</h1><p class='note'>{escaped(explored.name)}</p>"
+        file = escaped(explored.name)
+        self.title.text = f"<h1>{name}</h1>" + (f"<p class='note'>{file}</p>" * (file != name))
         self.at = place or first_place(explored)
         chosen = str(self.variable.value) if self.above.children else ""
         self._widgets(chosen, start)
         self._plane()
         self.map.held.data = {"x": [], "y": []}
         self.quiet = True
-        self.map.cursor.data = {"x": [self.at[self.x]], "y": [self.at[self.y]]}
+        self._point()
         self.quiet = False
         self._look()
 
@@ -100,12 +99,14 @@ class Page:
         axes = [(dim, explored.axis_words(dim)[0]) for dim in long]
         variables = explored.variables
         chosen = chosen if chosen in variables else next(iter(variables))
-        self.variable = choice("shown", chosen, variables.items(), 200)
+        width = 200 if self.y else WIDTH - 20
+        self.variable = choice("shown", chosen, variables.items(), width)
         self.across = choice("across", self.x, axes, 145)
         self.up = choice("up", self.y, axes, 145)
         self.variable.on_change("value", lambda attr, old, new: self._plane())
         self.across.on_change("value", partial(self._turn, "x"))
         self.up.on_change("value", partial(self._turn, "y"))
+        self.across.visible = self.up.visible = bool(self.y)
         children: list[Any] = [Row(children=[self.variable, self.across, self.up])]
         self.start = None
         if explored.starts:
@@ -125,7 +126,6 @@ class Page:
             place = self.at[dim]
             one = slider(f"{name} {texts[place]}", len(texts), place, WIDTH - 20, name=dim)
             one.on_change("value", partial(self._slide, dim, one, texts))
-            one.on_change("value_throttled", lambda attr, old, new: self._look())
             sliders.append(one)
         self.below.children = sliders
 
@@ -137,6 +137,17 @@ class Page:
         self.at[dim] = int(one.value)
         one.title = f"{self.explored.axis_words(dim)[0]} {texts[self.at[dim]]}"
         self._plane()
+        self._look_later()
+
+    def _look_later(self) -> None:
+        """Looks once a slider rests: a motion for each of its places would hold the planes up."""
+        if self.rests is not None:
+            self.document.remove_timeout_callback(self.rests)
+        self.rests = self.document.add_timeout_callback(self._rested, REST)
+
+    def _rested(self) -> None:
+        self.rests = None
+        self._look()
 
     def _turn(self, which: str, attr: str, old: str, new: str) -> None:
         """Another axis across or up; the two change places where they would be the same."""
@@ -152,8 +163,12 @@ class Page:
         self.across.value, self.up.value = self.x, self.y
         self._sliders()
         self._plane()
-        self.map.cursor.data = {"x": [self.at[self.x]], "y": [self.at[self.y]]}
+        self._point()
         self.quiet = False
+
+    def _point(self) -> None:
+        """Puts the cursor where the page is."""
+        self.map.cursor.data = {"x": [self.at[self.x]], "y": [self.at.get(self.y, 0)]}
 
     def begin(self) -> Any:
         """The start that is chosen, as the map names it."""

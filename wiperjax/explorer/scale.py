@@ -28,7 +28,8 @@ class Painted(NamedTuple):
     Attributes:
         shades: (rows, columns), uint8, `NOTHING` where there is no value.
         palette: a colour for each shade.
-        values: the numbers in the unit of pictures, (rows, columns), float32; codes of categories.
+        values: the numbers in the unit of pictures, (rows, columns), float32; codes of categories
+            as the map has them.
         names: code -> name of a category; empty for numbers.
         unit: of the numbers.
         legend: HTML.
@@ -70,7 +71,8 @@ def _categories(plane: xr.Dataset, variable: str) -> Painted:
             _key("#ffffff", f"depends on the start {_percent(float(several.mean()))}", "several")
         )
     names = {code: readable(name) for code, name in names.items()}
-    return Painted(shades, colours, codes.astype(np.float32), names, "", _keys(keys))
+    values = codes if codes.dtype.itemsize == 1 else codes.astype(np.float32)  # as it is sent
+    return Painted(shades, colours, values, names, "", _keys(keys))
 
 
 def _percent(share: float) -> str:

@@ -31,7 +31,7 @@ set(push, far ? {x: [[f.x[k], f.px[k]]], y: [[f.y[k], f.py[k]]]} : {x: [], y: []
 set(tip, far ? {x: [f.px[k]], y: [f.py[k]]} : {x: [], y: []});
 set(now, {t: [f.t[k]], v: [f.v[k]]});
 set(here, {x: [f.at[k]], v: [f.v[k]]});
-picture.title.text = `The lip at ${f.t[k].toFixed(2)} ms: ${f.regime[k]}`;
+picture.title.text = `The lip at ${f.when[k]}: ${f.regime[k]}`;
 """
 PLAY = """
 if (!toggle.active) { toggle.label = '▶ slow motion'; return }

@@ -12,17 +12,16 @@ from typing import Any
 import numpy as np
 from bokeh.document import Document
 from bokeh.embed import file_html
-from bokeh.models import Column, CustomJS, Row
+from bokeh.models import Column, CustomJS
 from bokeh.resources import INLINE
 
 from ..machine.files import check_output, replacing
-from ..plots.maps.planes import choose_plane
 from .explored import USUAL, Explored, escaped, plain
 from .map_panel import WIDTH, MapPanel
 from .motion import motion_of
 from .motion_panel import MotionPanel
 from .style import PAGE
-from .widgets import choice, slider, words
+from .widgets import beside, choice, slider, words
 
 MOST_VALUES = 6_000_000  # cells of all planes: 30 MB
 SECONDS = 1.0  # of the sound of each cell
@@ -44,7 +43,7 @@ put(states, [variable.value, ...sliders.map(one => one.value)].join(' '));
 for (const one of sliders) one.title = `${one.tags[0]} ${one.tags[1][one.value]}`;
 """
 CELL = """
-at[axes[0]] = cursor.data.x[0]; at[axes[1]] = cursor.data.y[0];
+at[axes[0]] = cursor.data.x[0]; at[axes[1]] = cursor.data.y[0];  // '' if there is no other axis
 let best = -1, least = Infinity;
 places.forEach((place, k) => {
   let far = 0;
@@ -55,7 +54,7 @@ if (best >= 0 && shown.tags[0] !== best) { shown.tags = [best]; put(motions, Str
 const own = (d, k) => axes.includes(d) || places[best][k] === (at[d] ?? 0);
 const here = best >= 0 && dims.every(own);  // in the plane that is shown
 const [i, j] = axes.map(axis => dims.indexOf(axis));
-held.data = here ? {x: [places[best][i]], y: [places[best][j]]} : {x: [], y: []};
+held.data = here ? {x: [places[best][i]], y: [places[best][j] ?? 0]} : {x: [], y: []};
 """
 
 
@@ -78,7 +77,7 @@ def write_static(
         `path` exists (without `force`) or cannot be written.
     """
     check_output(path, force)
-    x, y = choose_plane(explored.ds, None, None)
+    x, y = explored.plane_axes()
     rest = [dim for dim in explored.dims if dim not in (x, y)]
     places = coarse(explored, x, y) if cells is None else [nearest(explored, c) for c in cells]
     if len(places) > MOST_MOTIONS:
@@ -175,7 +174,7 @@ def _page(explored, axes, panel, motion, chosen, states, places, motions) -> Doc
     for one in sliders:
         one.value = middle[one.name]
         one.title = f"{one.tags[0]} {one.tags[1][one.value]}"
-    panel.cursor.data = {"x": [middle[axes[0]]], "y": [middle[axes[1]]]}
+    panel.cursor.data = {"x": [middle[axes[0]]], "y": [middle.get(axes[1], 0)]}
     show = CustomJS(args=args, code=PUT + PLANE + CELL)
     variable.js_on_change("value", show)
     panel.cursor.js_on_change("data", show)
@@ -197,8 +196,7 @@ def _page(explored, axes, panel, motion, chosen, states, places, motions) -> Doc
     )
     motion.view.visible = bool(motions)
     document = Document()
-    document.add_root(Row(children=[left, motion.view], styles={"gap": "18px"},
-                          sizing_mode="stretch_width"))  # fmt: skip
+    document.add_root(beside(left, motion.view))
     document.title = plain(f"wiperjax explore: {explored.name}")
     panel.listen(document)
     document.js_on_event("document_ready", show)

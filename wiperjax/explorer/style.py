@@ -10,8 +10,8 @@ p { margin: 3px 0; } .note, .where { color: #57606a; } .fault { color: #9a3412; 
   border: 1px solid #444; border-radius: 3px; margin-right: 7px; vertical-align: -1px; }
 table.numbers { border-collapse: collapse; width: 316px; font-variant-numeric: tabular-nums; }
 table.numbers th { font-weight: 400; text-align: left; color: #57606a; padding: 1px 6px 1px 0; }
-table.numbers td { text-align: right; padding: 1px 6px; } td.unit { color: #57606a; }
-table.numbers td.unit { text-align: left; } td.here { font-weight: 600; }
+table.numbers td { text-align: right; padding: 1px 6px; white-space: nowrap; }
+table.numbers td.unit { color: #57606a; text-align: left; } td.here { font-weight: 600; }
 table.numbers th[scope=col] { text-align: right; }
 table.numbers tr + tr { border-top: 1px solid #eaeef2; }
 .keys { display: flex; flex-wrap: wrap; gap: 2px 14px; } .key { white-space: nowrap; }
@@ -23,7 +23,7 @@ table.numbers tr + tr { border-top: 1px solid #eaeef2; }
 .bar .tick { position: absolute; top: 17px; transform: translateX(-50%); font-size: 12px; }
 .progress { width: 320px; height: 10px; border: 1px solid #8c959f; border-radius: 5px;
   overflow: hidden; margin-top: 8px; } .progress div { height: 100%; background: #0072B2; }
-audio { height: 34px; width: 316px; }
+label { white-space: normal; } audio { height: 34px; width: 316px; }
 textarea { font-family: ui-monospace, 'DejaVu Sans Mono', monospace; font-size: 12px; }
 .readout { min-height: 34px; font-variant-numeric: tabular-nums; }
 kbd { border: 1px solid #bbb; border-radius: 3px; padding: 0 4px; background: #f6f8fa; }

@@ -29,6 +29,12 @@ def words(width: int | None, text: str = "", **options: Any) -> Any:
     )  # fmt: skip
 
 
+def beside(*parts: Any, **styles: str) -> Any:
+    """Parts in a row; below each other where the window (or a notebook's frame) is too narrow."""
+    look: Any = {"gap": "16px", "flex-wrap": "wrap"} | styles
+    return models.Row(children=list(parts), styles=look, sizing_mode="stretch_width")
+
+
 def choice(title: str, value: str, options: Iterable[tuple[str, str]], width: int) -> Any:
     """One of several values, each with its words."""
     return models.Select(

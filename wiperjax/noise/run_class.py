@@ -167,10 +167,9 @@ def _slips(run: xr.Dataset, velocity: np.ndarray, window: float) -> dict[str, fl
     """
     time = np.asarray(run["time"], dtype=float)
     names = flag_names(run["regime"])
-    regime = np.array([names[int(code)] for code in run["regime"]])
-    before, after = (
-        np.array([names[int(code)] for code in run[f"regime_{when}"]], dtype=str)
-        for when in ("before", "after")
+    regime, before, after = (
+        np.array([names[code] for code in np.asarray(run[name]).tolist()], dtype=str)
+        for name in ("regime", "regime_before", "regime_after")
     )
     at = np.asarray(run["event_time"], dtype=float)
     out = (before == "stick") & np.char.startswith(after, "slip") & (at >= time[0])

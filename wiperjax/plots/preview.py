@@ -7,10 +7,12 @@ from typing import Any
 
 import xarray as xr
 
+from ..datasets.map_starts import from_start
 from ..datasets.run_dataset import is_run, last_periods
 from ..vocabulary import checks
 from .maps.categories import category_legend, category_panel
-from .maps.planes import choose_plane, cut
+from .maps.line import along_axis
+from .maps.planes import choose_plane, cut, map_dims
 from .runs.history import time_history
 from .style.axes import legend_below, page
 from .style.caption import noise_text
@@ -38,6 +40,25 @@ class Preview:
         return f"<div>{html.escape(self.text)}<br>{picture}</div>"
 
 
+def load_ipython_extension(shell: Any) -> None:
+    """`%load_ext wiperjax` in a notebook: from then on maps and runs are shown by their `preview`,
+    above what xarray shows of them.
+    """
+    shell.display_formatter.formatters["text/html"].for_type(xr.Dataset, _shown)
+
+
+def unload_ipython_extension(shell: Any) -> None:
+    """`%unload_ext wiperjax`: datasets are shown as xarray shows them."""
+    shell.display_formatter.formatters["text/html"].pop(xr.Dataset)
+
+
+def _shown(ds: xr.Dataset) -> str:
+    """A dataset as HTML; with a picture if it is one of ours."""
+    ours = str(ds.attrs.get("source", "")).startswith("wiperjax")
+    picture = preview(ds)._repr_html_() if ours and ("label" in ds or is_run(ds)) else ""
+    return picture + ds._repr_html_()
+
+
 def preview(ds: xr.Dataset) -> Preview:
     """A small picture of a map (its classes in the middle plane) or of a run (the velocity of its
     last periods), and a line that says what it is. Of another dataset the line alone.
@@ -52,13 +73,13 @@ def preview(ds: xr.Dataset) -> Preview:
     if "label" not in ds:
         return Preview(f"{title}: {size}", b"")
     text = f"{title}: map of {ds['label'].size:,} cells ({size})"
+    ds = from_start(ds)
     try:
         x, y = choose_plane(ds, None, None)
-    except ValueError:  # one axis
-        return Preview(text, b"")
+    except ValueError:
+        one = any(ds.sizes[dim] > 1 for dim in map_dims(ds))
+        return Preview(text, _line(ds) if one else b"")
     plane, where = cut(ds, (x, y))
-    if "start" in plane.dims:
-        plane = plane.isel(start=0)
     return Preview(text + (f"; shown at {where}" if where else ""), _map(plane.load(), x, y))
 
 
@@ -67,6 +88,10 @@ def _map(plane: xr.Dataset, x: str, y: str) -> bytes:
     boundary = category_panel(plane, figure.subplots(), x, y)
     legend_below(figure, category_legend(plane, boundary=boundary), fontsize="small")
     return _png(figure)
+
+
+def _line(ds: xr.Dataset) -> bytes:
+    return _png(along_axis(ds)[0].figure)
 
 
 def _run(run: xr.Dataset) -> bytes:

@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +19,29 @@ from ..vocabulary import cf, checks
 from ..vocabulary.cf import units_text
 from ..vocabulary.columns import SYSTEM
 from ..vocabulary.kinds import MODELS, WIPER
+from ..vocabulary.wording import not_there
 from .dataset import as_lip
 from .simulate import simulate
 
 
-def run_scene(spec: SceneSpec | Mapping[str, Any] | str | os.PathLike) -> xr.Dataset:
+def run_scene(
+    spec: SceneSpec | Mapping[str, Any] | str | os.PathLike, *, varied: Iterable[str] = ()
+) -> xr.Dataset:
     """Return the trajectory of a scene file, labelled as `simulate` does.
 
     ``spec``: a scene of `load_scene`, the path of a scene file, or a mapping shaped like one. Its
     attributes are those of the file: title, text, and all parameters in the units of files
-    (angles in degrees; ``parameter_units`` says so).
+    (angles in degrees; ``parameter_units`` says so). ``varied``: parameters that other scenes have
+    other values of; one that is 0 here is then computed with, not left out, so that all have one
+    compiled program.
 
     Raises ValueError for anything else, and for a start that is impossible for these parameters.
     """
     begun, spec = time.perf_counter(), _scene(spec)
     parameters, table = spec.parameters(), spec.parameter_table
-    built = build(spec, parameters)
+    if strange := [name for name in varied if name not in parameters]:
+        raise ValueError(not_there(str(strange[0]), "scene", parameters))
+    built = build(spec, parameters | {name: jnp.asarray(parameters[name]) for name in varied})
     state = start(spec, built)
     if spec.start.kind == "equilibrium" and not bool(jnp.isfinite(state[0][0])):
         raise ValueError(

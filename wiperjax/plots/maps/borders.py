@@ -56,13 +56,27 @@ def border_pieces(ds: xr.Dataset, x: str, y: str, variable: str) -> tuple[list, 
     """Borders of `variable` in a plane of a map, in cells from its first one along `x` and `y`:
     straight pieces, each a pair of points (2,), and the points that no curve joins, (points, 2).
     """
-    on = str(ds.attrs.get(PREFIX + "on", ""))
-    if PREFIX + "axis" not in ds or ("=" not in on and on != variable):
+    if not _has_borders(ds, variable):
         return [], np.zeros((0, 2))
     place, pair, rough = _in_plane(ds, x, y)
     last = np.array([ds.sizes[x], ds.sizes[y]]) - 2
     cells = _cells((place[~rough], pair[~rough]), last)
     return [piece for cell in cells for piece in _joined(*cell)], place[rough]
+
+
+def border_places(ds: xr.Dataset, x: str, variable: str) -> np.ndarray:
+    """Borders of `variable` along the one axis `x` of a map, (points,), in cells from its first."""
+    if not _has_borders(ds, variable):
+        return np.zeros(0)
+    names = str(ds[PREFIX + "axis"].attrs["flag_meanings"]).split()
+    here = ds[PREFIX + "axis"].values == names.index(x)
+    return _rank(ds, x, ds[PREFIX + x].values[here])
+
+
+def _has_borders(ds: xr.Dataset, variable: str) -> bool:
+    """Whether a map has borders, and these are of `variable` or of a threshold."""
+    on = str(ds.attrs.get(PREFIX + "on", ""))
+    return PREFIX + "axis" in ds and ("=" in on or on == variable)
 
 
 def border_legend() -> Line2D:
