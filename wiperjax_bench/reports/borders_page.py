@@ -38,9 +38,9 @@ def text(dataset: xr.Dataset, picture: str) -> str:
     lines += [
         f"Classes told at {dataset.attrs['points']} random points, beside simulating each. "
         "Dotted: half a point. `far`: the farthest wrong point from the border that is told, "
-        "in steps; `beyond`: wrong ones beyond the stated bracket (a step, or the cube where the file "
-        "says so); `unseen`: those in cubes where no border was seen. Full grid, octree and adaptive "
-        "take their simulations from the finest refined map.",
+        "in steps; `beyond`: wrong ones beyond the stated bracket (a step, or the cube where the "
+        "file says so); `unseen`: those in cubes where no border was seen. Full grid, octree and "
+        "adaptive take their simulations from the finest refined map.",
         "",
         "| method | step of the axes | simulations | wrong | far | beyond | unseen |",
         "|---|---|---|---|---|---|---|",
