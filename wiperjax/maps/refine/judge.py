@@ -1,8 +1,8 @@
 """Which cubes hold what the points on their edges tell, and which do not.
 
-A cube is believed within a bracket of its plane if it has one border that is, if every known point
-in it is told right but for those within a bracket of the border, and if points were looked at on
-either side of it. Of a cube that is not believed nothing is said but that it holds a border: its
+A cube is believed if it has one border, a plane; if points were looked at on either side of it; and
+if every known point in it is told right, but for those right beside it. Its stated bracket is then
+that of the points. Of a cube that is not believed no more is said than that a border is in it: its
 stated bracket is the cube.
 """
 
@@ -15,7 +15,6 @@ from .view import View
 OFF = 0.75  # brackets from the plane at which a surface is tested
 CLEAR = 0.5  # brackets from the plane, from which on known points must be told right
 UNCLEAR = 1.0  # brackets: root mean square distance of crossings that no plane fits
-WITHIN = 1.0  # brackets from the border within which nothing is promised
 
 REASONS = ("irregular", "unresolved", "meeting", "unsettled", "bent")
 """Why a cube is not believed: it has, or touches one that has, an edge where the answer changes to

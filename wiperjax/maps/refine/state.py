@@ -1,11 +1,13 @@
 """What a refinement knows at one time: its points and its cubes, and what it tells of any place."""
 
+import itertools
+
 import numpy as np
 
 from ...specs.refine import Refine
 from .cubes import Cubes
 from .grid import Grid
-from .judge import WITHIN, reasons
+from .judge import reasons
 from .known import Facts, Known
 from .view import View
 
@@ -62,12 +64,16 @@ class State:
         return code, depth
 
     def sure(self, places: np.ndarray) -> np.ndarray:
-        """Whether each of `places` lies beyond the stated bracket of every border that is told: one
-        bracket, or the whole cube where that is not believed.
+        """Whether each of `places` lies beyond the stated bracket of every border that is told: its
+        cube is believed, and no other answer is told within a bracket along each axis.
         """
+        code, _ = self.answer(places)
         cube = self.cubes.locate(np.floor(places).astype(np.int64))
-        _, depth = self.answer(places)
-        return (cube >= 0) & (self.why[cube] == 0) & (depth > WITHIN)
+        found = (cube >= 0) & (self.why[cube] == 0)
+        for step in itertools.product((-1, 0, 1), repeat=self.grid.dim):
+            beside, _ = self.answer(places + np.array(step) * self.wanted)
+            found &= (beside == code) | (beside == -2)
+        return found
 
     def codes(self, index: np.ndarray) -> np.ndarray:
         return self.known.facts.code[self.known.find(index)]
