@@ -109,3 +109,18 @@ def test_cubes_that_touch_are_those_whose_corners_are_in_one_another():
     meet = (low[:, None] <= high[which]) & (high[:, None] >= low[which])
     np.testing.assert_array_equal(cubes.touching(which), meet.all(axis=-1).any(axis=-1))
     assert len(np.unique(cubes.size)) == 3 and which.any()
+
+
+def test_a_border_finer_than_the_smallest_cube_is_not_promised_beside_it_either(tmp_path):
+    def rough(x, y, z):
+        ripple = 0.03 * np.sin(61 * x + 7) * np.sin(53 * y) * np.sin(47 * z + 1)
+        return np.where(z > 0.45 + 0.2 * x + ripple, 700.0, 300.0), 0.0 * x
+
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(rough), axes=tuple(AXES))
+    found = refined(path, engine(rough), levels=6, on="band")
+    search, wrong, depth, sure = asked(path, rough, tuple(AXES))
+    bent = search.why == 1 + REASONS.index("bent")
+    assert (bent & search.now.pure).any() and found.attrs["wide_cubes_bent"] == bent.sum()
+    assert wrong.sum() > 50 and not (wrong & sure).any()
+    assert (wrong & np.isinf(depth)).any()  # where no border is seen

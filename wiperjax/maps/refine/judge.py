@@ -19,7 +19,9 @@ UNCLEAR = 1.0  # brackets: root mean square distance of crossings that no plane 
 REASONS = ("irregular", "unresolved", "meeting", "unsettled", "bent")
 """Why a cube is not believed: it has, or touches one that has, an edge where the answer changes to
 and fro; a bracket was not reached, or a test not made; it has more than two answers; an answer
-beside the border is not settled; or the border is no plane."""
+beside the border is not settled; or the border is no plane, so that a cube beside it where none
+is seen may hide a part of it.
+"""
 
 
 def tests(now: View) -> tuple[np.ndarray, np.ndarray]:
@@ -70,12 +72,13 @@ def reasons(now: View) -> np.ndarray:
     index, cube = tests(now)
     untested = np.zeros(len(now.cubes), dtype=bool)
     untested[cube[now.known.find(index) < 0]] = True
+    folded = bent(now)
     unsettled = ~(facts.settled[pairs.low] & facts.settled[pairs.high])
     masks = {
         "irregular": now.cubes.touching(now.irregular),
         "unresolved": now.busy | untested,
         "meeting": meeting(now),
         "unsettled": now.with_pairs(now.mixed & unsettled),
-        "bent": bent(now),
+        "bent": folded | (now.pure & now.cubes.touching(folded)),
     }
     return np.select([masks[name] for name in REASONS], range(1, len(REASONS) + 1), default=0)
