@@ -170,6 +170,17 @@ def print_phases(dataset: Any) -> None:
         print(f"time     {parts}; cores idle for {idle:.1f} s of it")
 
 
+WIDEST = "widest_bracket_share_"
+WIDE = {
+    "irregular": "at or beside irregular motion",
+    "unresolved": "not looked at to the end",
+    "meeting": "of more than two answers",
+    "unsettled": "with answers that are not settled",
+    "bent": "whose border is no plane",
+}
+"""Why a cube is not believed within a bracket of its border (`maps.refine.judge.REASONS`)."""
+
+
 def print_borders(borders: Any) -> None:
     """What a refinement found, what it took, and how far it can be believed."""
     from ..vocabulary.codes import CROSSINGS
@@ -179,12 +190,16 @@ def print_borders(borders: Any) -> None:
     print(
         f"borders of {said['on']}: {borders.sizes['border']} points ({', '.join(counts) or 'none'})"
     )
-    shares = [
-        f"{name.removeprefix('bracket_share_')} 1/{1 / share:.0f}"
-        for name, share in said.items()
-        if name.startswith("bracket_share_")
-    ]
-    print(f"bracket, as a share of the axis: {', '.join(shares)}")
+    print(f"bracket, as a share of the axis: {_shares(said, 'bracket_share_')}")
+    if said.get("wide_cubes"):
+        reasons = [f"{said[f'wide_cubes_{why}']} {words}" for why, words in WIDE.items()
+                   if said[f"wide_cubes_{why}"]]  # fmt: skip
+        print(
+            f"    in {said['wide_cubes']} of {said['cubes']} cubes "
+            f"({said['wide_cubes_volume_share']:.2%} of the volume) the bracket is the cube: "
+            f"{', '.join(reasons)}"
+        )
+        print(f"    {said['wide_points']} points have such a cube, at most {_shares(said, WIDEST)}")
     every = said["simulations"] + said["map_cells"]
     full = said["full_grid_cells"]
     print(
@@ -199,21 +214,23 @@ def print_borders(borders: Any) -> None:
                 f"probes in {what}: {wrong} of {count} unlike what was expected "
                 f"(at most {bound:.2%}, 95 % sure)"
             )
-    if said.get("border_probes_wrong"):
-        far = said["border_probes_wrong_within_brackets"]
-        print(f"    these lie within {far:.2g} brackets of the border")
+    if count := said.get("sure_probes", 0):
+        wrong, bound = said["sure_probes_wrong"], said["sure_probes_wrong_share_at_most"]
+        print(f"    {wrong} of the {count} beyond the bracket (at most {bound:.2%}, 95 % sure)")
     if said["budget_spent"]:
         print(
             "note: the budget ended it (--max-cells); unresolved points are wider than the bracket"
         )
     if said["irregular_points"]:
         print("note: at irregular points the answer changes to and fro; nothing there is a border")
-    if said["cubes_left_wrong"]:
-        print(
-            f"note: {said['cubes_left_wrong']} cubes have borders that bend more than is resolved"
-        )
     if said["unsettled_points"]:
         print(f"note: {said['unsettled_points']} points are not settled in the longest window")
+
+
+def _shares(said: Any, prefix: str) -> str:
+    """Shares of the axes."""
+    found = {n.removeprefix(prefix): x for n, x in said.items() if n.startswith(prefix)}
+    return ", ".join(f"{name} 1/{1 / share:.0f}" for name, share in found.items())
 
 
 def cost(output: Path, begun: float) -> str:

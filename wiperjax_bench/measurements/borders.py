@@ -74,19 +74,21 @@ def run(output: Path, *, quick: bool = False, count: int = 2000, seed: int = 7, 
             shutil.copy(previous, file)
         found = refine(file, levels=level, progress=False)
         search, _ = replay(file)
-        code, depth = search.answer(grid.places(index) / 2 ** (grid.levels - level))
-        off = depth[code != truth]
+        places = grid.places(index) / 2 ** (grid.levels - level)
+        code, depth = search.answer(places)
+        off, beyond = depth[code != truth], int((search.sure(places) & (code != truth)).sum())
         total = int(found.attrs["simulations"] + found.attrs["map_cells"])
         far = float(off[np.isfinite(off)].max(initial=0.0))
         step = 1 / float(search.grid.shape.max() - 1)
-        add("refined map", step, total, code, far=far, unseen=int(np.isinf(off).sum()))
+        unseen = int(np.isinf(off).sum())
+        add("refined map", step, total, code, far=far, beyond=beyond, unseen=unseen)
     places = grid.places(index) / 2**FINER
     for row in (*full_grids(search, places), *octrees(search, places)):
         add(*row)
     if importlib.util.find_spec("adaptive") is not None:
         for row in learner(search, places, ADAPTIVE[:1] if quick else ADAPTIVE):
             add(*row)
-    names = ("method", "step", "simulations", "wrong", "far", "unseen")
+    names = ("method", "step", "simulations", "wrong", "far", "beyond", "unseen")
     data = {name: ("row", [row.get(name, np.nan) for row in rows]) for name in names}
     attrs = {
         "title": "borders known for so many simulations",

@@ -38,15 +38,18 @@ def text(dataset: xr.Dataset, picture: str) -> str:
     lines += [
         f"Classes told at {dataset.attrs['points']} random points, beside simulating each. "
         "Dotted: half a point. `far`: the farthest wrong point from the border that is told, "
-        "in steps; `unseen`: wrong ones in cubes where no border was seen. Full grid, octree and "
+        "in steps; `beyond`: wrong ones beyond the stated bracket (a step, or the cube where the "
+        "file says so); `unseen`: those in cubes where no border was seen. Full grid, octree and "
         "adaptive take their simulations from the finest refined map.",
         "",
-        "| method | step of the axes | simulations | wrong | far | unseen |",
-        "|---|---|---|---|---|---|",
+        "| method | step of the axes | simulations | wrong | far | beyond | unseen |",
+        "|---|---|---|---|---|---|---|",
     ]
     for k in range(dataset.sizes["row"]):
         row = {name: dataset[name].values[k] for name in dataset.data_vars}
-        more = "| |" if np.isnan(row["far"]) else f"{row['far']:.2g} | {row['unseen']:.0f} |"
+        more = "| | |"
+        if not np.isnan(row["far"]):
+            more = f"{row['far']:.2g} | {row['beyond']:.0f} | {row['unseen']:.0f} |"
         lines.append(
             f"| {row['method']} | 1/{1 / row['step']:.0f} | {row['simulations']} | "
             f"{row['wrong']:.2%} | {more}"

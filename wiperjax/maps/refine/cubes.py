@@ -60,6 +60,17 @@ class Cubes:
             found[hit] = order[place[hit]]
         return found
 
+    def touching(self, which: np.ndarray) -> np.ndarray:
+        """Cubes that share a face, an edge or a corner with one of a mask, and these."""
+        found = which.copy()
+        for step in itertools.product((-1, 0, 1), repeat=self.grid.dim):
+            beside = np.where(np.array(step) > 0, self.size[:, None], step)
+            other = self.locate(self.origin + beside)  # each looks, for it may touch many smaller
+            there = other >= 0
+            found[there] |= which[other[there]]
+            found[other[there & which]] = True
+        return found
+
     def split(self, which: np.ndarray) -> "Cubes":
         """The cubes with those of a mask halved along each axis."""
         steps = np.array(list(itertools.product((0, 1), repeat=self.grid.dim)))

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.stats import binomtest
 
 from ...vocabulary.codes import CROSSINGS
+from .judge import REASONS
 
-STEEP = 0.25  # of the change along the whole edge within one bracket: a number that jumps
+STEEP = 0.25  # of the change along the wide edge within one bracket: a number that jumps
 
 
 class Outcome(NamedTuple):
@@ -21,37 +22,54 @@ class Outcome(NamedTuple):
     code_high: np.ndarray
     kind: np.ndarray  # of CROSSINGS
     level: np.ndarray  # of the cube's edge that it lies on
+    stated: np.ndarray  # steps of the grid: the stated bracket
     report: dict[str, Any]
 
     @classmethod
-    def of(cls, search: Any, pairs: Any, irregular: np.ndarray, edges: Any) -> "Outcome":
-        """Of a `Search`, the unlike neighbours on its edges, and which lie on irregular ones."""
+    def of(cls, search: Any) -> "Outcome":
+        """Of a `Search`, the unlike neighbours on its edges."""
         grid, known, facts = search.grid, search.known, search.known.facts
+        now, edges = search.now, search.cubes.edges
+        pairs = now.pairs.take(now.mixed)
         axis = edges.axis[pairs.edge]
         place = grid.places(known.index[pairs.low]).astype(float)
         rows = np.arange(len(axis))
         low = place[rows, axis]
-        share = search.share(pairs)
+        share = now.share(pairs)
         smooth = np.isfinite(share) & ~_steep(search, pairs, edges)
         place[rows, axis] += np.where(smooth, share, 0.5) * pairs.gap
         wide = pairs.gap > search.wanted[axis]
         kind = np.select(
-            [irregular, wide, smooth],
+            [now.crowded[pairs.edge], wide, smooth],
             [CROSSINGS["irregular"], CROSSINGS["unresolved"], CROSSINGS["smooth"]],
             default=CROSSINGS["jump"],
         )
         level = np.log2(grid.width / edges.length[pairs.edge]).astype(np.int8)
         # an edge of a large cube and one of a small one beside it may hold the same bracket
         order = np.argsort(-level, kind="stable")
-        _, first = np.unique(
-            known.index[pairs.low][order] * grid.dim + axis[order], return_index=True
+        _, first, same = np.unique(
+            (known.index[pairs.low] * grid.dim + axis)[order],
+            return_index=True,
+            return_inverse=True,
         )
         keep = order[first]
+        stated = search.wanted[axis[keep]]
+        np.maximum.at(stated, same, _stated(search)[pairs.edge[order]])
         rows = (
             *(place, axis, low, low + pairs.gap),
             *(facts.code[pairs.low], facts.code[pairs.high], kind, level),
         )
-        return cls(*(values[keep] for values in rows), report=_report(search, kind[keep]))
+        kept = [values[keep] for values in rows]
+        return cls(*kept, stated=stated, report=_report(search, kind[keep], stated, axis[keep]))
+
+
+def _stated(search: Any) -> np.ndarray:
+    """Size of the largest cube on each edge that is not believed, 0 for none, (edges,)."""
+    of = search.cubes.edges.of
+    size = np.where(search.why > 0, search.cubes.size, 0)
+    found = np.zeros(len(search.cubes.edges.axis), dtype=np.int64)
+    np.maximum.at(found, of.ravel(), np.repeat(size, of.shape[1]))
+    return found
 
 
 def _steep(search: Any, pairs: Any, edges: Any) -> np.ndarray:
@@ -75,10 +93,11 @@ def share_of(wrong: np.ndarray) -> tuple[int, int, float]:
     return len(wrong), int(wrong.sum()), float(found.proportion_ci(0.95, "exact").high)
 
 
-def _report(search: Any, kind: np.ndarray) -> dict[str, Any]:
+def _report(search: Any, kind: np.ndarray, stated: np.ndarray, axis: np.ndarray) -> dict[str, Any]:
     """Attributes of a refinement: what it took, and what it can promise."""
     grid, known = search.grid, search.known
     fine = [int(n) for n in np.ceil((grid.shape - 1) / search.wanted) + 1]
+    volume, wide = search.cubes.size.astype(float) ** grid.dim, search.why > 0
     report: dict[str, Any] = {
         "simulations": search.used,
         "map_cells": int(np.prod(grid.coarse)),
@@ -87,14 +106,21 @@ def _report(search: Any, kind: np.ndarray) -> dict[str, Any]:
         "unsettled_points": int((~known.facts.settled & known.facts.longer).sum()),
         "lengthened_points": int(known.facts.longer.sum()),
         "cubes": len(search.cubes),
-        "cubes_with_border": int((~search.pure()).sum()),
-        "cubes_left_wrong": search.left,
+        "cubes_with_border": int((~search.now.pure).sum()),
+        "wide_cubes": int(wide.sum()),
+        "wide_cubes_volume_share": float(volume[wide].sum() / volume.sum()),
+        "wide_points": int((stated > search.wanted[axis]).sum()),
     }
+    largest = search.cubes.size[wide].max(initial=0)
+    for name, size, wanted in zip(grid.names, grid.shape, search.wanted, strict=True):
+        report[f"bracket_share_{name}"] = float(wanted / (size - 1))
+        report[f"widest_bracket_share_{name}"] = float(max(wanted, largest) / (size - 1))
+    for code, name in enumerate(REASONS, 1):
+        report[f"wide_cubes_{name}"] = int((search.why == code).sum())
     for name, code in CROSSINGS.items():
         report[f"{name}_points"] = int((kind == code).sum())
     for name, (count, wrong, bound) in search.shares.items():
         report[f"{name}s"] = count
         report[f"{name}s_wrong"] = wrong
         report[f"{name}s_wrong_share_at_most"] = bound
-    report["border_probes_wrong_within_brackets"] = search.farthest
     return report

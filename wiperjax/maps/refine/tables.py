@@ -53,13 +53,10 @@ def border_dataset(
         variables[name] = ("border", values.astype(np.int8), attrs)
     words = {"long_name": "level of the cube that the point lies on an edge of", "units": "1"}
     variables["level"] = ("border", found.level, words)
-    reached = {
-        f"bracket_share_{name}": float(wanted / (size - 1))
-        for name, size, wanted in zip(
-            grid.names, grid.shape, settings.bracket(grid.shape), strict=True
-        )
-    }
-    attrs = {"on": settings.on, "levels": grid.levels} | reached | found.report | dict(made)
+    share = found.stated / (grid.shape - 1)[found.axis]
+    words = "stated bracket, of the border inside the cubes that it is of, as a share of `axis`"
+    variables["bracket_share"] = ("border", share, {"long_name": words, "units": "1"})
+    attrs = {"on": settings.on, "levels": grid.levels} | found.report | dict(made)
     return xr.Dataset(variables, attrs=attrs)
 
 
