@@ -68,8 +68,8 @@ def file_of(asked: dict) -> str:
 
 def command(cells: int) -> dict[str, float]:
     """Return what the command costs: wall and processor time [s], its own phases, its memory."""
-    environment = dict(os.environ)
-    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+    # nor the user's own, which the command would take and fill: later turns compiled nothing
+    environment = os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"}
     environment.pop("XLA_FLAGS", None)  # those of this process; the command sets its own
     with tempfile.TemporaryDirectory() as folder:
         file, output = Path(folder, "sweep.toml"), Path(folder, "map.h5")
