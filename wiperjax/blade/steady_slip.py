@@ -7,7 +7,7 @@ closed forms this is tested against.
 
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -152,8 +152,7 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
     speed: Scalar = jnp.asarray(wiper.belt.velocity(0.0, 0), float)
     along = jnp.where(speed < 0, -1.0, 1.0)
     # a belt that moves back is a mirrored blade: angles of the grid are the same for all cells
-    forwards: Any = along * speed
-    wiper = replace(wiper, belt=SteadyBelt(forwards), attack_angle=along * wiper.attack_angle)
+    wiper = replace(wiper, belt=SteadyBelt(along * speed), attack_angle=along * wiper.attack_angle)
 
     def position(lean):
         return wiper.lip_length * jnp.sin(lean)
