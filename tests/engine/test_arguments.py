@@ -111,7 +111,12 @@ CASES = {
     "simulate": (
         wiperjax.simulate,
         {"system": BLADE, "duration": 0.01},
-        MOTION | {"zeno_time": LENGTH, "sample_interval": [*LENGTH, 0.02, 1e-12]},
+        MOTION
+        | {
+            "zeno_time": LENGTH,
+            "sample_interval": [*LENGTH, 0.02, 1e-12],
+            "observer": [3, "a", Odd(), wiperjax.RegimeTotals(0.02), wiperjax.RegimeTotals(-1.0)],
+        },
     ),
     "basins": (
         wiperjax.basins,

@@ -98,9 +98,10 @@ def simulated(explored: Explored, scene: dict[str, Any]) -> tuple[Any, dict[str,
     """The run of the scene of a cell, and what is told of it after the transient, as the map does.
     All cells have one compiled program.
     """
-    run = run_scene(parse_scene(scene, "this cell"), varied=explored.dims)
+    transient = explored.spec.run.transient
+    run = run_scene(parse_scene(scene, "this cell"), varied=explored.dims, transient=transient)
     finished = int(run["result"]) == 0
-    told = assess(run, transient=explored.spec.run.transient) if finished else None
+    told = assess(run, transient=transient) if finished else None
     return run, {} if told is None else {str(n): float(v) for n, v in told.data_vars.items()}
 
 

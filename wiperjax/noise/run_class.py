@@ -1,8 +1,8 @@
 """Class of one run: the columns of a map, taken from the samples and events of a trajectory.
 
 The rules are those of maps (`labels.classify`), so a scene and the cell of a map that stands for it
-are called the same. Regimes and impacts come from the events, so they are exact; forces and
-velocities from the samples.
+are called the same. Regimes and impacts come from the events; levels, forces and the cost of slips
+from what the engine gathered beside the samples: these are exact. Frequencies are of the samples.
 """
 
 from typing import Any
@@ -23,6 +23,18 @@ from .spectrum import interval_means
 
 TURN = 2 * np.pi
 
+GATHERED = (
+    *("velocity_mean", "velocity_rms", "normal_force_mean", "normal_force_max", "force_drop"),
+    *("energy_per_slip", "acceleration_max", "normal_force_max_reversal"),
+    "normal_force_mean_stroke",
+)
+"""Columns that the engine knows exactly, and samples do not."""
+
+
+def usual_transient(duration: float, kind: str) -> float:
+    """Time [s] that is left out of a run on a belt of this kind, unless another is asked for."""
+    return duration / (2 if kind in ("", "steady") else 8)
+
 
 def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = None) -> xr.Dataset:
     """Class, mechanism, band and the statistics they rest on of a run of a scene.
@@ -36,7 +48,9 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         eighth on one that reverses.
 
     Returns: a dataset of scalars named as the columns of a map (`label` and the like hold codes,
-    see `words`).
+    see `words`). Those of `GATHERED` are exact where the run was gathered from `transient` on
+    (`run_scene`) and is not cut; else they are those of the samples, which miss what is quick, and
+    `acceleration_max` is NaN.
 
     Raises: ValueError for a run that is no run of a scene, on a belt of unknown kind, or of fewer
     than 64 samples after the transient.
@@ -54,7 +68,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     if transient is not None:
         transient = checks.number("transient", transient, Range(0, end, high_open=True, unit="s"))
     else:
-        transient = float(run.attrs["duration"]) / (2 if kind in ("", "steady") else 8)
+        transient = usual_transient(float(run.attrs["duration"]), kind)
     kept = run.sel(time=slice(transient, None))
     time = np.asarray(kept["time"], dtype=float)
     finished = int(run["result"]) == RESULTS["finished"]
@@ -85,6 +99,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         columns["normal_force_max_reversal"] = force[near].max() if near.any() else np.nan
         columns["normal_force_mean_stroke"] = force[~near].mean() if (~near).any() else np.nan
         columns |= _events(run, transient, end, limits.reversal_window)
+    columns |= _gathered(run, transient, time, limits)
     quiet = silence(limits, columns.get("belt_speed_rms"))
     mean, inner = interval_means(place, velocity, interval)
     if since is None:
@@ -160,10 +175,23 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
     return found
 
 
+def _gathered(run: xr.Dataset, start: float, time: np.ndarray, limits: Any) -> dict[str, float]:
+    """What the engine has gathered from `start` on, if the samples at `time` are of all of that."""
+    ends = (start, float(run["final_time"]))
+    near = 1.5 * float(run.attrs["sample_interval"])
+    whole = np.allclose((time[0], time[-1]), ends, rtol=0, atol=near)
+    if not whole or float(run.attrs.get("statistics_start", np.nan)) != start:
+        return {}
+    names = [name for name in GATHERED if name in run]
+    if limits.reversal_window != stored(run.attrs).reversal_window:
+        names = [name for name in names if not name.endswith(("_reversal", "_stroke"))]
+    return {name: float(run[name]) for name in names}
+
+
 def _slips(run: xr.Dataset, velocity: np.ndarray, window: float) -> dict[str, float]:
     """What slips out of stick cost in the `window` [s] that the samples of `run` cover: their rate
-    is exact, forces, work and acceleration are those of the samples (where no impact is between two
-    of them): of what is quicker too little.
+    is exact, forces and work are those of the samples, of what is quicker too little; they cannot
+    tell an acceleration.
     """
     time = np.asarray(run["time"], dtype=float)
     names = flag_names(run["regime"])
@@ -182,13 +210,11 @@ def _slips(run: xr.Dataset, velocity: np.ndarray, window: float) -> dict[str, fl
     power = np.zeros(time.size)
     if "belt_velocity" in run:
         power = np.where(slip, friction * (np.asarray(run["belt_velocity"]) - velocity), 0.0)
-    struck = at[np.asarray(run["event_impulse"], dtype=float) > 0]
-    calm = np.diff(np.searchsorted(struck, time)) == 0
     return {
         "slip_rate": count / window,
         "force_drop": drop,
         "energy_per_slip": float(np.trapezoid(power, time)) / count if count else 0.0,
-        "acceleration_max": float(np.abs(np.diff(velocity) / np.diff(time))[calm].max(initial=0.0)),
+        "acceleration_max": np.nan,
     }
 
 

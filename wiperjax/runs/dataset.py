@@ -15,9 +15,11 @@ from ..contact.friction import AbstractFriction
 from ..contact.system import AbstractSystem
 from ..engine.carry.problem import Problem
 from ..engine.carry.state import EventLog, State, final_velocity
+from ..engine.observers.told import told
 from ..vocabulary import cf
 from ..vocabulary.cf import units_text
 from ..vocabulary.codes import RESULTS, Event, Regime
+from ..vocabulary.columns import SYSTEM, attributes_of
 from ..vocabulary.declared import SET_BY_THE_ENGINE
 from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS
@@ -136,6 +138,18 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
         elif isinstance(value, np.generic | np.ndarray | jax.Array):
             found[name] = np.asarray(value)[()]
     return found
+
+
+def with_statistics(given: AbstractSystem, run: xr.Dataset, record: Any, start: float):
+    """Return a run with what an observer has gathered from ``start`` [s] on, scalars named as the
+    columns of a map; NaN where the run did not reach its end.
+    """
+    units = {} if given.of_a_blade else {SYSTEM: ""}
+    window = float(run.attrs["duration"]) - start
+    finished = int(run["result"]) == RESULTS["finished"]
+    found = told(record, window, finished)
+    columns = {name: ((), x[()], attributes_of(name, units)) for name, x in found.items()}
+    return run.assign(columns).assign_attrs(statistics_start=start)
 
 
 def as_lip(run: xr.Dataset) -> xr.Dataset:

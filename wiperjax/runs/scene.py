@@ -10,11 +10,15 @@ from typing import Any
 import jax.numpy as jnp
 import xarray as xr
 
+from ..contact.belts import SteadyBelt
+from ..engine.observers.reversal import ReversalTotals
+from ..engine.observers.totals import RegimeTotals
 from ..machine import provenance
+from ..noise.run_class import usual_transient
 from ..numerics.runge_kutta import SOLVERS
 from ..specs.load import load_scene, parse_scene
 from ..specs.scene import SceneSpec
-from ..systems.build import build, start
+from ..systems.build import belt_of, build, start
 from ..vocabulary import cf, checks
 from ..vocabulary.cf import units_text
 from ..vocabulary.columns import SYSTEM
@@ -25,7 +29,10 @@ from .simulate import simulate
 
 
 def run_scene(
-    spec: SceneSpec | Mapping[str, Any] | str | os.PathLike, *, varied: Iterable[str] = ()
+    spec: SceneSpec | Mapping[str, Any] | str | os.PathLike,
+    *,
+    varied: Iterable[str] = (),
+    transient: float | None = None,
 ) -> xr.Dataset:
     """Return the trajectory of a scene file, labelled as `simulate` does.
 
@@ -33,7 +40,8 @@ def run_scene(
     attributes are those of the file: title, text, and all parameters in the units of files
     (angles in degrees; ``parameter_units`` says so). ``varied``: parameters that other scenes have
     other values of; one that is 0 here is then computed with, not left out, so that all have one
-    compiled program.
+    compiled program. ``transient``: time [s] from which the engine gathers statistics, which are in
+    the run as scalars (default: what `assess` leaves out; of another time it has samples only).
 
     Raises ValueError for anything else, and for a start that is impossible for these parameters.
     """
@@ -47,7 +55,12 @@ def run_scene(
         raise ValueError(
             "start.equilibrium must be left out: with these parameters no steady slip exists"
         )
-    asked = spec.run
+    asked, limits, belt = spec.run, spec.thresholds(), belt_of(built.system)
+    if transient is None:
+        transient = usual_transient(asked.duration, spec.belt_kind or "")
+    observer = RegimeTotals(transient)
+    if not isinstance(belt, SteadyBelt | None):
+        observer = ReversalTotals(transient, limits.reversal_window)
     ds = simulate(
         built.system,
         asked.duration,
@@ -58,6 +71,7 @@ def run_scene(
         sample_interval=asked.sample_interval,
         max_steps=asked.max_steps,
         zeno_time=asked.zeno_time,
+        observer=observer,
     )
     if built.wiper is not None:
         ds = as_lip(ds)
@@ -66,7 +80,7 @@ def run_scene(
         **_system(spec),
         "belt_kind": spec.belt_kind or "",
         "parameter_units": units_text({name: table[name].edge_unit for name in stated}),
-        **{f"class_{key}": value for key, value in spec.thresholds() if value is not None},
+        **{f"class_{key}": value for key, value in limits if value is not None},
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
         **provenance.record(None, time.perf_counter() - begun),

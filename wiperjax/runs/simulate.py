@@ -31,13 +31,15 @@ from ..engine.carry.problem import Case, Integration, Problem, Recording, make_c
 from ..engine.carry.state import EventLog, State
 from ..engine.kept import Kept
 from ..engine.observers.base import Nothing
+from ..engine.observers.reversal import ReversalTotals
+from ..engine.observers.totals import RegimeTotals
 from ..engine.solve import active, begin
 from ..engine.step import advance
 from ..machine import provenance
 from ..vocabulary import checks
 from ..vocabulary.codes import ADVICE, RUNNING, Result
 from ..vocabulary.ranges import COUNT, POSITIVE, Range
-from .dataset import labelled
+from .dataset import labelled, with_statistics
 
 EVENTS_AT_ONCE = 1024  # capacity of the log on the device
 STEPS_AT_ONCE = 16384  # about a second: Ctrl-C is heard between
@@ -56,6 +58,7 @@ def simulate(
     sample_interval: float | None = None,
     max_steps: int | None = None,
     zeno_time: float = 1e-8,
+    observer: RegimeTotals | ReversalTotals | None = None,
 ) -> xr.Dataset:
     """Return one trajectory of ``system`` from t = 0 to ``duration`` [s], with all its events.
 
@@ -67,7 +70,9 @@ def simulate(
     and dense output (default `diffrax.Tsit5`); ``rtol``; ``atol``, one number or (positions,
     velocities) (default: rtol times the system's scales); ``sample_interval`` [s] (default:
     1/2000 of the duration); ``max_steps``, trial steps (default: no limit); ``zeno_time`` [s],
-    flights shorter than this are completed by the limit of their sequence.
+    flights shorter than this are completed by the limit of their sequence; ``observer``, a
+    `RegimeTotals`: what it gathers from its start on is in the dataset, too, as scalars named as
+    the columns of a map (``statistics_start`` is among the attributes; default: none).
 
     **Returns** a dataset with the dimensions ``time`` (samples up to the end reached), ``axis``
     (coordinates of the system) and ``event``: ``position``, ``velocity``, ``regime``,
@@ -91,6 +96,7 @@ def simulate(
         sample_interval = duration / SAMPLES
     within = Range(0, duration, low_open=True)
     sample_interval = checks.number("sample_interval", sample_interval, within)
+    begins = _begins(observer, duration)
     times = regular_times(duration, sample_interval)
 
     given, system = system, traceable(system)
@@ -100,7 +106,11 @@ def simulate(
     integration = Integration(solver, float(rtol), atol, most, zeno_time=zeno_time)
     padded = _padded(times)
     recording = Recording(
-        padded, max_events=EVENTS_AT_ONCE, observer=Nothing(), pause_when_full=True
+        padded,
+        max_events=EVENTS_AT_ONCE,
+        observer=Nothing() if observer is None else observer,
+        mark=begins,
+        pause_when_full=True,
     )
     case = make_case(system, duration, start, integration, recording)
     state, log = _watched(case, lambda code: _check_start(system, start, code))
@@ -110,10 +120,20 @@ def simulate(
         "initial_position": np.asarray(start[0]),
         "initial_velocity": np.asarray(start[1]),
         "max_steps": most,
+        **_account(case, integration, state),
     }
-    return labelled(
-        given, case.problem, state, log, attributes | _account(case, integration, state)
-    )
+    run = labelled(given, case.problem, state, log, attributes)
+    return run if begins is None else with_statistics(given, run, state.observed, begins)
+
+
+def _begins(observer: Any, duration: float) -> float | None:
+    """Return the time [s] from which an observer gathers. Raises ValueError for no observer of
+    totals, or one that begins at no time of the run.
+    """
+    if observer is None:
+        return None
+    checks.instance("observer", observer, (RegimeTotals, ReversalTotals), "RegimeTotals(start)")
+    return checks.number("observer.start", observer.start, Range(0, duration, high_open=True))
 
 
 def _padded(times: np.ndarray) -> np.ndarray:

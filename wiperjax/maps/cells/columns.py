@@ -11,6 +11,7 @@ from ...contact.belts import AbstractBelt, SteadyBelt
 from ...engine.carry.state import EventLog
 from ...engine.lanes import Outcome
 from ...engine.observers.margins import Watched, regime_totals
+from ...engine.observers.told import smooth, told
 from ...numerics.arrays import cellwise
 from ...systems.build import Built, belt_of
 from ...vocabulary.codes import Result
@@ -55,22 +56,7 @@ def sampled(spec, signal, belt: AbstractBelt | None, count: int) -> dict[str, An
 
 def statistics(outcome: Outcome, window) -> dict[str, Any]:
     """Return the outcomes that have derivatives by parameters, (cells,) each."""
-    record = regime_totals(outcome.observed)
-    # Of the time as it was added up, which is the window but for rounding: what sticks throughout
-    # has the share 1 itself, in any precision. By that `labels` tells a tip that is carried.
-    counted = record.stick_time + record.slip_time + record.flight_time
-    counted = jnp.where(counted > 0, counted, 1.0)
-    return {
-        "stick_fraction": record.stick_time / counted,
-        "slip_fraction": record.slip_time / counted,
-        "flight_fraction": record.flight_time / counted,
-        "velocity_mean": record.output_integral / window,
-        "velocity_rms": record.deviation(window),
-        "normal_force_mean": record.normal_force_integral / window,
-        "normal_force_max": record.normal_force_max,
-        "gap_max": record.gap_max,
-        "impact_impulse_max": record.impulse_max,
-    }
+    return smooth(regime_totals(outcome.observed), window)
 
 
 def ended(outcome: Outcome, of_a_blade: bool) -> dict[str, Any]:
@@ -101,42 +87,14 @@ def _events(log: EventLog, run) -> dict[str, np.ndarray]:
     return columns
 
 
-def _each(whole, count) -> np.ndarray:
-    """A whole shared among some; 0 where there are none."""
-    count = np.asarray(count)
-    return np.where(count > 0, np.asarray(whole) / np.maximum(count, 1), 0.0)
-
-
 def _columns(outcome: Outcome, run, belt: AbstractBelt | None, count: int) -> dict[str, np.ndarray]:
     """Statistics of the settled window; NaN where a cell did not reach its end."""
-    found = {name: np.asarray(x) for name, x in statistics(outcome, run.window).items()}
     record = outcome.observed
     if isinstance(record, Watched):
         record = record.totals
-    totals = getattr(record, "totals", record)
-    finished = outcome.result == Result.FINISHED
-
-    def settled(values):
-        return np.where(finished, values, np.nan)
-
     columns = {
         "result": outcome.result,
-        "stick_fraction": settled(found["stick_fraction"]),
-        "slip_fraction": settled(found["slip_fraction"]),
-        "flight_fraction": settled(found["flight_fraction"]),
-        "velocity_mean": settled(found["velocity_mean"]),
-        "velocity_rms": settled(found["velocity_rms"]),
-        "normal_force_mean": settled(found["normal_force_mean"]),
-        "normal_force_max": settled(found["normal_force_max"]),
-        "gap_max": settled(found["gap_max"]),
-        "impact_count": totals.impact_count,
-        "stick_count": totals.stick_count,
-        "lift_off_count": totals.lift_off_count,
-        "slip_rate": settled(totals.slip_count / run.window),
-        "force_drop": settled(totals.force_drop),
-        "energy_per_slip": settled(_each(totals.friction_work, totals.slip_count)),
-        "acceleration_max": settled(totals.acceleration_max),
-        "impact_impulse_max": settled(found["impact_impulse_max"]),
+        **told(record, run.window, outcome.result == Result.FINISHED),
         "steps": outcome.steps - outcome.rejected,
         "rejected_steps": outcome.rejected,
         "unproved_steps": outcome.unproved,
@@ -144,20 +102,4 @@ def _columns(outcome: Outcome, run, belt: AbstractBelt | None, count: int) -> di
     }
     if belt is not None:
         columns["belt_speed_rms"] = cellwise(belt.rms, count)
-    if record is not totals:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            columns["normal_force_max_reversal"] = settled(record.force_max_reversal)
-            columns["normal_force_mean_stroke"] = settled(
-                record.force_integral_stroke / record.stroke_time
-            )
-            columns["stick_fraction_stroke"] = settled(
-                record.stick_time_stroke / record.stroke_time
-            )
-            columns["flight_fraction_stroke"] = settled(
-                record.flight_time_stroke / record.stroke_time
-            )
-            columns["impact_impulse_reversal"] = settled(record.impulse_max_reversal)
-            columns["velocity_rms_reversal"] = settled(
-                np.sqrt(record.vibration_integral / record.vibration_time)
-            )
     return columns

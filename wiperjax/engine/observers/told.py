@@ -1,0 +1,69 @@
+"""What the records of totals say, by the names of a map's columns: of the cells of a sweep, and of
+one run.
+"""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .reversal import ReversalRecord
+from .totals import Totals
+
+COUNTS = ("impact_count", "stick_count", "lift_off_count")
+
+
+def smooth(record: Totals, window) -> dict[str, Any]:
+    """Return the outcomes of a ``window`` [s] that have derivatives, an array each."""
+    # Of the time as it was added up, which is the window but for rounding: what sticks throughout
+    # has the share 1 itself, in any precision. By that `labels` tells a tip that is carried.
+    counted = record.stick_time + record.slip_time + record.flight_time
+    counted = jnp.where(counted > 0, counted, 1.0)
+    return {
+        "stick_fraction": record.stick_time / counted,
+        "slip_fraction": record.slip_time / counted,
+        "flight_fraction": record.flight_time / counted,
+        "velocity_mean": record.output_integral / window,
+        "velocity_rms": record.deviation(window),
+        "normal_force_mean": record.normal_force_integral / window,
+        "normal_force_max": record.normal_force_max,
+        "gap_max": record.gap_max,
+        "impact_impulse_max": record.impulse_max,
+    }
+
+
+def told(record: Totals | ReversalRecord, window, finished) -> dict[str, np.ndarray]:
+    """Return all that a record says of a ``window`` [s]; but for `COUNTS` it is NaN where a motion
+    is not ``finished``.
+    """
+    totals = record.totals if isinstance(record, ReversalRecord) else record
+    found = smooth(totals, window) | {
+        "slip_rate": totals.slip_count / window,
+        "force_drop": totals.force_drop,
+        "energy_per_slip": _each(totals.friction_work, totals.slip_count),
+        "acceleration_max": totals.acceleration_max,
+    }
+    if isinstance(record, ReversalRecord):
+        found |= _of_the_reversal(record)
+    settled = {name: np.where(finished, np.asarray(x), np.nan) for name, x in found.items()}
+    return settled | {name: np.asarray(getattr(totals, name)) for name in COUNTS}
+
+
+def _of_the_reversal(record: ReversalRecord) -> dict[str, Any]:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        stroke = np.asarray(record.stroke_time)
+        vibration = np.asarray(record.vibration_integral) / np.asarray(record.vibration_time)
+        return {
+            "normal_force_max_reversal": record.force_max_reversal,
+            "normal_force_mean_stroke": np.asarray(record.force_integral_stroke) / stroke,
+            "stick_fraction_stroke": np.asarray(record.stick_time_stroke) / stroke,
+            "flight_fraction_stroke": np.asarray(record.flight_time_stroke) / stroke,
+            "impact_impulse_reversal": record.impulse_max_reversal,
+            "velocity_rms_reversal": np.sqrt(vibration),
+        }
+
+
+def _each(whole, count) -> np.ndarray:
+    """A whole shared among some; 0 where there are none."""
+    count = np.asarray(count)
+    return np.where(count > 0, np.asarray(whole) / np.maximum(count, 1), 0.0)
