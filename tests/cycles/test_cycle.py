@@ -275,6 +275,16 @@ def test_motions_without_a_cycle_say_so():
         find_cycle(Ring(), settle=-1)
 
 
+def test_a_system_with_a_clock_needs_its_period():
+    """Without it the clock began anew in each motion, and what closed was no motion of the
+    system."""
+    forced = Ring(a=0.3, drive=0.3, frequency=1.3)
+    with pytest.raises(ValueError, match="period must be given: .* of Ring change with time"):
+        find_cycle(forced, settle=200.0, initial_state=((1.0,), (0.0,)))
+    with pytest.raises(ValueError, match="period must be given: .* of Wiper change with time"):
+        find_cycle(wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 1.0)), settle=0.1)
+
+
 @pytest.mark.slow
 def test_smallest_change_that_makes_steady_slip_stable():
     from wiperjax import remedy

@@ -18,7 +18,7 @@ from ..engine.arguments import check_system, coordinates
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, SETTINGS
 from .chart import chart, turning_point
-from .first_guess import STILL, driven_guess, free_guess
+from .first_guess import STILL, driven_guess, free_guess, has_a_clock
 from .orbit import slip_margin, words
 from .return_map import Found as Found
 from .return_map import Lost, Point, Shooting, correct
@@ -112,6 +112,11 @@ def find_cycle(
     state = np.concatenate([np.asarray(part, float).ravel() for part in start])
     clock = period if callable(period) or period is None else _constant(float(period))
     typical = np.concatenate([np.asarray(s, float) for s in system.scales(len(state) // 2)])
+    if clock is None and has_a_clock(system, state + 0.1 * typical, settle):
+        raise ValueError(
+            f"period must be given: forces or speeds of {type(system).__name__} change with time "
+            "(a scene can tell the period of its belt only)"
+        )
     shooting = Shooting(system, over, clock, None if clock else section, 1, typical, 1.0)
     shooting = replace(shooting, rtol=rtol, varied=varied)
     if over is not None:

@@ -3,17 +3,39 @@
 import math
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..blade import numbers
+from ..contact.space import contact
+from ..contact.system import AbstractSystem
 from ..vocabulary.codes import Result
 from .orbit import event_margin, far_from_events, smooth_intervals, turns
 from .return_map import FAIR, Found, Lost, Shooting
 from .shooting import Arc, shoot
 
+INSTANTS = 64  # at which forces are compared
+CHANGED = 1e-9  # of them: less is rounding
 STILL = 1e-6  # of the typical size: a smaller oscillation is rest
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
 MOST_RETURNS = 8  # turning points, or periods of the clock, in one period of the motion
+
+
+def has_a_clock(system: AbstractSystem, state, span: float) -> bool:
+    """Whether forces or prescribed speeds of a system in one ``state`` (2n,) change with time,
+    within ``span`` [s].
+    """
+    times = span * jnp.geomspace(1e-6, 1.0, INSTANTS)
+    n = len(state) // 2
+
+    def seen(t):
+        local = system.prepared().on_piece(system.first_piece(t))
+        q, rates = tuple(jnp.asarray(state[:n])), tuple(jnp.asarray(state[n:]))
+        return contact(local, t, q, local.from_rates(t, q, rates))
+
+    found = jax.tree.leaves(jax.vmap(seen)(times))
+    return any(np.ptp(x) > CHANGED * np.max(np.abs(x)) for x in map(np.asarray, found) if x.ndim)
 
 
 def free_guess(shooting: Shooting, state, settle: float):

@@ -124,7 +124,6 @@ _TABLE = (
     ),
     Column(
         "acceleration_max", "float64", "m/s^2", "largest tip acceleration between impacts",
-        comment="at the ends and middles of the steps",
     ),
     Column("impact_impulse_max", "float64", "N s/m", "largest normal impulse of an impact"),
     Column("impact_impulse_reversal", "float64", "N s/m", "the same, around reversal"),

@@ -7,6 +7,7 @@ from systems import Block, times, trajectory
 
 import wiperjax
 from wiperjax import Regime, SteadyBelt, Wiper
+from wiperjax.engine.observers.totals import steepest
 
 
 def test_what_a_stick_gathers_is_as_good_as_the_tolerance():
@@ -56,3 +57,13 @@ def test_statistics_agree_with_the_log():
     assert float(s.statistics.stick_time) == pytest.approx(stick, rel=1e-12)
     total = s.statistics.stick_time + s.statistics.slip_time + s.statistics.flight_time
     assert float(total) == pytest.approx(3.0, rel=1e-12)
+
+
+def test_the_steepest_place_of_a_step_is_found_wherever_it_lies():
+    """Waves of random phase, over a step of up to a fifth of a period: at the ends and the middle
+    alone their slope was up to 4.5 % too low."""
+    rng = np.random.default_rng(5)
+    phase, length = rng.uniform(0, 2 * np.pi, 500), rng.uniform(0.1, 1.3, 500)
+    nodes = [np.sin(phase + length * share) for share in np.linspace(0, 1, 5)]
+    true = np.abs(np.cos(phase + length * np.linspace(0, 1, 1001)[:, None])).max(axis=0)
+    np.testing.assert_allclose(steepest(nodes) / length, true, rtol=2e-3)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from ...contact.regimes import slip_sign
-from ...numerics.elementary import larger, smaller
+from ...numerics.elementary import larger, smaller, within
 from ...numerics.types import Scalar
 from ...vocabulary import checks
 from ...vocabulary.codes import Event, Regime
@@ -147,16 +147,29 @@ def _powers(stretch) -> list[Scalar]:
 
 
 def _steepest(stretch, out) -> Scalar:
-    """Largest slope of the output at the ends and the middle of a step, by the quartic through its
-    nodes; steps too short to tell are left out."""
-    a, b, c, d, e = (stop_gradient(x) for x in out)
+    """Largest slope of the output in a step, by the quartic through its nodes; steps too short to
+    tell are left out."""
+    rise = steepest([stop_gradient(x) for x in out])
+    step = stop_gradient(stretch.step).astype(rise.dtype)
+    long = step > SHORTEST
+    return jnp.where(long, rise / jnp.where(long, step, 1.0), 0.0)
+
+
+def steepest(values) -> Scalar:
+    """Largest |slope|, by the whole length, of the quartic through five ``values`` at equal
+    distances: at an end, the middle, or where the parabola through these three turns.
+    """
+    a, b, c, d, e = values
     begin = -25 / 3 * a + 16 * b - 12 * c + 16 / 3 * d - e
     middle = (a - e) / 3 + 8 / 3 * (d - b)
     end = 25 / 3 * e - 16 * d + 12 * c - 16 / 3 * b + a
-    step = stop_gradient(stretch.step).astype(a.dtype)
-    long = step > SHORTEST
-    slope = larger(larger(abs(begin), abs(middle)), abs(end)) / jnp.where(long, step, 1.0)
-    return jnp.where(long, slope, 0.0)
+    bend = begin - 2 * middle + end
+    s = (begin - end) / (2 * jnp.where(bend != 0, bend, 1.0))  # half lengths from the middle
+    s = within(-1.0, s, 1.0)
+    # the slope is a cubic: the parabola, and what vanishes at its three places
+    cubic = 16 / 3 * (a - 4 * b + 6 * c - 4 * d + e)
+    turn = middle + 0.5 * s * (end - begin + s * bend) + cubic * s * (s * s - 1)
+    return larger(larger(abs(begin), abs(middle)), larger(abs(end), abs(turn)))
 
 
 class Reached(NamedTuple):
