@@ -62,10 +62,11 @@ class Stretch(NamedTuple):
 
 def highest(values, end) -> Scalar:
     """Largest value of the quartic through five ``values`` at equal distances: that of an end
-    (the last one is ``end``), or the vertex, sought by Newton from the largest inner value.
+    (the last one is ``end``), or the vertex beside the largest inner value.
 
     Nothing changes at first order when a vertex moves, so its place carries no derivative; the end
-    does, with the time of an event.
+    does, with the time of an event. That holds at the vertex only: Newton's method begins at that
+    of the parabola through three values, and halves its bracket where it leaves that.
     """
     a, b, c, d, e = values
     # powers of s, the place in quarters of the way from its middle
@@ -73,18 +74,32 @@ def highest(values, end) -> Scalar:
     c2 = (16 * (b + d) - 30 * c - (a + e)) * (1 / 24)
     c3 = (2 * (b - d) - (a - e)) * (1 / 12)
     c4 = (a + e - 4 * (b + d) + 6 * c) * (1 / 24)
-    s = stop_gradient(jnp.where((b > c) & (b >= d), -1.0, jnp.where(d > c, 1.0, 0.0)))
-    s = s.astype(c.dtype)
-    for _ in range(3):
+    s = stop_gradient(_vertex(values, c1, c2, c3, c4))
+    vertex = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
+    # never below a node: there may be two vertices
+    top = larger(vertex, larger(larger(b, c), d))
+    return jnp.maximum(jnp.maximum(a, end), top)  # a NaN at any node is one of the end
+
+
+def _vertex(values, c1, c2, c3, c4) -> Scalar:
+    """Place of the vertex within a node's distance of the largest inner one of five ``values``."""
+    a, b, c, d, e = values
+    first = (b > c) & (b >= d)
+    last = ~first & (d > c)
+    node = jnp.where(first, -1.0, jnp.where(last, 1.0, 0.0)).astype(c.dtype)
+    before, here, after = (
+        jnp.where(first, x, jnp.where(last, z, y)) for x, y, z in ((a, b, c), (b, c, d), (c, d, e))
+    )
+    low, high, fall = node - 1, node + 1, 2 * here - before - after
+    s = node + within(-0.9, (after - before) / (2 * jnp.where(fall > 0, fall, jnp.inf)), 0.9)
+    for _ in range(5):
         slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
         bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
-        s = stop_gradient(within(-2.0, s - slope / jnp.where(bend < 0, bend, -jnp.inf), 2.0))
-    inside = (bend < 0) & (jnp.abs(s) < 2)
-    vertex = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
-    node = larger(larger(b, c), d)
-    # never below a node: Newton may have gone to the lower of two vertices
-    top = jnp.where(inside, larger(vertex, node), node)
-    return jnp.maximum(jnp.maximum(a, end), top)  # a NaN at any node is one of the end
+        low, high = jnp.where(slope > 0, s, low), jnp.where(slope > 0, high, s)
+        newton = s - slope / jnp.where(bend < 0, bend, -1.0)
+        fair = (bend < 0) & (newton >= low) & (newton <= high)
+        s = jnp.where(fair, newton, 0.5 * (low + high))
+    return s
 
 
 def extremes(stretch: Stretch) -> tuple[Scalar, Scalar]:
