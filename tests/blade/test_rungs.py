@@ -17,7 +17,7 @@ from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.contact.friction import Stribeck
 from wiperjax.contact.regimes import forces, vector_field
 from wiperjax.contact.space import contact
-from wiperjax.runs import compare_rungs
+from wiperjax.maps import compare_rungs
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import SpecError, load_scene, parse_scene, parse_sweep
 
