@@ -65,6 +65,7 @@ def test_a_bar_that_would_lift_off_slides_freely():
 # --- the block ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [-30, -10, 0, 10, 30])
 @pytest.mark.parametrize("speed", [0.3, -0.6])
 def test_block_has_the_linearisation_of_the_lip(degrees, speed):

@@ -79,6 +79,7 @@ def same(a, b):
         np.testing.assert_array_equal(np.asarray(x), np.asarray(y))
 
 
+@pytest.mark.slow
 def test_the_cases_differ(pool):
     outcome = pool[2][0]
     assert len(set(np.asarray(outcome.steps).tolist())) > CASES // 2
@@ -86,6 +87,7 @@ def test_the_cases_differ(pool):
     assert np.asarray(outcome.events).max() > 20
 
 
+@pytest.mark.slow
 def test_each_case_equals_the_same_alone(pool):
     wiper, position, (outcome, _, _) = pool
     for case in (0, 7, 23):
@@ -187,6 +189,7 @@ def sweep_spec(angles=(-30, 30), speed=0.3, **run):
     )
 
 
+@pytest.mark.slow
 def test_flows_and_a_jump_are_one_compiled_function_each(pool):
     """By `jax_settings.COMPILER` (a new XLA may rename its options); and barriers keep it small."""
     wiper, position, _ = pool

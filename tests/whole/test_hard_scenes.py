@@ -120,6 +120,7 @@ def test_simultaneous_capture_and_lift_off():
     assert float(s.final_velocity[0]) == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_an_impact_at_a_corner_of_the_belt():
     """The belt turns round as the tip lands: whichever rounding puts first, it is one impact, and
     not the second of two that pile up."""
@@ -206,6 +207,7 @@ def test_hinge_mass_energy_balance():
     assert checked
 
 
+@pytest.mark.slow
 def test_vanishing_hinge_mass_is_the_wiper():
     blade = {**BLADE, "attack_angle": -0.4}
     start = (LENGTH * math.sin(-0.4), 2e-4, 0.0, 0.0)
@@ -226,6 +228,7 @@ def test_vanishing_hinge_mass_is_the_wiper():
 # --- Painleve -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_rod_released_at_31_degrees_is_followed_to_the_singular_point():
     """tan phi = 1 is the border D = 0 for mu = 5/3; the motion ends there in a named way."""
     rod = Rod()
@@ -298,6 +301,7 @@ TURNING = dict(  # found by drawing blades; both ended at once with a failure co
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.3, 0.9])
 @pytest.mark.parametrize("phase", [0.0, math.pi, 2 * math.pi, -math.pi])
 def test_a_belt_that_turns_round_at_the_start(phase, restitution):
@@ -376,6 +380,7 @@ def test_elastic_bounces_die_in_the_damper():
     np.testing.assert_allclose(closed.final_velocity[0], bouncing.final_velocity[0], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_indeterminate_start_is_flagged():
     """D < 0 while the rod turns fast enough to leave the ground: both motions are possible."""
     rod = Rod()
