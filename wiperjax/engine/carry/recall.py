@@ -2,8 +2,8 @@
 
 Motion near a cycle repeats itself: where it has come into a regime as it did before, it is expected
 to leave it after the same time, by the same event. A bounce is expected to end as one in a constant
-acceleration does (`transition`). A trial step is then made to end there. As with an event foreseen from a
-polynomial (`obstacle`) this decides the length of a step and no more.
+acceleration does (`transition`). A trial step is then made to end there. As with an event foreseen
+from a polynomial (`obstacle`) this decides the length of a step and no more.
 """
 
 from typing import NamedTuple
@@ -60,8 +60,8 @@ def remember(state, regime, time, bounce, happens, fires) -> tuple[Memory, Scala
     """Return the memory behind an event that leads into ``regime`` at ``time``, and the step to
     resume there.
 
-    ``bounce``: how long a flight that begins with an impact is to last, else 0. ``happens``: there is an event; ``fires``: of the motion itself, not a break of the
-    prescribed one.
+    ``bounce``: how long a flight that begins with an impact is to last, else 0. ``happens``: there
+    is an event; ``fires``: of the motion itself, not a break of the prescribed one.
 
     Flights are not recalled: bounces die away, and where a state has too few digits to see that, a
     flight that is taken to last as long as the one before never ends in rest.
