@@ -93,7 +93,7 @@ def jump(problem: Problem, state: State) -> State:
     anew = [fires & (state.due < contact_slots)] * contact_slots
     anew += [fires & (state.due == i) for i in range(contact_slots, len(state.reach))]
     reach = tuple(map(jnp.where, anew, after.sizes, state.reach))
-    memory, step = remember(state, after.regime, after.time, happens, fires)
+    memory, step = remember(state, after.regime, after.time, after.bounce, happens, fires)
 
     result = jnp.where(fires & after.stopped, int(Result.COLLAPSED), state.result)
     stuck = (state.streak > ZERO_TIME_EVENTS) | (happens & after.inconsistent)

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 from ...contact.guards import FIRST, contact_sizes, first_switch, guard_values
 from ...contact.projection import project
 from ...contact.regimes import Forces, acceleration, forces, slip_sign
-from ...contact.space import contact
+from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.bernstein import largest
+from ...numerics.elementary import smaller
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
@@ -36,6 +37,7 @@ class Outcome(NamedTuple):
     reactions: Forces
     kind: Scalar
     impulse: Scalar
+    bounce: Scalar  # how long a bounce may last, 0 where nothing bounces
     stopped: Scalar  # the end of the model was reached
     indeterminate: Scalar
     inconsistent: Scalar
@@ -56,7 +58,8 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     c = contact(system, time, q, v)
     touching, still = ~fired.was_flying, fired.was_sticking | fired.turns
     q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
-    motion, blow = collide(system, contact(system, time, q, v), time, q, v, fired, sign)
+    before = contact(system, time, q, v)
+    motion, blow = collide(system, before, time, q, v, fired, sign)
     motion, completes = complete(problem, system, motion, blow, fired, end)
     time, q, v, slip_speed, leaving, impulse = motion
     rough = contact(system, time, q, v)
@@ -105,10 +108,21 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         reactions=reactions,
         kind=kind.astype(jnp.int32),
         impulse=impulse,
+        bounce=jnp.where(found.bounces, _bounce(before, c, leaving), 0.0),
         stopped=stopped,
         indeterminate=found.indeterminate,
         inconsistent=found.jammed & (slip_speed == 0),
     )
+
+
+def _bounce(before: Contact, after: Contact, leaving):
+    """Return how long a flight with the normal speed ``leaving`` lasts by the free acceleration at
+    its top and, to first order, the dashpots: what they add to it is linear in the speed, and known
+    on both sides of the blow.
+    """
+    slope = (after.b_n - before.b_n) / (leaving - smaller(before.normal_speed, 0.0))
+    top = after.b_n - slope * leaving
+    return jnp.where(top < 0, -2 * leaving / top * (1 - slope * leaving / (3 * top)), 0.0)
 
 
 def _switches(problem: Problem, state: State, fires):
