@@ -133,7 +133,12 @@ def _begins(observer: Any, duration: float) -> float | None:
     if observer is None:
         return None
     checks.instance("observer", observer, (RegimeTotals, ReversalTotals), "RegimeTotals(start)")
-    return checks.number("observer.start", observer.start, Range(0, duration, high_open=True))
+    start = float(observer.start)
+    if not 0 <= start < duration:
+        raise ValueError(
+            f"observer must begin within the run, [0, {duration:g}) s, but began at {start:g}"
+        )
+    return start
 
 
 def _padded(times: np.ndarray) -> np.ndarray:
