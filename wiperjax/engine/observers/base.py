@@ -19,6 +19,7 @@ from ...numerics.types import Scalar
 from ...vocabulary.codes import HITS, Regime
 
 BOOLE = (7 / 90, 32 / 90, 12 / 90, 32 / 90, 7 / 90)  # quadrature over the five nodes, order 6
+TURNS = 2  # of Newton's method, to a vertex
 END_SLOPE = (1.0, -16 / 3, 12.0, -16.0, 25 / 3)  # of the quartic through them
 
 
@@ -65,8 +66,8 @@ def highest(values, end) -> Scalar:
     (the last one is ``end``), or the vertex beside the largest inner value.
 
     Nothing changes at first order when a vertex moves, so its place carries no derivative; the end
-    does, with the time of an event. That holds at the vertex only: Newton's method begins at that
-    of the parabola through three values, and halves its bracket where it leaves that.
+    does, with the time of an event. That holds at the vertex only, to which Newton's method comes
+    in `TURNS` in steps that resolve the motion.
     """
     a, b, c, d, e = values
     # powers of s, the place in quarters of the way from its middle
@@ -82,7 +83,9 @@ def highest(values, end) -> Scalar:
 
 
 def _vertex(values, c1, c2, c3, c4) -> Scalar:
-    """Place of the vertex within a node's distance of the largest inner one of five ``values``."""
+    """Place of the vertex within a node's distance of the largest inner one of five ``values``: by
+    Newton's method from the vertex of the parabola through it and its neighbours.
+    """
     a, b, c, d, e = values
     first = (b > c) & (b >= d)
     last = ~first & (d > c)
@@ -90,15 +93,12 @@ def _vertex(values, c1, c2, c3, c4) -> Scalar:
     before, here, after = (
         jnp.where(first, x, jnp.where(last, z, y)) for x, y, z in ((a, b, c), (b, c, d), (c, d, e))
     )
-    low, high, fall = node - 1, node + 1, 2 * here - before - after
-    s = node + within(-0.9, (after - before) / (2 * jnp.where(fall > 0, fall, jnp.inf)), 0.9)
-    for _ in range(5):
+    fall = 2 * here - before - after
+    s = node + within(-1.0, (after - before) / (2 * jnp.where(fall > 0, fall, jnp.inf)), 1.0)
+    for _ in range(TURNS):
         slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
         bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
-        low, high = jnp.where(slope > 0, s, low), jnp.where(slope > 0, high, s)
-        newton = s - slope / jnp.where(bend < 0, bend, -1.0)
-        fair = (bend < 0) & (newton >= low) & (newton <= high)
-        s = jnp.where(fair, newton, 0.5 * (low + high))
+        s = within(node - 1, s - slope / jnp.where(bend < 0, bend, -jnp.inf), node + 1)
     return s
 
 
