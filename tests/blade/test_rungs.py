@@ -17,7 +17,7 @@ from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.contact.friction import Stribeck
 from wiperjax.contact.regimes import forces, vector_field
 from wiperjax.contact.space import contact
-from wiperjax.runs import compare_rungs
+from wiperjax.maps import compare_rungs
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import SpecError, load_scene, parse_scene, parse_sweep
 
@@ -65,6 +65,7 @@ def test_a_bar_that_would_lift_off_slides_freely():
 # --- the block ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [-30, -10, 0, 10, 30])
 @pytest.mark.parametrize("speed", [0.3, -0.6])
 def test_block_has_the_linearisation_of_the_lip(degrees, speed):

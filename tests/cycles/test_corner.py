@@ -54,6 +54,7 @@ def no_gaps(branch, step):
     return np.max(np.diff(branch.arclength)) < 2 * step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("belt", "low", "high", "step"), runs())
 def test_branch_turns_at_the_fold_and_comes_to_the_hopf_point(stick_slip, belt, low, high, step):
     branch = follow(stick_slip(belt), low, high, step=step)
@@ -68,6 +69,7 @@ def test_branch_turns_at_the_fold_and_comes_to_the_hopf_point(stick_slip, belt, 
     assert no_gaps(branch, step)
 
 
+@pytest.mark.slow
 def test_a_cycle_that_is_small_since_the_belt_is_slow_comes_to_no_hopf_point():
     """Far below the speed of Stribeck's curve friction falls in a line, and stick alone bounds the
     motion: it is as large as the belt is fast, and steady slip unstable down to rest."""

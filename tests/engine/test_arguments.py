@@ -455,6 +455,7 @@ def test_arrays_pass():
     wiperjax.Wiper(tip_mass=np.float64(1e-3), gravity=np.int64(9), hinge_mass=0)
 
 
+@pytest.mark.slow
 def test_tolerances_that_only_jax_knows_end_as_a_result():
     """Inside `jax.jit` no message can be given: such a trajectory ends at once, with a code, and
     alone. This test compiles one program.

@@ -79,6 +79,7 @@ def same(a, b):
         np.testing.assert_array_equal(np.asarray(x), np.asarray(y))
 
 
+@pytest.mark.slow
 def test_the_cases_differ(pool):
     outcome = pool[2][0]
     assert len(set(np.asarray(outcome.steps).tolist())) > CASES // 2
@@ -86,6 +87,7 @@ def test_the_cases_differ(pool):
     assert np.asarray(outcome.events).max() > 20
 
 
+@pytest.mark.slow
 def test_each_case_equals_the_same_alone(pool):
     wiper, position, (outcome, _, _) = pool
     for case in (0, 7, 23):
@@ -165,9 +167,9 @@ def test_the_signal_is_the_mean_of_the_output_velocity(pool):
 def test_a_finer_look_is_the_same_motion_in_the_same_program():
     spec = sweep_spec()
     coarse = batch.evaluate(spec, np.arange(7), 1, 64)
-    compiled = len(batch._compute.found)
+    compiled = len(batch.compute.found)
     fine = batch.evaluate(spec, np.array([2, 5]), 4, 64)
-    assert len(batch._compute.found) == compiled
+    assert len(batch.compute.found) == compiled
     assert fine["signal"].shape == (2, 4 * spec.samples)
     means = fine["signal"].reshape(2, spec.samples, 4).mean(axis=-1)
     # other steps, the same motion to the tolerance
@@ -187,6 +189,7 @@ def sweep_spec(angles=(-30, 30), speed=0.3, **run):
     )
 
 
+@pytest.mark.slow
 def test_flows_and_a_jump_are_one_compiled_function_each(pool):
     """By `jax_settings.COMPILER` (a new XLA may rename its options); and barriers keep it small."""
     wiper, position, _ = pool
@@ -198,10 +201,10 @@ def test_flows_and_a_jump_are_one_compiled_function_each(pool):
 def test_one_compilation_serves_a_whole_sweep():
     spec = sweep_spec()
     batch.evaluate(spec, np.arange(7))
-    compiled = len(batch._compute.found)
+    compiled = len(batch.compute.found)
     for part in (np.arange(3), np.arange(3, 7), np.array([6])):
         batch.evaluate(spec, part)
-    assert len(batch._compute.found) == compiled
+    assert len(batch.compute.found) == compiled
 
 
 def test_blocks_do_not_matter():
@@ -256,7 +259,14 @@ def test_blocks_of_any_size_can_be_dealt_to_any_number_of_devices():
             capacity = devices.capacity(count, shares)
             assert capacity % shares == 0 and capacity >= count
             assert capacity // shares >= -(-count // shares)
-            assert capacity <= 1.26 * count + 128 * shares
+            assert capacity <= max(1.26 * count + 128 * shares, 256 * shares)
+
+
+def test_small_sweeps_share_a_program_whatever_their_samples():
+    rooms = {devices.sample_room(devices.capacity(n), s) for n in (1, 64) for s in (512, 8192)}
+    assert len(rooms) == 1
+    assert devices.sample_room(devices.capacity(64), 20_000) >= 20_000
+    assert devices.sample_room(devices.capacity(32768), 1000) <= 1.26 * 1000
 
 
 def test_dear_cells_begin_first():

@@ -23,6 +23,7 @@ def test_a_step_of_few_digits_ends_when_the_clock_says(window, monkeypatch):
     np.testing.assert_allclose(np.sum(ring.samples.output), 0.1 * window, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
     """Where a full ring was emptied within a step, the first instant after it had none: 7 of the 50
     of a raster."""

@@ -56,6 +56,7 @@ def test_they_do_not_depend_on_the_steps(both, name, accuracy):
     assert long == pytest.approx(short, rel=accuracy)
 
 
+@pytest.mark.slow
 def test_the_largest_force_is_that_of_the_window_also_where_strokes_press_harder():
     """Against samples of the same motion: no node of a stroke counts, and no vertex is missed."""
     wiper = Wiper(

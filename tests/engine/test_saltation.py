@@ -34,6 +34,7 @@ def matrix(linear, duration):
     return expm(np.asarray(linear, float) * duration)
 
 
+@pytest.mark.slow
 def test_capture():
     k, fd, v, start, end = 1.0, 0.3, 0.2, (0.2, -0.4), 3.0
     derivative, s = solved(Block(0.9, fd, 1.0, k, belt=v), end, 1)(np.array(start))
@@ -48,6 +49,7 @@ def test_capture():
     np.testing.assert_allclose(derivative, closed, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_slip_onset():
     """Only the position: a change of velocity at the start is no stick."""
     k, fs, fd, v, x0, end = 4.0, 0.9, 0.3, 0.5, 0.1, 0.7

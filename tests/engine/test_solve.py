@@ -20,6 +20,7 @@ def plain_blade(values, speed, max_steps):
     return wiperjax.solve(body, 0.02, rtol=1e-10, max_events=128, max_steps=max_steps)
 
 
+@pytest.mark.slow
 def test_a_lane_equals_the_same_trajectory_alone_in_any_order_with_failing_neighbours():
     values, speed = draw(8)
     values["normal_load"][2] = np.nan  # cannot be computed
@@ -98,6 +99,7 @@ def test_elastic_ball_never_rests_and_keeps_its_energy():
     assert {k for _, k in events(s)} == {Event.IMPACT}
 
 
+@pytest.mark.slow
 def test_event_log_overflow_is_flagged_and_counted():
     s = trajectory(Ball(9.81, 0.5), 3.0, ((1.0,), (0.0,)), max_events=4)
     full = trajectory(Ball(9.81, 0.5), 3.0, ((1.0,), (0.0,)), max_events=64)

@@ -202,6 +202,7 @@ def test_a_thinned_curve_keeps_its_peaks():
     assert np.array_equal(chosen[:10], np.arange(10))
 
 
+@pytest.mark.slow
 def test_a_slow_system_is_sampled_and_shown_by_its_own_time():
     spec = {
         "system": "own_systems:Oscillator",

@@ -77,6 +77,7 @@ class _Named(Oscillator):
     coordinates = ("place",)
 
 
+@pytest.mark.slow
 def test_a_table_is_no_number_of_each_start():
     """With as many starts as the table has speeds, each start would get one speed of it."""
     system = _Named(friction=_Tabulated())

@@ -35,6 +35,7 @@ def test_the_minimal_model_locks_in_as_published(mu):
         assert abs(float(found.shape_phase[:, 0].max() - found.shape_phase[:, 0].min())) > 0.5
 
 
+@pytest.mark.slow
 def test_a_motion_grows_at_the_rate_of_the_eigenvalue():
     system = ModeCoupling()
     mode = wiperjax.modes(system)
@@ -50,6 +51,7 @@ def test_a_motion_grows_at_the_rate_of_the_eigenvalue():
     assert rate == pytest.approx(float(mode.real_part[0]), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_growth_ends_where_the_mass_leaves_the_belt():
     system = ModeCoupling(damping=0.05)
     run = wiperjax.simulate(system, 200.0, initial_state=((0.5, 0.0), (0.0, 0.0)))
@@ -75,6 +77,7 @@ class SameWiper(wiperjax.Wiper):
     """A class of one's own that changes nothing."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [-30, 5, 40])
 def test_what_moves_like_the_lip_has_the_modes_of_the_lip(degrees):
     """Of its three equilibria the one that leans farthest with the belt, not a saddle."""
@@ -86,6 +89,7 @@ def test_what_moves_like_the_lip_has_the_modes_of_the_lip(degrees):
             np.testing.assert_allclose(found[name], lip[name], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_where_slip_pulls_itself_off_there_is_no_steady_sliding():
     """phi = -20 degrees balances, the glass pressing; but D = W_nn + mu W_nt < 0 there."""
     m, h, mu, phi = 2.4e-3, 0.1, 0.5, -0.3492285791581798
@@ -107,6 +111,7 @@ def test_a_stiffer_glass_makes_the_rigid_lip_at_first_order():
     np.testing.assert_allclose(orders, -1.0, atol=0.05)
 
 
+@pytest.mark.slow
 def test_a_soft_glass_flutters_within_the_closed_border():
     """4 k t (mu k_c - k t) > (k + k_c - k t^2 - k_theta)^2, with the geometric part of the load and
     the moment in k_theta."""
@@ -271,6 +276,7 @@ SWEEP = {
 }
 
 
+@pytest.mark.slow
 def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses(tmp_path, capsys):
     found = wiperjax.modes_over(SWEEP)
     speed = found.belt_speed.values

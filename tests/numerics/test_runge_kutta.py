@@ -71,6 +71,7 @@ def test_unsuitable_solvers_are_refused(solver):
         check_solver(solver)
 
 
+@pytest.mark.slow
 def test_the_compiled_program_does_not_repeat_itself():
     # without the fusion barriers (see `fusion_barrier`) this is 66 000 lines
     def run(angle):

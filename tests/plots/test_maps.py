@@ -435,6 +435,7 @@ def test_colours_are_told_apart_by_everybody(name, sight):
     assert near[closest] > 15, (closest, near[closest])
 
 
+@pytest.mark.slow
 def test_borders_are_drawn_as_curves_over_the_classes_of_each_slice(tmp_path):
     """The curve of a disc that was located runs along the disc, in each plane that it crosses."""
     from border_maps import coarse_map, engine, refined

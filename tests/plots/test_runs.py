@@ -445,6 +445,7 @@ def test_mp4_needs_ffmpeg(folder, monkeypatch):
         plots.plot_file(folder / "run.h5", folder / "p.mp4")
 
 
+@pytest.mark.slow
 def test_all_pictures_of_a_file(folder, squeal, tmp_path, monkeypatch):
     write_dataset(run_dataset.between(squeal, 0.15), tmp_path / "run.h5")
     made = plots.plot_all(tmp_path / "run.h5", tmp_path / "p.png", dpi=30, seconds=0.2)

@@ -231,6 +231,7 @@ def test_start_from_steady_slip_stays_there():
     assert json.loads(run.attrs["start"]) == {"equilibrium": 1e-6}
 
 
+@pytest.mark.slow
 def test_a_varied_parameter_is_computed_with_where_it_is_zero(squeal, monkeypatch):
     """Scenes that differ in it have one program (else a Python 0 is left out: another one)."""
     traces = []

@@ -51,6 +51,7 @@ def oscillators():
     return wiperjax.sweep(SWEEP)
 
 
+@pytest.mark.slow
 def test_leines_oscillator_swept_has_the_period_and_the_shares_of_an_independent_code(oscillators):
     assert dict(oscillators.sizes) == {"belt_speed": 3, "stiffness": 2, "coordinate": 1}
     for speed in oscillators.belt_speed.values:
@@ -114,6 +115,7 @@ def test_settings_precede_the_module_of_a_system(command, tmp_path):
     assert "RuntimeError: True" in found.stderr and found.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_scene_is_the_same_motion_as_its_cell_and_knows_its_class(oscillators):
     scene = {key: SWEEP[key] for key in ("system", "classes")}
     scene |= {"belt": {"speed": 0.4}, "parameters": {"stiffness": 2.0}}
@@ -132,6 +134,7 @@ def test_a_scene_is_the_same_motion_as_its_cell_and_knows_its_class(oscillators)
     np.testing.assert_array_equal(run.output, run.velocity[:, 0])
 
 
+@pytest.mark.slow
 def test_the_law_of_a_file_counts():
     one = SWEEP | {"axes": {"steepness": {"values": [3.0, 6.0]}}, "belt": {"speed": 0.1}}
     ds = wiperjax.sweep(one)
@@ -144,6 +147,7 @@ def test_the_law_of_a_file_counts():
     assert set(wiperjax.parse_sweep(coulomb).parameter_names) >= {"mu_static", "mu_minimum"}
 
 
+@pytest.mark.slow
 def test_a_bouncing_ball_swept_over_its_restitution_keeps_what_it_must():
     height, gravity, time = 0.5, 9.81, 3.0
     values = [0.0, 0.3, 0.7, 0.9, 1.0]
@@ -179,6 +183,7 @@ def test_a_bouncing_ball_swept_over_its_restitution_keeps_what_it_must():
     assert "belt_speed_rms" not in ds and ds.attrs["class_quiet_velocity"] == 1e-6
 
 
+@pytest.mark.slow
 def test_two_blocks_share_the_parameters_of_one():
     ds = wiperjax.sweep(
         {
@@ -353,6 +358,7 @@ BISTABLE = {  # the friction oscillator of docs/basins.md, whose bistable zone i
 }
 
 
+@pytest.mark.slow
 def test_a_sweep_up_and_down_finds_the_bistable_zone_of_a_system_of_ones_own():
     starts = {"names": ["at_rest", "up", "down"], "kick": 1e-3}
     axes = {"belt_speed": {"values": [0.8, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.9]}}
@@ -364,6 +370,7 @@ def test_a_sweep_up_and_down_finds_the_bistable_zone_of_a_system_of_ones_own():
     assert ds.final_position.dims == ("belt_speed", "start", "coordinate")
 
 
+@pytest.mark.slow
 def test_shares_of_random_starts_are_those_of_bstab():
     starts = {"random": 400, "position": [[-2.0, 2.0]], "velocity": [[0.0, 2.0]]}
     axes = {"belt_speed": {"values": [1.4, 1.55]}}
@@ -391,6 +398,7 @@ def test_starts_that_do_not_suit_the_system_are_one_line():
         wiperjax.parse_sweep({"axes": axes, "run": run, "starts": starts})
 
 
+@pytest.mark.slow
 def test_a_map_of_ones_own_is_refined_verified_and_resumed(tmp_path):
     path = tmp_path / "map.h5"
     axes = {
@@ -407,6 +415,7 @@ def test_a_map_of_ones_own_is_refined_verified_and_resumed(tmp_path):
     assert at == pytest.approx(exact, abs=1.0 / 16)
 
 
+@pytest.mark.slow
 def test_a_wiper_takes_a_law_of_ones_own_from_a_file():
     scene = {
         "blade": {"friction": "own_systems:Falling", "attack_angle": 5.0},

@@ -69,6 +69,7 @@ def chain_events(n: int, damping: float, stop: float) -> list[tuple[float, str]]
     return events
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chain", [Chain2, Chain3, Chain8])
 def test_a_chain_sticks_and_slips_when_scipy_says(chain):
     system = chain(damping=0.05)
@@ -81,6 +82,7 @@ def test_a_chain_sticks_and_slips_when_scipy_says(chain):
     np.testing.assert_allclose(run.event_time, [time for time, _ in told], atol=2e-8)
 
 
+@pytest.mark.slow
 def test_a_block_is_carried_through_the_reversal_and_thrown_where_friction_gives_way():
     """On a ramp of slope -a through rest the block sticks from V = 0 at mu N/k until
     k (mu N/k - a s^2/2) - m a - c a s = -mu N, and leaves at the belt's speed there.

@@ -24,6 +24,7 @@ def blade(values, speed, duration, rtol=1e-10):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("i", range(4))
 def test_energy_balance_over_smooth_phases(i):
     """E changes by the work of friction and the dashpot: quadrature between neighbouring events."""

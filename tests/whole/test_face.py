@@ -37,6 +37,7 @@ def test_numbers_are_64_bit_ones_whatever_is_imported_first(first):
     assert python(code) == "float64\n"
 
 
+@pytest.mark.slow
 def test_a_public_name_is_the_same_whatever_was_imported_before():
     code = """
 import wiperjax.runs.simulate, wiperjax.maps.verify, wiperjax.cycles

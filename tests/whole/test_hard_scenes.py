@@ -120,6 +120,7 @@ def test_simultaneous_capture_and_lift_off():
     assert float(s.final_velocity[0]) == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_an_impact_at_a_corner_of_the_belt():
     """The belt turns round as the tip lands: whichever rounding puts first, it is one impact, and
     not the second of two that pile up."""
@@ -206,6 +207,7 @@ def test_hinge_mass_energy_balance():
     assert checked
 
 
+@pytest.mark.slow
 def test_vanishing_hinge_mass_is_the_wiper():
     blade = {**BLADE, "attack_angle": -0.4}
     start = (LENGTH * math.sin(-0.4), 2e-4, 0.0, 0.0)
@@ -226,6 +228,7 @@ def test_vanishing_hinge_mass_is_the_wiper():
 # --- Painleve -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_rod_released_at_31_degrees_is_followed_to_the_singular_point():
     """tan phi = 1 is the border D = 0 for mu = 5/3; the motion ends there in a named way."""
     rod = Rod()
@@ -298,6 +301,7 @@ TURNING = dict(  # found by drawing blades; both ended at once with a failure co
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.3, 0.9])
 @pytest.mark.parametrize("phase", [0.0, math.pi, 2 * math.pi, -math.pi])
 def test_a_belt_that_turns_round_at_the_start(phase, restitution):
@@ -354,8 +358,9 @@ def test_a_stick_that_ends_where_friction_fits_no_more_is_flagged():
 
 
 def test_elastic_bounces_die_in_the_damper():
-    """e = 1: no sequence ends, but the dashpot makes each bounce smaller, for ever. Two shortest
-    flights, one motion: what differs is a normal speed of b_n zeno_time / 2."""
+    """e = 1: no sequence ends, but the dashpot makes each bounce smaller, for ever. At default
+    settings they are soon contact, and the motion is that of bounces thirty times as short: what
+    differs is a normal speed of 5 b_n zeno_time."""
     blade: dict = {
         **BLADE, "attack_angle": -0.542, "mu_static": 0.535, "mu_minimum": 0.171,
         "neck_stiffness": 0.7845, "normal_load": 5.54, "restitution": 1.0,
@@ -365,7 +370,7 @@ def test_elastic_bounces_die_in_the_damper():
     belt = wiperjax.TrapezoidBelt(1.5, 50.0, 2e-3, 2.9)
     start = (-3.095e-3, 4.24e-4, -0.3785, 0.0)
     closed, bouncing = (
-        engine(blade, belt, start, 2.1e-3, 1e-6, zeno_time, 100_000) for zeno_time in (1e-7, 3e-9)
+        engine(blade, belt, start, 2.1e-3, 1e-6, zeno_time, 100_000) for zeno_time in (1e-8, 3e-10)
     )
     assert all(int(s.result) == Result.FINISHED for s in (closed, bouncing))
     assert int(closed.steps) < 10_000 < int(bouncing.steps)
@@ -375,6 +380,7 @@ def test_elastic_bounces_die_in_the_damper():
     np.testing.assert_allclose(closed.final_velocity[0], bouncing.final_velocity[0], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_indeterminate_start_is_flagged():
     """D < 0 while the rod turns fast enough to leave the ground: both motions are possible."""
     rod = Rod()

@@ -127,6 +127,7 @@ def advanced(state, system, period):
     return jax.numpy.concatenate([s.final_position, s.final_velocity])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("w, e, psi, speed, multipliers", CASES_V8)
 def test_v8_forced_impact_oscillator(w, e, psi, speed, multipliers):
     phase, v = periodic_impacts(w, e)
@@ -156,6 +157,7 @@ def test_v8_forced_impact_oscillator(w, e, psi, speed, multipliers):
         assert np.min(np.abs(values - m)) < 1e-7
 
 
+@pytest.mark.slow
 def test_v8_lowest_point():
     psi, v = periodic_impacts(2.5, 0.8)
     system = StopOscillator(amplitude=1.0, frequency=2.5, phase=psi, restitution=0.8, side=-1.0)
@@ -168,6 +170,7 @@ def test_v8_lowest_point():
     assert vertex == pytest.approx(-0.800586609, abs=2e-9)
 
 
+@pytest.mark.slow
 def test_v9_rests_after_zeno_with_its_weight():
     e, height = 0.6, 0.4
     end = math.sqrt(2 * height / 9.81) * (1 + e) / (1 - e)

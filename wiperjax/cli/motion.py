@@ -112,12 +112,11 @@ def ladder(
         load_scene(file)  # wrong ones are named before any work
     if output is not None:
         check_output(output, (".md",), force, *files)
-    from ..maps.rung_costs import rung_costs
-    from ..runs.compare_rungs import compare, preface, summary, table
+    from ..maps.compare_rungs import compare, preface, summary, table
 
     results = []
     for file in files:
-        results.append(compare(file, say=_working, costs=rung_costs))
+        results.append(compare(file, say=_working))
         print(table(results[-1:], head=len(results) == 1), end="", flush=True)
     if output is not None:
         text = preface() + summary(results) + "\n" + table(results)

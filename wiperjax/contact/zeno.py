@@ -9,6 +9,7 @@ from .space import Contact
 
 LONGEST = 100  # in units of the shortest flight: what the limit of a sequence may take the place of
 NEUTRAL = 1e-9  # relative growth of a bounce that is taken for rounding (e = 1)
+ENDLESS = 10  # in the same units: shorter flights of a sequence that has no limit are contact
 
 
 class Completion(NamedTuple):
@@ -29,10 +30,12 @@ def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, t
     t1 = 2 v_n / |b_n|; the rest of the sequence t1 / (1 - r), with the normal impulse that brings
     v_n to zero against b_n, and the matching change of v_t, which friction cannot carry past zero.
 
-    A rest longer than `LONGEST`, or without end (r = 1), is bounces that cannot be told from
-    contact: their mean force is that of contact, and it changes meanwhile, which the limit knows
-    nothing of. Then the next flight is the last, and the speed that is dropped is what b_n makes
-    in half of ``zeno_time``.
+    A rest longer than `LONGEST` is bounces that cannot be told from contact: their mean force is
+    that of contact, and it changes meanwhile, which the limit knows nothing of. Then the next
+    flight is the last, and the speed that is dropped is what b_n makes in half of it. Where bounces
+    lose so little that the rest is never short enough (e = 1, or a tip that sticks while it
+    bounces), so are flights below `ENDLESS`: the n-th of them lasts C / n, and those from there
+    down to ``zeno_time`` are nine tenths of all.
     """
     ratio = leaving / jnp.where(approaching < 0, -approaching, 1.0)
     falls = c.b_n < 0
@@ -41,7 +44,8 @@ def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, t
     whole = flight / jnp.where(ratio < 1, 1 - ratio, jnp.inf)
     ends = (ratio < 1) & (whole <= LONGEST * zeno_time)
     duration = jnp.where(ends, whole, flight)
-    holds = dies & (flight < zeno_time) & (duration <= time_left)
+    shortest = jnp.where(LONGEST * (1 - ratio) < 0.5, ENDLESS * zeno_time, zeno_time)
+    holds = dies & (flight < shortest) & (duration <= time_left)
 
     sign = jnp.sign(slip_speed)
     d = c.w_nn - sign * mu * c.w_tn

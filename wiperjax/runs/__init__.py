@@ -1,5 +1,4 @@
 """One trajectory for a person: started, watched, labelled.
 
-Read `simulate`, `dataset` (its result), `scene` (from a file),
-`compare_rungs` (the poorest model that still tells a scene).
+Read `simulate`, `dataset` (its result), `scene` (from a file).
 """

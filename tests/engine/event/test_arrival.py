@@ -50,6 +50,7 @@ def test_an_event_is_foreseen():
     assert past == through + 1
 
 
+@pytest.mark.slow
 def test_a_stay_that_repeats_itself_ends_in_one_step():
     """On a cycle of stick and slip a trial step ends on the next event at once; not before it."""
     case = make_case(Block(1.0, 0.5, belt=0.4), 100.0, ((0.0,), (0.4,)), Integration(rtol=1e-6))

@@ -9,6 +9,7 @@ import wiperjax
 from wiperjax import Regime, SteadyBelt, Wiper
 
 
+@pytest.mark.slow
 def test_what_a_stick_gathers_is_as_good_as_the_tolerance():
     """A lip that sticks is carried by the belt: x = x0 + V t, and its normal force follows. In its
     motion there is no error that could limit the steps; mean and largest force were off by 2e-7 and

@@ -89,6 +89,7 @@ def test_the_netcdf_library_reads_groups_and_gathered_lists(tmp_path):
     tree.close()
 
 
+@pytest.mark.slow
 def test_killed_it_goes_on_where_it_was_and_ends_the_same(tmp_path):
     path, other = tmp_path / "map.h5", tmp_path / "other.h5"
     coarse_map(path, DISC)
@@ -125,6 +126,7 @@ def test_killed_it_goes_on_where_it_was_and_ends_the_same(tmp_path):
     assert not calls
 
 
+@pytest.mark.slow
 def test_finer_levels_use_the_points_that_are_there(tmp_path):
     path = tmp_path / "map.h5"
     coarse_map(path, DISC)

@@ -57,6 +57,7 @@ def test_a_jump_is_enclosed_on_both_sides_and_the_answer_between_points_is_right
     assert wrong.mean() < 0.005 and (depth[wrong] < 2).all() and np.isinf(depth).any()
 
 
+@pytest.mark.slow
 def test_a_smooth_crossing_takes_few_looks_and_is_interpolated(tmp_path):
     smooth, jump = tmp_path / "smooth.h5", tmp_path / "jump.h5"
     steps = engine(lambda x, y: np.where(wave(x, y) > 500, 700.0, 300.0))
@@ -88,6 +89,7 @@ def test_a_threshold_of_any_stored_number_and_another_name_are_borders_too(tmp_p
     assert found.attrs["on"] == "mechanism" and (found.axis == 0).all()
 
 
+@pytest.mark.slow
 def test_three_axes_three_classes(tmp_path):
     def ball(x, y, z):
         inside = (x - 0.5) ** 2 + (y - 0.4) ** 2 + (z - 0.5) ** 2 < 0.35**2

@@ -23,7 +23,7 @@ from ...systems.build import Built, belt_of, build, go_on, start
 from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
-from .devices import capacity, deal, dearest_first, lane_count, roomy, spread
+from .devices import capacity, deal, dearest_first, lane_count, sample_room, spread
 from .linear import slip_of
 
 RING = 4  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
@@ -50,11 +50,11 @@ def evaluate(
     the start of ``spec``.
     """
     built, position, velocity = prepare(spec, index, room, ended)
-    settings, run = Settings.of(spec), Run.of(spec, finer)
+    settings, run = Settings.of(spec, position[0].shape[-1]), Run.of(spec, finer)
 
-    def compute(cells, count):
+    def compute_share(cells, count):
         system, position, velocity = cells
-        outcome, samples, effort = _compute(system, position, velocity, count, run, settings)
+        outcome, samples, effort = compute(system, position, velocity, count, run, settings)
         return outcome, run.rows(samples, spec.run.raster), effort
 
     precision, size = spec.run.precision, position[0].shape[-1]
@@ -67,7 +67,7 @@ def evaluate(
     with ThreadPoolExecutor(1) as beside:  # a small program compiles while the engine's does
         wanted = built.wiper is not None and finer == 1
         slip = beside.submit(spread, slip_of, built.wiper) if wanted else None
-        (outcome, signal), effort = deal(compute, cells, order)
+        (outcome, signal), effort = deal(compute_share, cells, order)
         if finer > 1:
             return sampled(spec, signal, belt_of(built.system), len(index))
         with compiling.apart("naming"):
@@ -113,11 +113,11 @@ class Settings(NamedTuple):
     event_log: int
 
     @classmethod
-    def of(cls, spec) -> "Settings":
-        """Return those of ``spec``."""
+    def of(cls, spec, size: int) -> "Settings":
+        """Return those of ``spec`` for a block that is filled up to ``size`` cells."""
         run = spec.settings
         regimes, log = run.raster is not None, run.event_log or 0
-        return cls(run.precision, run.solver, roomy(run.samples), regimes, log)
+        return cls(run.precision, run.solver, sample_room(size, run.samples), regimes, log)
 
 
 class Run(NamedTuple):
@@ -205,7 +205,7 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
     return run_pool(Pool(case, count), lane_count(s.precision, cases))
 
 
-_compute = Kept(outcomes)
-"""The cells of one share run. A program for one device: compiled for several together it would
-round otherwise, and a map would depend on the number of cores.
+compute = Kept(outcomes)
+"""`outcomes`, compiled. A program for one device: compiled for several together it would round
+otherwise, and a map would depend on the number of cores.
 """

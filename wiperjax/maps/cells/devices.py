@@ -95,19 +95,24 @@ def on_accelerator() -> bool:
     return jax.default_backend() != "cpu"
 
 
-FEW = 256  # cells of a share: up to these a block is filled up to a power of two
+FEW = (64, 256)  # cells of a share: one with fewer is filled up to these,
+SMALL = 2**19  # and its record has room for so many samples (2 MB): any small sweep fits
 
 
 def capacity(cells: int, shares: int | None = None) -> int:
-    """Cells a block is filled up to, so that blocks of about the same size have the same shapes.
+    """Cells a block is filled up to, so that blocks of about the same size have the same shapes,
+    and share a compiled program.
 
     ``shares`` it is dealt out in: one for each of `devices`, unless given.
     """
     shares = shares or len(devices())
     share = -(-cells // shares)
-    if share <= FEW:
-        return max(64, 1 << (share - 1).bit_length()) * shares
-    return roomy(share) * shares
+    return next((few for few in FEW if share <= few), roomy(share)) * shares
+
+
+def sample_room(capacity: int, samples: int) -> int:
+    """Samples that each cell of a block of a `capacity` has room for, if it takes ``samples``."""
+    return max(roomy(samples), SMALL * len(devices()) // capacity)
 
 
 def roomy(count: int) -> int:

@@ -37,7 +37,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     base = as_arrays(built.system, run.precision)
     theta = {name: whole(at(ways[name])(built.system), size) for name in names}
     check_fields(spec, ways, names)
-    settings, motion = batch.Settings.of(spec), batch.Run.of(spec)
+    settings, motion = batch.Settings.of(spec, size), batch.Run.of(spec)
 
     def start(theta):
         return start_of(base, ways, theta, spec)

@@ -100,7 +100,7 @@ def check(spec, ways, theta, base, columns, slopes, checked, word):
     at = jax.tree.map(lambda x: x[place] if eqx.is_array(x) and x.shape == (whole,) else x, base)
     moved = jax.tree.map(jnp.asarray, moved)
     state, further = start_of(at, ways, moved, spec)
-    settings, run = Settings.of(spec), Run.of(spec)
+    settings, run = Settings.of(spec, size), Run.of(spec)
     run = run._replace(rtol=jnp.asarray(max(1e-3 * spec.rtol, 1e-13)))
 
     def compute(given, number):

@@ -12,11 +12,11 @@ import numpy as np
 
 from ..blade.rungs import MODELS
 from ..noise.agreement import AMPLITUDE, FREQUENCY, Said, differences, said
-from ..noise.run_class import assess, words
+from ..noise.run_class import words
 from ..specs.load import load_scene, parse_scene
 from ..specs.scene import SceneSpec
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS
-from . import scene
+from . import around_scene
 
 HINGED = "lip, hinge mass"  # the lip with a tenth of the tip mass at the hinge
 HINGE_SHARE = 0.1
@@ -58,13 +58,13 @@ def compare(
     path: str | Path,
     hinged: bool = True,
     say: Callable[[str], None] = lambda text: None,
-    costs: Callable[[Mapping[str, SceneSpec]], Mapping[str, float]] = lambda scenes: {},
+    costs: Callable[[Mapping[str, SceneSpec]], Mapping[str, float]] = around_scene.costs,
 ) -> list[Rung]:
     """Return what every rung says of the scene file `path`, poorest first, the lip judged by none.
 
     `hinged`: whether to run the lip with hinge mass too; it is compared, not a rung below.
     `say` is called with what begins, `SCENE: MODEL`. `costs` tells what a second of motion of each
-    rung costs [s of CPU time], such as `maps.rung_costs`; it is given those that do not fail.
+    rung costs [s of CPU time]; it is given those that do not fail.
 
     Raises SpecError for a wrong file; a rung that fails numerically says `failed`.
     """
@@ -107,9 +107,11 @@ with `--model` (or `model = "bar"` in the file); `wiperjax sweep --model auto` h
 cells choose ([maps](maps.md#which-model), also for what a rung costs in a batch).
 
 Amplitude: standard deviation of the tip velocity (of the strokes on a wiping belt; for a
-reversal, the vibration just after it). Steps are those of one motion. CPU time is that of the
-engine on one core for a second of motion of one blade, in a batch of 256 around the scene (load
-and speed within 2%), the median of five interleaved turns, without compilation. The default start
+reversal, the vibration just after it). A scene is the middle of a small map, as
+`wiperjax sweep` makes it: {around_scene.SIDE**2} blades, load and speed within
+{around_scene.SPREAD:.0%} of its own. Steps are those of the scene, tried ones. CPU time is that
+of the engine on one core for a second of motion of one of those blades, the median of
+{around_scene.TURNS} interleaved turns, without compilation. The default start
 of lip and bar is phi = alpha at rest, of the block its relaxed spring. The frequency of a squeal
 that comes and goes is that of its strongest line. Two blades on one linkage are no rung: that is
 two contacts.
@@ -168,11 +170,10 @@ def _hinged(spec: SceneSpec) -> SceneSpec:
 
 def _run(name: str, model: str, spec: SceneSpec) -> Rung:
     try:
-        run = scene.run_scene(spec)
+        found = around_scene.middle(spec)
     except ValueError:  # no start: a block without steady slip
         nothing = ("failed", "none", "none", np.nan, np.nan, np.nan, 0)
         return Rung(name, model, *nothing)
-    found = assess(run)
     heard, named = said(found), words(found)
     return Rung(
         name,
@@ -183,7 +184,7 @@ def _run(name: str, model: str, spec: SceneSpec) -> Rung:
         float(heard.frequency),
         float(heard.amplitude),
         float(heard.forces),
-        int(run.attrs["steps"]),
+        int(found["steps"] + found["rejected_steps"]),
     )
 
 

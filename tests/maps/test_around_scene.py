@@ -1,10 +1,10 @@
-"""What a second of motion costs on each rung, of blades around a scene."""
+"""A scene in the middle of a small map."""
 
 import noises
 import numpy as np
 import pytest
 
-from wiperjax.maps import rung_costs
+from wiperjax.maps import around_scene
 from wiperjax.specs.load import load_scene
 
 SCENES = sorted((noises.SWEEPS / "scenes").glob("*.toml"))
@@ -14,15 +14,16 @@ SCENES = sorted((noises.SWEEPS / "scenes").glob("*.toml"))
 @pytest.mark.parametrize("model", ["block", "lip"])
 def test_blades_around_a_scene_are_like_it(path, model):
     scene = load_scene(path, model)
-    spec = rung_costs._around(scene)
-    assert spec.model == model and spec.shape == (rung_costs.SIDE,) * 2
+    spec = around_scene.around(scene)
+    assert spec.model == model and spec.shape == (around_scene.SIDE,) * 2
     assert spec.run.transient + spec.run.window == scene.run.duration
     cells, known = spec.cells(np.arange(spec.size)), scene.parameters()
     assert cells.keys() == known.keys()
     for name, values in cells.items():
         if name in ("normal_load", "belt_speed"):
-            assert np.ptp(values) == pytest.approx(2 * rung_costs.SPREAD * known[name])
+            assert np.ptp(values) == pytest.approx(2 * around_scene.SPREAD * known[name])
             assert np.mean(values) == pytest.approx(known[name])
+            assert values[spec.size // 2] == pytest.approx(known[name], rel=1e-15)
         else:
             assert values == known[name]
 
@@ -30,9 +31,9 @@ def test_blades_around_a_scene_are_like_it(path, model):
 def test_costs_are_of_a_second_of_motion_and_leave_compiling_out(monkeypatch):
     scenes = {model: load_scene(SCENES[0], model) for model in ("block", "lip")}
     calls, spent = [], {"block": iter([3.0, 1, 2, 9, 4]), "lip": iter([5.0] * 5)}
-    monkeypatch.setattr(rung_costs, "_motions", lambda spec: lambda: calls.append(spec.model))
-    monkeypatch.setattr(rung_costs, "_spent", lambda run: (run(), next(spent[calls[-1]]))[1])
-    found = rung_costs.rung_costs(scenes)
-    motion = rung_costs.SIDE**2 * scenes["lip"].run.duration
+    monkeypatch.setattr(around_scene, "_motions", lambda spec: lambda: calls.append(spec.model))
+    monkeypatch.setattr(around_scene, "_spent", lambda run: (run(), next(spent[calls[-1]]))[1])
+    found = around_scene.costs(scenes)
+    motion = around_scene.SIDE**2 * scenes["lip"].run.duration
     assert found == pytest.approx({"block": 3 / motion, "lip": 5 / motion})
     assert calls == ["block", "lip"] * 6  # once to compile, then in turns
