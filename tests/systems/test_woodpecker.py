@@ -45,6 +45,7 @@ def run():
     return simulated(3.0)
 
 
+@pytest.mark.slow
 def test_events_are_those_of_a_code_of_three_contacts(run):
     told, q, v = reference.simulated(*START, 3.0)
     found = log(run)
@@ -55,6 +56,7 @@ def test_events_are_those_of_a_code_of_three_contacts(run):
     np.testing.assert_allclose(run.final_velocity, v, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_its_cycle_is_the_published_one(run):
     events = log(run)
     captures = [i for i, (_, name) in enumerate(events) if name == "capture"]
@@ -71,6 +73,7 @@ def test_its_cycle_is_the_published_one(run):
     assert float(late.position.sel(axis="bird").max()) == pytest.approx(0.12, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_its_first_cycle_is_that_of_siconos(run):
     events = log(run)[:15]
     stepped = [0.02166, 0.06124, None, 0.07792, 0.08104, 0.08162, None, 0.11882, None, 0.1677]
@@ -79,6 +82,7 @@ def test_its_first_cycle_is_that_of_siconos(run):
     np.testing.assert_allclose(*zip(*told, strict=True), atol=4e-4)
 
 
+@pytest.mark.slow
 def test_its_free_motion_and_its_equilibrium_are_the_published_ones():
     system = Woodpecker()
     v = (jnp.zeros(()),) * 3
@@ -95,6 +99,7 @@ def test_its_free_motion_and_its_equilibrium_are_the_published_ones():
         assert (int(hung.final_regime) == Regime.STICK) == held
 
 
+@pytest.mark.slow
 def test_a_peck_with_a_closed_edge_is_an_impact_of_both():
     start = ((0.0, TURN, 0.11), (-0.1, 0.0, 5.0))
     told, q, v = reference.simulated(*start, 0.02)
@@ -108,6 +113,7 @@ def test_a_peck_with_a_closed_edge_is_an_impact_of_both():
     np.testing.assert_allclose(found.final_velocity, v, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_pecks_that_pile_up_end_with_a_code():
     """A longer beak, less weight: the spring would hold it on the pole, while the sleeve jams. Each
     peck throws the sleeve off, three events in a third of the time of those before."""
@@ -123,7 +129,9 @@ def test_pecks_that_pile_up_end_with_a_code():
     assert "a stop" in held.attrs["result_message"]
 
 
-def test_a_start_beyond_its_stop_is_refused_in_one_line():
+def test_what_cannot_be_is_refused_in_one_line():
+    with pytest.raises(ValueError, match=r"^pole_radius must be at most sleeve_radius \(0.0031\)"):
+        Woodpecker(pole_radius=0.004)
     with pytest.raises(ValueError, match=r"holds \(the beak is outside the pole\), but was"):
         simulated(1.0, ((0.0, 0.0, 0.2), (0.0, 0.0, 0.0)))
 

@@ -16,6 +16,7 @@ from ..contact.friction import AbstractFriction, Coulomb
 from ..contact.impact import phased_impact
 from ..contact.system import AbstractSystem
 from ..numerics.fusion_barrier import keep
+from ..vocabulary import checks
 from ..vocabulary.declared import parameter
 
 FREE, HELD = 0, 1  # normal: no more impulse than is given, or the ends stay together
@@ -51,6 +52,10 @@ class Woodpecker(AbstractSystem):
     beak_friction: float = parameter(0.3, low=0)
     friction: AbstractFriction = Coulomb(0.3)
     sides: tuple | None = None  # signs of the switches (set by the engine)
+
+    def __check_init__(self):
+        super().__check_init__()  # equinox calls it too, but after this one
+        checks.at_most("pole_radius", self.pole_radius, self.sleeve_radius, "sleeve_radius")
 
     @property
     def _turn(self):
