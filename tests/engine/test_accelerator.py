@@ -48,7 +48,7 @@ def test_the_engine_of_a_map_lowers_for_cuda(solver, elsewhere, monkeypatch):
     def catch(*arguments):
         raise Caught(arguments)
 
-    monkeypatch.setattr(batch, "_compute", catch)
+    monkeypatch.setattr(batch, "compute", catch)
     spec = sweep(solver)
     with pytest.raises(Caught) as caught:
         evaluate(spec, np.arange(spec.size))

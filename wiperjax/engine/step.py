@@ -99,8 +99,8 @@ def jump(problem: Problem, state: State) -> State:
     anew = [others] * contact_slots
     anew += [fires & (state.due == i) for i in range(contact_slots, len(state.reach))]
     reach = tuple(map(jnp.where, anew, after.sizes, state.reach))
-    memory, step = remember(state, after.regime, after.time, happens, fires)
-
+    memory, step = remember(state, after.regime, after.time, after.bounce, happens, fires)
+    result = _result_after(problem, state, after, happens, fires)
     # the observer and the log see the event on the piece of the motion that it ends
     happening = Happening(before, state.time, after.kind, state.regime, after.regime, after.impulse)
     observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
@@ -136,7 +136,7 @@ def jump(problem: Problem, state: State) -> State:
         last_error=jnp.where(happens, 1.0, state.last_error),
         last_step=jnp.where(happens, 0.0, state.last_step),
         last_event=jnp.where(happens & ~passes, after.time, state.last_event),
-        result=_result_after(problem, state, after, happens, fires),
+        result=result,
         flagged=state.flagged | (happens & after.indeterminate),
         events=state.events + happens,
         log=log,

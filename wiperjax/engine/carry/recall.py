@@ -1,8 +1,9 @@
 """What the motion did before, by which it is resumed in a regime: its step, and how long it stayed.
 
 Motion near a cycle repeats itself: where it has come into a regime as it did before, it is expected
-to leave it after the same time, by the same event. A trial step is then made to end there. As with
-an event foreseen from a polynomial (`obstacle`) this decides the length of a step and no more.
+to leave it after the same time, by the same event. A bounce is expected to end as one in a constant
+acceleration does (`transition`). A trial step is then made to end there. As with an event foreseen
+from a polynomial (`obstacle`) this decides the length of a step and no more.
 """
 
 from typing import NamedTuple
@@ -10,6 +11,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
+from ...contact.guards import FIRST
 from ...numerics.arrays import pick
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
@@ -47,16 +49,19 @@ def aim(state) -> tuple[Scalar, Scalar]:
     An end that was repeated before is known better than one that a polynomial foresees.
     """
     left = state.memory.expected.end - state.time
-    recalled = (state.tries == 0) & (left > LEAST * state.step) & (left <= state.step)
+    bounces = (state.regime == Regime.FLIGHT) & (state.time == state.last_event)
+    least = jnp.where(bounces, 0.0, LEAST * state.step)
+    recalled = (state.tries == 0) & (left > least) & (left <= state.step)
     slot = state.memory.expected.slot
     return jnp.where(recalled, slot, state.target), jnp.where(recalled, left, state.trial)
 
 
-def remember(state, regime, time, happens, fires) -> tuple[Memory, Scalar]:
+def remember(state, regime, time, bounce, happens, fires) -> tuple[Memory, Scalar]:
     """Return the memory behind an event that leads into ``regime`` at ``time``, and the step to
     resume there.
 
-    ``happens``: there is one; ``fires``: of the motion itself, not a break of the prescribed one.
+    ``bounce``: how long a flight that begins with an impact is to last, else 0. ``happens``: there
+    is an event; ``fires``: of the motion itself, not a break of the prescribed one.
 
     Flights are not recalled: bounces die away, and where a state has too few digits to see that, a
     flight that is taken to last as long as the one before never ends in rest.
@@ -75,6 +80,7 @@ def remember(state, regime, time, happens, fires) -> tuple[Memory, Scalar]:
     way = jnp.where(fires & (new != FLIGHT), 2 * (old == STICK) + new, -1)
     last = pick(stays, way)
     expected = Stay(jnp.where(way >= 0, time + last.end, -jnp.inf), last.slot)
+    expected = _where(bounce > 0, Stay(time + bounce, FIRST), expected)
     expected = _where(happens, expected, memory.expected)
     way = jnp.where(happens, way, memory.way).astype(jnp.int32)
     return stop_gradient(Memory(steps, stays, way, expected)), stop_gradient(step)

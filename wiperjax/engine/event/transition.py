@@ -8,9 +8,10 @@ import jax.numpy as jnp
 from ...contact.guards import FIRST, contact_sizes, first_switch, guard_values
 from ...contact.projection import project
 from ...contact.regimes import Forces, acceleration, forces, slip_sign
-from ...contact.space import contact
+from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.bernstein import largest
+from ...numerics.elementary import smaller
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
@@ -37,6 +38,7 @@ class Outcome(NamedTuple):
     reactions: Forces
     kind: Scalar
     impulse: Scalar
+    bounce: Scalar  # how long a bounce may last, 0 where nothing bounces
     stopped: Scalar  # the end of the model was reached
     indeterminate: Scalar
     inconsistent: Scalar
@@ -61,7 +63,8 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
     if (stop := struck(system, state, fires)) is not None:
         v, fired = strike(system, stop, time, q, v, fired)
-    motion, blow = collide(system, contact(system, time, q, v), time, q, v, fired, sign)
+    before = contact(system, time, q, v)
+    motion, blow = collide(system, before, time, q, v, fired, sign)
     motion, completes = complete(problem, system, motion, blow, fired, end)
     rough = contact(system, motion.time, motion.position, motion.velocity)
     if stop is not None:
@@ -88,18 +91,21 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     stopped = fires & (slot >= base) & ~kinks
     kind = event_kind(fired, found.slips, blow.collides, completes, leaving, sign, after)
     ended = jnp.where(system.reverses(piece - 1), int(Event.BELT_REVERSAL), int(Event.BELT_KINK))
-    names = [(kinks, int(Event.KINK)), (stopped, int(Event.COLLAPSE)), (breaks, ended)]
-    reactions = forces(system, c, after)
-    rate, presses = (rates(system, time, q, v), acceleration(c, reactions)), None
-    if stop is not None:
-        orders, presses = leave(system, stop, orders, time, q, v, rate, fired.was_flying)
-        stopped, names = stopped & ~stop.any, [*names, (stop.any, int(Event.BLOW))]
-    for condition, name in names:
+    for condition, name in (
+        (kinks, int(Event.KINK)),
+        (stopped, int(Event.COLLAPSE)),
+        (breaks, ended),
+    ):
         kind = jnp.where(condition, name, kind)
 
     speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
     sizes = contact_sizes(system, c, after, jnp.broadcast_to(speed, c.b_t.shape))
     sizes += [jnp.zeros_like(c.b_t)] * (len(orders) - len(sizes))
+    reactions = forces(system, c, after)
+    rate, presses = (rates(system, time, q, v), acceleration(c, reactions)), None
+    if stop is not None:
+        orders, presses = leave(system, stop, orders, time, q, v, rate, fired.was_flying)
+        stopped, kind = stopped & ~stop.any, jnp.where(stop.any, int(Event.BLOW), kind)
     return Outcome(
         time=time,
         position=q,
@@ -113,12 +119,23 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         reactions=reactions,
         kind=kind.astype(jnp.int32),
         impulse=impulse,
+        bounce=jnp.where(found.bounces, _bounce(before, c, leaving), 0.0),
         stopped=stopped,
         indeterminate=found.indeterminate,
         inconsistent=found.jammed & (slip_speed == 0),
         struck=None if stop is None else stop.any,
         presses=presses,
     )
+
+
+def _bounce(before: Contact, after: Contact, leaving):
+    """Return how long a flight with the normal speed ``leaving`` lasts by the free acceleration at
+    its top and, to first order, the dashpots: what they add to it is linear in the speed, and known
+    on both sides of the blow.
+    """
+    slope = (after.b_n - before.b_n) / (leaving - smaller(before.normal_speed, 0.0))
+    top = after.b_n - slope * leaving
+    return jnp.where(top < 0, -2 * leaving / top * (1 - slope * leaving / (3 * top)), 0.0)
 
 
 def _switches(problem: Problem, state: State, fires):
