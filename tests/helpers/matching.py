@@ -20,6 +20,7 @@ NAMES = {
     Event.JAM: "jam",
     Event.COLLAPSE: "collapse",
     Event.TOUCH: "touch",
+    Event.BLOW: "blow",
 }
 
 

@@ -119,6 +119,7 @@ CELLS = {  # of each shipped sweep, and what is heard there
     "oscillator": ({"belt_speed": [1.0, 1.5, 2.3]}, ["squeal", "squeal", "quiet"]),
     "reversal": ({"damping": [0.1, 0.38], "belt_frequency": [0.004]}, ["squeal", "reversal"]),
     "soft_lip": ({"attack_angle": [-8, 25], "contact_stiffness": [3000]}, ["squeal", "quiet"]),
+    "woodpecker": ({"beak_restitution": [0.5]}, ["chattering"]),
 }
 
 

@@ -44,12 +44,20 @@ def first_switch(system: AbstractSystem) -> int:
     return 3 if system.coupled else 2
 
 
+def stop_slots(system: AbstractSystem) -> tuple[int, ...]:
+    """Slots of the stops."""
+    return tuple(first_switch(system) + place for place in system.stops)
+
+
 def starting_sides(system: AbstractSystem, t, q, v) -> tuple[Scalar, ...]:
     """Return the side (+1 or -1) of every switch on which a motion begins at (t, q, v)."""
-    pairs = zip(system.switches(t, q, v), system.ends(t, q, v), strict=True)
-    one_sided = lambda end: isinstance(end, bool | np.bool_) and bool(end)
+    ends = [
+        i in system.stops or isinstance(end, bool | np.bool_) and bool(end)
+        for i, end in enumerate(system.ends(t, q, v))
+    ]
     return tuple(
-        jnp.where((s < 0) & (not one_sided(end)), -1.0, 1.0).astype(q[0].dtype) for s, end in pairs
+        jnp.where((s < 0) & (not one_sided), -1.0, 1.0).astype(q[0].dtype)
+        for s, one_sided in zip(system.switches(t, q, v), ends, strict=True)
     )
 
 

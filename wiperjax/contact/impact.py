@@ -66,3 +66,33 @@ def poisson_impact(
     # exact where the law is: rounding must not leave a closed contact with a speed of 1e-17
     v_n = jnp.where(restitution > 0, jnp.maximum(v_n, 0.0), 0.0)
     return Impulse(tangential, normal, v_t, v_n)
+
+
+def phased_impact(w_tt, w_tn, w_nn, mu, restitution, slip_speed, normal_speed) -> Impulse:
+    """Impulse of an impact at (v_t, v_n <= 0) by Pfeiffer and Glocker's law, with friction.
+
+    Poisson's two phases, too, but in each of them friction opposes the slip that is left at its
+    end, with the whole impulse of the phase: another answer than `poisson_impact` only where slip
+    turns round on the way. For w_nn > mu |w_tn|. (F. Pfeiffer, Ch. Glocker, "Multibody Dynamics
+    with Unilateral Contacts", 1996, chapter 8.)
+    """
+    det = w_tt * w_nn - w_tn * w_tn
+    held = (w_tn * slip_speed - w_tt * normal_speed) / det
+    holding = (w_tn * normal_speed - w_nn * slip_speed) / det
+    sticks = jnp.abs(holding) <= mu * held
+    forward = -normal_speed / (w_nn - mu * w_tn)
+    slides = slip_speed + (w_tn - mu * w_tt) * forward > 0
+    sign = jnp.where(slides, 1.0, -1.0)
+    slid = jnp.where(slides, forward, -normal_speed / (w_nn + mu * w_tn))
+    normal = jnp.where(sticks, held, slid)
+    tangential = jnp.where(sticks, holding, -sign * mu * slid)
+    v_t = slip_speed + w_tt * tangential + w_tn * normal
+    v_t = jnp.where(sticks, 0.0, v_t)
+
+    more = restitution * normal
+    wanted = -(v_t + w_tn * more) / w_tt
+    limit = mu * more
+    friction = jnp.clip(wanted, -limit, limit)
+    v_t = jnp.where(jnp.abs(wanted) <= limit, 0.0, v_t + w_tn * more + w_tt * friction)
+    v_n = jnp.where(restitution > 0, jnp.maximum(w_nn * more + w_tn * friction, 0.0), 0.0)
+    return Impulse(tangential + friction, normal + more, v_t, v_n)

@@ -20,6 +20,7 @@ from ..vocabulary import declared
 from ..vocabulary.parameters import Parameter
 from .card import card
 from .friction import AbstractFriction
+from .impact import Impulse, poisson_impact
 
 
 class AbstractSystem(eqx.Module):
@@ -34,6 +35,7 @@ class AbstractSystem(eqx.Module):
     coordinates: ClassVar[tuple[str, ...]] = ()  # their names in maps and runs; else q0, q1, ..
     of_a_blade: ClassVar[bool] = False  # coordinates are those of a tip [m], forces per metre [N/m]
     valid_where: ClassVar[str] = ""  # the model holds: words for a start from where it does not
+    stops: ClassVar[tuple[int, ...]] = ()  # places among `switches` of those that are stops
 
     known: ClassVar[Mapping[str, Parameter]] = {}  # of parameters that it does not declare itself
 
@@ -73,6 +75,13 @@ class AbstractSystem(eqx.Module):
     def directions(self, t: Scalar, q: Coordinates) -> tuple[Coordinates, Coordinates]:
         """A^-1 J_t^T and A^-1 J_n^T: acceleration per unit tangential and normal contact force."""
 
+    def impact(self, w_tt, w_tn, w_nn, mu, slip_speed, normal_speed, jam) -> Impulse:
+        """Impulse of an impact at these speeds, and the speeds behind it: Poisson's law with
+        Coulomb's friction along the impulse (`contact.impact`) unless overridden. ``w_..`` is the
+        contact inertia, ``jam`` Painleve's impact without collision.
+        """
+        return poisson_impact(w_tt, w_tn, w_nn, mu, self.bounce, slip_speed, normal_speed, jam)
+
     def prepared(self) -> "AbstractSystem":
         """Return the system with whatever does not change along a trajectory worked out once."""
         return self
@@ -102,8 +111,9 @@ class AbstractSystem(eqx.Module):
         return rates
 
     def switches(self, t: Scalar, q: Coordinates, v: Coordinates) -> tuple[Scalar, ...]:
-        """Functions whose zeros are corners of the vector field (a spring's kink), or where the
-        model ends (`ends`): smooth on either side of a zero, and of the sign that `on_sides` says.
+        """Functions whose zeros are corners of the vector field (a spring's kink), where the model
+        ends (`ends`), or stops (`rebound`): smooth on either side of a zero, and of the sign that
+        `on_sides` says.
         """
         return ()
 
@@ -113,6 +123,17 @@ class AbstractSystem(eqx.Module):
         zero of the switch, which then is negative nowhere in the model.
         """
         return tuple(False for _ in self.switches(t, q, v))
+
+    def rebound(
+        self, stop: int, t: Scalar, q: Coordinates, v: Coordinates, closed: Scalar
+    ) -> Coordinates:
+        """Velocities behind a blow: where the switch of place ``stop``, one of ``stops``, vanishes.
+
+        A stop is touched for an instant; its switch is positive everywhere in the model, and not
+        on its way down behind the blow. ``closed``: whether the contact is. If so, the blow is an
+        impact of both: it may open the contact, and may not drive it in.
+        """
+        raise NotImplementedError("a system with stops must define rebound(stop, t, q, v, closed)")
 
     def break_time(self, piece: Scalar) -> Scalar:
         """Known time at which smooth piece ``piece`` of the prescribed motion ends."""
@@ -135,7 +156,8 @@ class AbstractSystem(eqx.Module):
         ``sides``.
 
         Not needed for the values of forces, which are continuous there: but a stage at a corner,
-        or a hair's breadth behind it, would have the derivative of the wrong side.
+        or a hair's breadth behind it, would have the derivative of the wrong side. Where samples
+        are taken, for one, no sides are given: a system then answers by its position.
         """
         return self
 

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
-from ..contact.guards import first_switch
+from ..contact.guards import first_switch, stop_slots
 from ..contact.projection import project
 from ..contact.system import rates
 from ..numerics.arrays import where
@@ -20,7 +20,7 @@ from .carry.recall import remember
 from .carry.state import BREAK, State
 from .event.event_time import time_to_event
 from .event.plan import Plan, locate
-from .event.transition import transition
+from .event.transition import Outcome, transition
 from .observers.base import Happening, Stretch
 from .sampling.at_times import take_samples
 from .sampling.means import take_means
@@ -90,22 +90,17 @@ def jump(problem: Problem, state: State) -> State:
 
     # the first slots mean something else in another regime, a switch on its other side
     contact_slots = first_switch(problem.system)
-    anew = [fires & (state.due < contact_slots)] * contact_slots
+    others = fires & (state.due < contact_slots)
+    # what a flight only passes, a break or a switch, does not begin it anew
+    passes = (state.regime == Regime.FLIGHT) & (state.due >= contact_slots)
+    if after.struck is not None:  # a blow does, and may end a regime
+        passes = passes & ~after.struck
+        others = others | (after.struck & (after.regime != state.regime))
+    anew = [others] * contact_slots
     anew += [fires & (state.due == i) for i in range(contact_slots, len(state.reach))]
     reach = tuple(map(jnp.where, anew, after.sizes, state.reach))
     memory, step = remember(state, after.regime, after.time, after.bounce, happens, fires)
-
-    result = jnp.where(fires & after.stopped, int(Result.COLLAPSED), state.result)
-    stuck = (state.streak > ZERO_TIME_EVENTS) | (happens & after.inconsistent)
-    stuck = stuck & (state.result == RUNNING)
-    result = jnp.where(stuck, int(Result.NO_CONSISTENT_REGIME), result)
-    # a flight too short for the clock: impacts pile up faster than time can tell them apart; what
-    # it only passes, a break or a switch, does not begin it anew
-    passes = (state.regime == Regime.FLIGHT) & (state.due >= contact_slots)
-    piled = fires & (after.regime == Regime.FLIGHT) & (state.regime == Regime.FLIGHT)
-    piled = piled & (state.streak == 0) & (state.time == state.last_event)
-    result = jnp.where(piled, int(Result.ZENO_UNRESOLVED), result).astype(jnp.int32)
-
+    result = _result_after(problem, state, after, happens, fires)
     # the observer and the log see the event on the piece of the motion that it ends
     happening = Happening(before, state.time, after.kind, state.regime, after.regime, after.impulse)
     observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
@@ -147,6 +142,27 @@ def jump(problem: Problem, state: State) -> State:
         log=log,
         observed=observed,
     )
+
+
+def _result_after(problem: Problem, state: State, after: Outcome, happens, fires):
+    """Return the outcome of the trajectory behind an event: `RUNNING` where it goes on."""
+    result = jnp.where(fires & after.stopped, int(Result.COLLAPSED), state.result)
+    stuck = (state.streak > ZERO_TIME_EVENTS) | (happens & after.inconsistent)
+    stuck = stuck & (state.result == RUNNING)
+    result = jnp.where(stuck, int(Result.NO_CONSISTENT_REGIME), result)
+    # a flight too short for the clock: impacts pile up faster than time can tell them apart
+    piled = fires & (after.regime == Regime.FLIGHT) & (state.regime == Regime.FLIGHT)
+    piled = piled & (state.streak == 0) & (state.time == state.last_event)
+    if after.struck is not None:  # likewise blows, and what presses against a stop
+        soon = (state.streak == 0) & (state.time - state.last_event <= _tick(problem, state))
+        piled = after.struck & (soon | after.presses) | piled & ~after.struck
+    return jnp.where(piled, int(Result.ZENO_UNRESOLVED), result).astype(jnp.int32)
+
+
+def _tick(problem: Problem, state: State):
+    """Return the shortest step that the clock can tell from none."""
+    eps = jnp.finfo(state.time.dtype).eps
+    return 4 * eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
 
 
 def _rest_after(state: State, happens, after):
@@ -238,16 +254,18 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
 
 def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     """Give the trajectory its failure code where it cannot keep its promise."""
-    eps = jnp.finfo(state.time.dtype).eps
-    floor = 4 * eps * jnp.maximum(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
+    floor = _tick(problem, state)
     # a lane that gets nowhere, as at the end of a state's digits, must not keep its batch
     paced = state.active & (state.attempts & (PACE_TURNS - 1) == 0)
     budget = HOPELESS * jnp.maximum(problem.max_steps, LEAST_BUDGET)
     least = (problem.end - state.time) * (PACE_TURNS / budget)
     stalls = paced & (state.time - state.paced_time < least)
     too_small = (plan.rejected & (state.step < floor)) | stalls
-    # in a flight that began just now it is the impacts that pile up
-    piles = (state.regime == Regime.FLIGHT) & (state.time - state.last_event <= floor) & ~stalls
+    # in a flight that began just now it is the impacts that pile up, behind a blow the blows
+    piles = state.regime == Regime.FLIGHT
+    for slot in stop_slots(problem.system):
+        piles = piles | (state.orders[slot] > 0)
+    piles = piles & (state.time - state.last_event <= floor) & ~stalls
     few = state.position[0].dtype != state.time.dtype  # no shorter step lowers what is rounding
     small = int(Result.TOO_FEW_DIGITS if few else Result.STEP_TOO_SMALL)
     why = jnp.where(piles, int(Result.ZENO_UNRESOLVED), small)

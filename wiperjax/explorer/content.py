@@ -123,7 +123,9 @@ def _history(content: Content, part: xr.Dataset) -> None:
             low += shares[name]
     content.columns["bands"] = boxes
     marks = {name: times for name, times in event_times(part).items() if name in MARKED}
-    shape = {"v": "inverted_triangle", "^": "triangle", "*": "star", "D": "diamond"}
+    shape = {
+        "v": "inverted_triangle", "^": "triangle", "*": "star", "D": "diamond", "s": "square",
+    }  # fmt: skip
     content.columns["marks"] = {
         "t": np.concatenate([scale * times[:400] for times in marks.values()] or [[]]),
         "shape": [shape[EVENTS[name]] for name, times in marks.items() for _ in times[:400]],

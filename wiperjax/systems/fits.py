@@ -31,6 +31,23 @@ def check(system: AbstractSystem, names: tuple[str, ...], position: tuple, veloc
     touches = ("gap", (t, q)) if system.unilateral else ("normal_force", (t, q, v))
     for name, given in (touches, ("slip_speed", (t, q, v)), ("output", (t, q, v))):
         _number(f"{kind}.{name}", getattr(system, name), given)
+    if system.stops:
+        _stops(kind, system, (t, q, v), n)
+
+
+def _stops(kind: str, system: AbstractSystem, state: tuple, n: int) -> None:
+    """Raises ValueError unless the stops are switches, and each has as many velocities behind it as
+    there are coordinates."""
+    count = len(_called(f"{kind}.switches", system.switches, state))
+    for stop in system.stops:
+        if stop not in range(count):
+            must = f"must be places of its {count} switches, counted from 0"
+            raise ValueError(f"{kind}.stops {must}, but were {system.stops}")
+
+        def rebound(t, q, v, stop=stop):
+            return system.rebound(stop, t, q, v, t > 0)
+
+        _coordinates(f"{kind}.rebound", rebound, state, n)
 
 
 def _called(name: str, method: Any, given: tuple) -> Any:

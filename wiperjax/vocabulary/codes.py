@@ -31,10 +31,11 @@ class Event(IntEnum):
     JAM = 10  # Painleve: slip reached D = 0 under load; an impact without collision
     COLLAPSE = 11  # the system's own limit (phi = phi_max) was reached
     TOUCH = 12  # the gap closed at zero speed; or a regime was re-decided at a tie
+    BLOW = 13  # a stop of the system was struck: its velocities jumped
 
 
 HITS = (Event.IMPACT, Event.ZENO, Event.JAM)
-"""Events that count as a hit: those with an impulse."""
+"""Events that count as a hit: those with an impulse of the contact (of a stop's none is known)."""
 
 
 class Result(IntEnum):
@@ -81,13 +82,14 @@ ADVICE = {
     Result.NON_FINITE: "an acceleration became infinite or undefined, or a tolerance was no number "
     "> 0: look at the parameters and the initial state",
     Result.ZENO_UNRESOLVED: "impacts accumulate and could not be completed by their limit: "
-    "raise zeno_time, or check restitution",
+    "raise zeno_time, or check restitution (of blows against a stop there is no limit: it cannot "
+    "be rested against)",
     Result.PAINLEVE_INDETERMINATE: "at some instant several motions were possible (D <= 0 with a "
     "separating free acceleration); the one that lifts off was followed",
     Result.NO_CONSISTENT_REGIME: "many events at one instant without a regime that lasts: "
     "please report the parameters",
-    Result.INCONSISTENT_START: "the initial state is impossible (tip inside the glass, or at rest "
-    "where no contact force can hold it): choose another one",
+    Result.INCONSISTENT_START: "the initial state is impossible (tip inside the glass, beyond a "
+    "stop, or at rest where no contact force can hold it): choose another one",
     Result.TOO_FEW_DIGITS: "the motion cannot be told in single precision (steps shrink to "
     "nothing): take precision float64",
 }

@@ -25,6 +25,7 @@ SYSTEMS: Mapping[str, str] = MappingProxyType(
         "chain2": "wiperjax.systems.chain:Chain2",
         "chain3": "wiperjax.systems.chain:Chain3",
         "chain8": "wiperjax.systems.chain:Chain8",
+        "woodpecker": "wiperjax.systems.woodpecker:Woodpecker",
     }
 )
 """Further systems that come with the package, by the name that a file may use -> import path."""

@@ -27,7 +27,8 @@ from .up_and_down import up_and_down
 
 _ADVICE = {
     Found.AT_REST: "its motion dies out: quiet; start where it makes a noise",
-    Found.NOT_PERIODIC: "its motion is not periodic within run.duration; make that longer",
+    Found.NOT_PERIODIC: "its motion is not periodic within run.duration; make that longer (where a "
+    "coordinate drifts, as the height of what falls, no motion is)",
     Found.NOT_CONVERGED: "Newton's method found none near it; make run.duration longer",
     Found.NOT_ISOLATED: "its cycle is at a fold; start at another value",
     Found.TRAJECTORY_FAILED: "its motion ends early",

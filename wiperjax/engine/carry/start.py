@@ -5,7 +5,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ...contact.guards import first_switch, guard_values, start_of_slip_order, starting_sides
+from ...contact.guards import (
+    first_switch,
+    guard_values,
+    start_of_slip_order,
+    starting_sides,
+    stop_slots,
+)
 from ...contact.projection import project
 from ...contact.regimes import acceleration, decide, forces
 from ...contact.space import Contact, contact
@@ -149,6 +155,9 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     motion = (position, velocity)
     step = _first_step(problem, start, motion, rate)
     finite = _is_finite(problem, start, motion, rate)
+    code = entry.code
+    for slot in stop_slots(system):
+        code = jnp.where(guards[slot] < 0, int(Result.INCONSISTENT_START), code)
 
     dtype = position[0].dtype
     z, no = jnp.zeros_like(start, jnp.int32), jnp.zeros_like(start, bool)
@@ -174,7 +183,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         target=z - 1,
         trial=step,
         tries=z,
-        result=jnp.where(finite, entry.code, int(Result.NON_FINITE)).astype(jnp.int32),
+        result=jnp.where(finite, code, int(Result.NON_FINITE)).astype(jnp.int32),
         flagged=entry.flagged,
         attempts=z,
         rejected=z,

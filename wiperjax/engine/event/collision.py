@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ...contact.impact import poisson_impact
 from ...contact.jam import brake_to_jam
 from ...contact.projection import push
 from ...contact.space import Contact, contact
@@ -56,9 +55,7 @@ def collide(system, c: Contact, time, q, v, fired: Fired, sign) -> tuple[Motion,
     approach = jnp.where(jams, 0.0, c.normal_speed)
     collides = (fired.hits & (approach < 0)) | jams
     closing = jnp.minimum(approach, 0.0)
-    blow = keep(
-        poisson_impact(c.w_tt, c.w_tn, c.w_nn, mu, system.bounce, c.slip_speed, closing, jams)
-    )
+    blow = keep(system.impact(c.w_tt, c.w_tn, c.w_nn, mu, c.slip_speed, closing, jams))
     v = where(collides, push(v, c.along_t, c.along_n, blow.tangential, blow.normal), v)
     impulse = jnp.where(collides, blow.normal, 0.0)
     still = jnp.logical_or(fired.was_sticking, fired.turns)

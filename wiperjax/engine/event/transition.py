@@ -19,6 +19,7 @@ from ..carry.problem import Problem
 from ..carry.state import State
 from .collision import collide, complete
 from .event_kind import event_kind, what_fires
+from .stop import leave, settle, strike, struck
 from .succession import first_order, regime_after
 
 
@@ -41,6 +42,8 @@ class Outcome(NamedTuple):
     stopped: Scalar  # the end of the model was reached
     indeterminate: Scalar
     inconsistent: Scalar
+    struck: Scalar | None  # a stop was; None of a system without one
+    presses: Scalar | None  # and is not left
 
 
 def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Outcome:
@@ -58,11 +61,15 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     c = contact(system, time, q, v)
     touching, still = ~fired.was_flying, fired.was_sticking | fired.turns
     q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
+    if (stop := struck(system, state, fires)) is not None:
+        v, fired = strike(system, stop, time, q, v, fired)
     before = contact(system, time, q, v)
     motion, blow = collide(system, before, time, q, v, fired, sign)
     motion, completes = complete(problem, system, motion, blow, fired, end)
+    rough = contact(system, motion.time, motion.position, motion.velocity)
+    if stop is not None:
+        motion, fired = settle(problem, rough, stop, motion, fired)
     time, q, v, slip_speed, leaving, impulse = motion
-    rough = contact(system, time, q, v)
     found = regime_after(
         system, rough._replace(slip_speed=slip_speed), fired, regime, slot, leaving
     )
@@ -95,6 +102,10 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     sizes = contact_sizes(system, c, after, jnp.broadcast_to(speed, c.b_t.shape))
     sizes += [jnp.zeros_like(c.b_t)] * (len(orders) - len(sizes))
     reactions = forces(system, c, after)
+    rate, presses = (rates(system, time, q, v), acceleration(c, reactions)), None
+    if stop is not None:
+        orders, presses = leave(system, stop, orders, time, q, v, rate, fired.was_flying)
+        stopped, kind = stopped & ~stop.any, jnp.where(stop.any, int(Event.BLOW), kind)
     return Outcome(
         time=time,
         position=q,
@@ -103,7 +114,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         sides=sides,
         orders=tuple(orders),
         sizes=tuple(sizes),
-        rate=(rates(system, time, q, v), acceleration(c, reactions)),
+        rate=rate,
         guards=guard_values(system, c, time, q, v, after, sides),
         reactions=reactions,
         kind=kind.astype(jnp.int32),
@@ -112,6 +123,8 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         stopped=stopped,
         indeterminate=found.indeterminate,
         inconsistent=found.jammed & (slip_speed == 0),
+        struck=None if stop is None else stop.any,
+        presses=presses,
     )
 
 
@@ -126,11 +139,14 @@ def _bounce(before: Contact, after: Contact, leaving):
 
 
 def _switches(problem: Problem, state: State, fires):
-    """Return (which switches flip, the sides they are on then); where the system ends, none."""
+    """Return (which switches flip, the sides they are on then); where the system ends, and at its
+    stops, none."""
     base = first_switch(problem.system)
     switched = [fires & (state.due == base + i) for i in range(len(state.sides))]
     before = problem.system.on_piece(state.piece).on_sides(state.sides)
     ends = before.ends(state.time, state.position, state.velocity)
     flips = [s & ~jnp.asarray(end) for s, end in zip(switched, ends, strict=True)]
+    for place in problem.system.stops:
+        flips[place] = jnp.zeros_like(flips[place])
     sides = tuple(jnp.where(f, -s, s) for f, s in zip(flips, state.sides, strict=True))
     return flips, sides

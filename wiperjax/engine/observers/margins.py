@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from ...contact.guards import first_switch
+from ...contact.guards import first_switch, stop_slots
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Event
 from .base import END_SLOPE, AbstractObserver, extremes
@@ -47,10 +47,10 @@ class Margins(AbstractObserver):
     """Another observer, and the grazing margin and the word of events beside it."""
 
     observer: RegimeTotals | ReversalTotals
-    slots: int  # of guards that are watched: all but those of corners
+    slots: tuple[int, ...]  # of guards that are watched: all but those of corners
 
     def init(self, dtype, shape=()):
-        no = (jnp.zeros(shape, bool),) * self.slots
+        no = (jnp.zeros(shape, bool),) * len(self.slots)
         margin, word = jnp.ones(shape, dtype), jnp.zeros(shape, jnp.int32)
         zero = jnp.zeros(shape, dtype)
         seconds = Peaks(zero, zero, zero)
@@ -58,8 +58,8 @@ class Margins(AbstractObserver):
 
     def stretch(self, record, stretch):
         margin, falling = record.margin, []
-        slots = zip(stretch.guards, stretch.sizes, record.falling, strict=False)
-        for g, size, fell in list(slots)[: self.slots]:
+        for slot, fell in zip(self.slots, record.falling, strict=True):
+            g, size = stretch.guards[slot], stretch.sizes[slot]
             slope = sum(w * x for w, x in zip(END_SLOPE, g, strict=True))
             a, b, c, d, e = g
             bend = (35 * e - 104 * d + 114 * c - 56 * b + 11 * a) / 3 * 4  # d2/dtheta2 at the end
@@ -111,5 +111,5 @@ def _beaten(record, on, **peaks) -> Peaks:
 
 
 def watch(system, observer: RegimeTotals | ReversalTotals) -> Margins:
-    """Return ``observer`` with the margins of the contact's guards beside it."""
-    return Margins(observer, first_switch(system))
+    """Return ``observer`` with the margins of the contact's guards and of the stops beside it."""
+    return Margins(observer, (*range(first_switch(system)), *stop_slots(system)))

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
-from ...contact.guards import FIRST, JAM, SECOND, guard_values
+from ...contact.guards import FIRST, JAM, SECOND, guard_values, stop_slots
 from ...contact.regimes import Forces, acceleration, forces
 from ...contact.space import Contact, contact
 from ...contact.system import rates
@@ -116,12 +116,9 @@ def attempt(problem: Problem, state: State) -> Trial:
     share = keep(rounding_share(problem, state, step, h))
     # what is gathered along a stick, where nothing else limits a step, is as good as the motion
     coarse = smaller(COARSE, 100 * problem.rtol)
+    highest = {FIRST: 3} | dict.fromkeys(stop_slots(system), 2)
     guards = tuple(
-        keep(
-            examine(
-                values, order, reach, share.path, size.sliver, 3 if slot == FIRST else 1, coarse
-            )
-        )
+        keep(examine(values, order, reach, share.path, size.sliver, highest.get(slot, 1), coarse))
         for slot, (values, order, reach) in enumerate(
             zip(slots, state.orders, state.reach, strict=True)
         )

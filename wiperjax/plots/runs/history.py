@@ -11,7 +11,7 @@ from ..style.caption import set_caption
 from ..style.palette import BELT, EVENT_NAMES, EVENTS
 from .bands import regime_bands, regime_legend
 
-MARKED = ("belt_reversal", "impact", "zeno", "lift_off")
+MARKED = ("belt_reversal", "impact", "zeno", "blow", "lift_off")
 DIRECTIONS = ("along the glass", "normal to the glass")
 MOST_MARKS = 400  # more events than this in one picture are a grey carpet
 
@@ -80,8 +80,8 @@ def shown_events(ds: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def event_marks(ds: xr.Dataset, ax: Axes) -> None:
-    """Marks impacts, lift-offs and reversals of the belt along the upper edge of `ax`, unless there
-    are too many to be told apart.
+    """Marks impacts, blows, lift-offs and reversals of the belt along the upper edge of `ax`,
+    unless there are too many to be told apart.
     """
     for name, times in shown_events(ds).items():
         if name in MARKED and times.size <= MOST_MARKS:

@@ -1,0 +1,116 @@
+"""A stop of a system's own: the same motion as where the engine's contact is the stop."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from problems import CASES_V8, periodic_impacts
+from systems import turn
+
+import wiperjax
+from wiperjax import Result, parameter
+from wiperjax.blade.numbers import direction, traceable
+from wiperjax.cycles.branch.follow import follow
+from wiperjax.cycles.cycle import Found, find_cycle
+from wiperjax.cycles.shooting import shoot
+from wiperjax.systems import fits
+
+
+class Struck(wiperjax.AbstractSystem):
+    """x'' + x = cos(w t) for x < 0, and a stop at x = 0; without friction."""
+
+    unilateral = False
+    coordinates = ("x",)
+    stops = (0,)
+    frequency: float = parameter(2.5, "rad/s")
+    restitution: float = parameter(0.8, low=0, high=1)
+
+    def free_acceleration(self, t, q, v):
+        return (jnp.cos(self.frequency * t) - q[0],)
+
+    def directions(self, t, q):
+        return (0.0,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def switches(self, t, q, v):
+        return (-q[0],)
+
+    def rebound(self, stop, t, q, v, closed):
+        return (-self.restitution * v[0],)
+
+    def output(self, t, q, v):
+        return v[0]
+
+
+@pytest.mark.slow
+def test_cycle_multipliers_and_branch_are_those_of_the_impact_oscillator():
+    """Derivatives pass through the blow, its time among them: V8, e^2 is the determinant."""
+    start = ((-0.5,), (0.0,))
+    cycle = find_cycle(Struck(), settle=300.0, initial_state=start, period=turn, over="frequency")
+    assert cycle.found == Found.FOUND and cycle.word == "blow"
+    assert cycle.minimum == pytest.approx(-0.800586609, abs=1e-8)
+    (pair,) = CASES_V8[0][-1]
+    assert np.min(np.abs(cycle.multipliers - pair)) < 1e-7
+    branch = follow(cycle, 2.45, 2.55, step=0.1)
+    assert branch.ends == ("the end of the range",) * 2 and len(branch.cycles) >= 3
+    for frequency, each in zip(branch.parameters, branch.cycles, strict=True):
+        assert np.prod(each.multipliers).real == pytest.approx(0.64, rel=1e-7)
+        psi, speed = periodic_impacts(frequency, 0.8)  # rotation times saltation, as there
+        bend, period = 1.8 * math.cos(psi) / speed, 2 * math.pi / frequency
+        trace = -1.6 * math.cos(period) + bend * math.sin(period)
+        assert np.sum(each.multipliers).real == pytest.approx(trace, rel=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_what_presses_against_a_stop_ends_with_its_code(restitution):
+    """With the program of the cycle: under a constant force the blows pile up, or it rests."""
+    pressed = traceable(Struck(frequency=0.0, restitution=restitution), "frequency")
+    along = direction(pressed, "frequency")
+    ended = shoot(pressed, along, np.array([-0.5, 0.0]), 20.0, rtol=1e-10)
+    assert ended.result == Result.ZENO_UNRESOLVED
+    times = ended.events.time[: int(ended.events.count)]
+    # x = 1 - 1.5 cos t, then arcs of 2 atan(v), v half of the last one
+    first = np.arccos(2 / 3)
+    assert times[0] == pytest.approx(first, abs=1e-9)
+    speeds = 1.5 * np.sin(first) * 0.5 ** np.arange(1, 10)
+    if restitution:
+        assert np.diff(times)[:9] == pytest.approx(2 * np.arctan(speeds), abs=1e-8)
+        assert len(times) > 20
+    else:
+        assert len(times) == 1
+
+
+class Lacking(Struck):
+    """It says nothing of its blow."""
+
+    rebound = wiperjax.AbstractSystem.rebound
+
+
+class Beyond(Struck):
+    """It has no second switch."""
+
+    stops = (0, 1)
+
+
+class Wide(Struck):
+    """Its blow has a velocity too many."""
+
+    def rebound(self, stop, t, q, v, closed):
+        return -v[0], v[0]
+
+
+MISTAKES = {
+    Lacking: "Lacking.rebound is missing: a system with stops must define rebound",
+    Beyond: r"Beyond.stops must be places of its 1 switches, counted from 0, but were \(0, 1\)",
+    Wide: "Wide.rebound must return 1 numbers, one a coordinate, but returned 2",
+}
+
+
+@pytest.mark.parametrize("system", MISTAKES)
+def test_a_stop_that_says_something_else_than_asked_is_one_line(system):
+    with pytest.raises(ValueError, match=f"^{MISTAKES[system]}"):
+        fits.check(system(), ("x",), (-1.0,), (0.0,))
