@@ -105,7 +105,8 @@ def test_coulomb_from_a_file_and_from_python_is_one_motion():
         parse_scene(SCENE | {"blade": {"friction": "coulomb", "mu_static": 0.6, "mu_minimum": 0.5}})
     )
     of_python = wiperjax.simulate(wiperjax.Wiper(friction=wiperjax.Coulomb(0.6, 0.5)), 0.02)
-    np.testing.assert_array_equal(of_file.velocity, of_python.velocity)
+    # of a file there are levels gathered from its middle on, on which a step ends
+    np.testing.assert_allclose(of_file.velocity, of_python.velocity, rtol=0, atol=1e-12)
     assert of_file.attrs["friction"] == "coulomb" and "stribeck_speed" not in of_file.attrs
     assert wiperjax.Coulomb(0.5).dynamic == 0.5
 

@@ -376,7 +376,11 @@ def test_the_vertex_of_a_largest_force_is_found_and_its_derivative_with_it(monke
         raise StopIteration
 
     monkeypatch.setattr(batch, "make_case", caught)
-    settings, run, zero = batch.Settings.of(blades(), 64), batch.Run.of(blades()), (jnp.zeros(1),) * 2
+    settings, run, zero = (
+        batch.Settings.of(blades(), 64),
+        batch.Run.of(blades()),
+        (jnp.zeros(1),) * 2,
+    )
     with pytest.raises(StopIteration):
         batch.outcomes(blade, zero, zero, 1, run, settings, watched=True)
     short = ramp / np.ceil(ramp / longest[0])
