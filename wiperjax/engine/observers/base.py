@@ -19,7 +19,7 @@ from ...numerics.types import Scalar
 from ...vocabulary.codes import HITS, Regime
 
 BOOLE = (7 / 90, 32 / 90, 12 / 90, 32 / 90, 7 / 90)  # quadrature over the five nodes, order 6
-TURNS = 2  # of Newton's method, to a vertex
+TURNS = 4  # of Newton's method, to a vertex
 END_SLOPE = (1.0, -16 / 3, 12.0, -16.0, 25 / 3)  # of the quartic through them
 
 
@@ -77,8 +77,9 @@ def highest(values, end) -> Scalar:
     c4 = (a + e - 4 * (b + d) + 6 * c) * (1 / 24)
     s = stop_gradient(_vertex(values, c1, c2, c3, c4))
     vertex = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
-    # never below a node: there may be two vertices
-    top = larger(vertex, larger(larger(b, c), d))
+    # never below a node: there may be two vertices; past the last one the end tells
+    node = larger(larger(b, c), d)
+    top = jnp.where(jnp.abs(s) < 2, larger(vertex, node), node)
     return jnp.maximum(jnp.maximum(a, end), top)  # a NaN at any node is one of the end
 
 
