@@ -188,7 +188,7 @@ def test_one_process_deals_a_block_to_all_its_accelerators():
 
         seen, together = [], threading.Barrier(3)
 
-        batch._compute, devices.devices = note, jax.devices
+        batch.compute, devices.devices = note, jax.devices
         axis = {"start": 0.1, "stop": 0.7, "num": 7}
         spec = parse_sweep({"axes": {"belt_speed": axis}, "run": {"transient": 0, "window": 1}})
         try:
