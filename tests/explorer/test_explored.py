@@ -322,7 +322,9 @@ def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch)
 def test_all_cells_of_a_map_are_asked_of_one_program(whole, monkeypatch):
     asked = []
     failed = {"result": 1}
-    monkeypatch.setattr(cells, "run_scene", lambda _, varied: asked.append(varied) or failed)
+    monkeypatch.setattr(
+        cells, "run_scene", lambda _, varied, transient: asked.append(varied) or failed
+    )
     cells.simulated(whole, scene_of(whole, motion.first_place(whole)))
     assert asked == [whole.dims]
     assert whole.ds["attack_angle"][motion.first_place(whole)["attack_angle"]] == 0  # the middle
