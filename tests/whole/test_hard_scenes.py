@@ -382,6 +382,31 @@ def test_elastic_bounces_die_in_the_damper():
 
 
 @pytest.mark.slow
+def test_bounces_die_out_whose_impacts_gain():
+    """e = 1 with a hinge mass: each impact takes the slip that the flight before it built up, and
+    leaves faster than it came; flight and impact together lose. What contact has not of bounces is
+    the little way that they creep, in proportion to their length. (One of a million random blades.)
+    """
+    blade: dict = {
+        **BLADE, "attack_angle": 0.38205, "collapse_angle": 1.38474, "gravity": 9.81,
+        "hinge_damping": 1.27e-5, "hinge_mass": 1.00664e-5, "lip_length": 0.0151415,
+        "mu_minimum": 0.505687, "mu_static": 1.10548, "neck_stiffness": 0.0140826,
+        "normal_load": 26.8842, "restitution": 1.0, "shoulder_angle": 0.39867,
+        "shoulder_stiffness": 6.28038, "stribeck_speed": 0.0116685, "support_damping": 9.24747,
+        "support_stiffness": 35.7018, "tip_mass": 6.54839e-4, "viscous_slope": 0.119282,
+    }  # fmt: skip
+    belt = wiperjax.WipingBelt(0.34305, 7.25656, 4.522895)
+    start = (1.3384e-3, 3.41432e-4, -0.224994, 0.287175)
+    closed, bouncing = (
+        engine(blade, belt, start, 0.012, 1e-6, zeno_time, 100_000) for zeno_time in (1e-8, 2e-9)
+    )
+    assert all(int(s.result) == Result.FINISHED for s in (closed, bouncing))
+    assert int(closed.steps) < 5000 < int(bouncing.steps)
+    places = (s.final_position for s in (closed, bouncing))
+    np.testing.assert_allclose(*places, rtol=0, atol=5e-6 * blade["lip_length"])
+
+
+@pytest.mark.slow
 def test_indeterminate_start_is_flagged():
     """D < 0 while the rod turns fast enough to leave the ground: both motions are possible."""
     rod = Rod()

@@ -9,6 +9,7 @@ from .space import Contact
 
 LONGEST = 100  # in units of the shortest flight: what the limit of a sequence may take the place of
 NEUTRAL = 1e-9  # relative growth of a bounce that is taken for rounding (e = 1)
+LITTLE = 0.995  # of a bounce: a sequence that keeps more has no limit within `LONGEST`
 ENDLESS = 10  # in the same units: shorter flights of a sequence that has no limit are contact
 
 
@@ -22,7 +23,7 @@ class Completion(NamedTuple):
     slip_speed: Scalar
 
 
-def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, time_left):
+def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, flown, zeno_time, time_left):
     """Return the limit of a bounce sequence, where it is due (docs/model.md, section 6).
 
     ``leaving`` and ``approaching`` are the normal speeds after and before this impact: their ratio
@@ -35,16 +36,19 @@ def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, zeno_time, t
     flight is the last, and the speed that is dropped is what b_n makes in half of it. Where bounces
     lose so little that the rest is never short enough (e = 1, or a tip that sticks while it
     bounces), so are flights below `ENDLESS`: the n-th of them lasts C / n, and those from there
-    down to ``zeno_time`` are nine tenths of all.
+    down to ``zeno_time`` are nine tenths of all. An impact may even gain, out of slip that the
+    flight before it built up, while flights become shorter: ``flown``, how long that one lasted,
+    tells.
     """
     ratio = leaving / jnp.where(approaching < 0, -approaching, 1.0)
     falls = c.b_n < 0
     flight = 2 * leaving / jnp.where(falls, -c.b_n, 1.0)
-    dies = (leaving > 0) & falls & (ratio <= 1 + NEUTRAL)
+    fed = (flight <= (1 + NEUTRAL) * flown) & (flight > LITTLE * flown)
+    dies = (leaving > 0) & falls & ((ratio <= 1 + NEUTRAL) | fed)
     whole = flight / jnp.where(ratio < 1, 1 - ratio, jnp.inf)
     ends = (ratio < 1) & (whole <= LONGEST * zeno_time)
     duration = jnp.where(ends, whole, flight)
-    shortest = jnp.where(LONGEST * (1 - ratio) < 0.5, ENDLESS * zeno_time, zeno_time)
+    shortest = jnp.where(ratio > LITTLE, ENDLESS * zeno_time, zeno_time)
     holds = dies & (flight < shortest) & (duration <= time_left)
 
     sign = jnp.sign(slip_speed)

@@ -526,6 +526,8 @@ class _Simulation:
         )
         self.y = 0.0
         self.ratio = self.vy / -closing if closing < 0.0 else math.inf
+        begun = (e.time for e in reversed(self.events) if e.before != FLIGHT or e.kind == "impact")
+        self.flown = self.t - next(begun, 0.0)
         if self.vy > 0.0:
             return FLIGHT, impulse
         regime, more = self.decide()
@@ -539,7 +541,10 @@ class _Simulation:
         x, v, dv = self.x, self.v_of(self.t), self.dv_of(self.t)
         b_t, b_n = self.mech.free_acceleration(x, 0.0, self.w + v, 0.0, self.zone)
         # what loses less than a 200th a bounce is ended by convention (docs/limits.md)
+        flight = 2.0 * self.vy / -b_n if b_n < 0.0 else math.inf
         endless = 0.995 < self.ratio <= 1.0 + 1e-9
+        if self.ratio > 1.0 + 1e-9:  # the impact gained: did flight and impact together?
+            endless = 0.995 * self.flown < flight <= (1.0 + 1e-9) * self.flown
         shortest = self.zeno_time * (10.0 if endless else 1.0)
         if not (
             self.vy > 0.0
@@ -763,7 +768,7 @@ class _Simulation:
         p = self.p
         if initial_state is None:
             initial_state = (p.lip_length * math.sin(p.attack_angle), 0.0, 0.0, 0.0)
-        self.t, self.segment, self.ratio = 0.0, 0, math.inf
+        self.t, self.segment, self.ratio, self.flown = 0.0, 0, math.inf, 0.0
         self.next_piece()
         self.x, self.y, vx, self.vy = (float(c) for c in initial_state)
         self.w, self.zone, self.regime = vx - self.v_of(0.0), self.mech.zone(self.x), FLIGHT

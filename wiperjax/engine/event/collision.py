@@ -65,18 +65,17 @@ def collide(system, c: Contact, time, q, v, fired: Fired, sign) -> tuple[Motion,
     return Motion(time, q, v, slip_speed, leaving, impulse), Blow(collides, approach, mu)
 
 
-def complete(problem: Problem, system, motion: Motion, blow: Blow, fired: Fired, end):
+def complete(problem: Problem, system, motion: Motion, blow: Blow, fired: Fired, flown, end):
     """Return (the motion with a sequence of impacts completed where it is due, where that is).
 
-    Forces are those of the velocities behind the impact; ``end`` is the next known time, which the
-    sequence must not pass.
+    Forces are those of the velocities behind the impact; ``flown`` is the time since the event
+    before, ``end`` the next known time, which the sequence must not pass.
     """
     time, q, v, slip_speed, leaving, impulse = motion
     c = contact(system, time, q, v)._replace(slip_speed=slip_speed)
-    left = (end - time).astype(leaving.dtype)
-    zeno = keep(
-        complete_zeno(c, blow.friction, leaving, blow.approach, slip_speed, problem.zeno_time, left)
-    )
+    flown, left = flown.astype(leaving.dtype), (end - time).astype(leaving.dtype)
+    speeds = leaving, blow.approach, slip_speed
+    zeno = keep(complete_zeno(c, blow.friction, *speeds, flown, problem.zeno_time, left))
     completes = keep(fired.hits & blow.collides & zeno.holds)
     flown = tuple(x + a * zeno.duration for x, a in zip(v, c.free, strict=True))
     landed = push(flown, c.along_t, c.along_n, zeno.tangential, zeno.normal)

@@ -65,7 +65,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         v, fired = strike(system, stop, time, q, v, fired)
     before = contact(system, time, q, v)
     motion, blow = collide(system, before, time, q, v, fired, sign)
-    motion, completes = complete(problem, system, motion, blow, fired, end)
+    motion, completes = complete(problem, system, motion, blow, fired, time - state.last_event, end)
     rough = contact(system, motion.time, motion.position, motion.velocity)
     if stop is not None:
         motion, fired = settle(problem, rough, stop, motion, fired)
