@@ -5,11 +5,12 @@ event, and keeps a few numbers. The engine does not know which.
 """
 
 from abc import abstractmethod
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
@@ -19,7 +20,8 @@ from ...numerics.types import Scalar
 from ...vocabulary.codes import HITS, Regime
 
 BOOLE = (7 / 90, 32 / 90, 12 / 90, 32 / 90, 7 / 90)  # quadrature over the five nodes, order 6
-TURNS = 4  # of Newton's method, to a vertex
+TURNS = 2  # of Newton's method, to a vertex: its height is off by the square of its place
+MORE_TURNS = 4  # for its derivatives, which are off as its place
 END_SLOPE = (1.0, -16 / 3, 12.0, -16.0, 25 / 3)  # of the quartic through them
 
 
@@ -61,21 +63,31 @@ class Stretch(NamedTuple):
         return highest(values, values[-1] + rise * self._past.astype(values[-1].dtype))
 
 
+@jax.custom_jvp
 def highest(values, end) -> Scalar:
     """Largest value of the quartic through five ``values`` at equal distances: that of an end
     (the last one is ``end``), or the vertex beside the largest inner value.
 
     Nothing changes at first order when a vertex moves, so its place carries no derivative; the end
     does, with the time of an event. That holds at the vertex only, to which Newton's method comes
-    in `TURNS` in steps that resolve the motion.
+    in `MORE_TURNS` in steps that resolve the motion.
     """
+    return _highest(values, end, TURNS)
+
+
+@highest.defjvp
+def _with_derivative(given, tangents):
+    return jax.jvp(partial(_highest, turns=MORE_TURNS), given, tangents)
+
+
+def _highest(values, end, turns: int) -> Scalar:
     a, b, c, d, e = values
     # powers of s, the place in quarters of the way from its middle
     c1 = (a - 8 * b + 8 * d - e) * (1 / 12)
     c2 = (16 * (b + d) - 30 * c - (a + e)) * (1 / 24)
     c3 = (2 * (b - d) - (a - e)) * (1 / 12)
     c4 = (a + e - 4 * (b + d) + 6 * c) * (1 / 24)
-    s = stop_gradient(_vertex(values, c1, c2, c3, c4))
+    s = stop_gradient(_vertex(values, c1, c2, c3, c4, turns))
     vertex = c + s * (c1 + s * (c2 + s * (c3 + s * c4)))
     # never below a node: there may be two vertices; past the last one the end tells
     node = larger(larger(b, c), d)
@@ -83,7 +95,7 @@ def highest(values, end) -> Scalar:
     return jnp.maximum(jnp.maximum(a, end), top)  # a NaN at any node is one of the end
 
 
-def _vertex(values, c1, c2, c3, c4) -> Scalar:
+def _vertex(values, c1, c2, c3, c4, turns: int) -> Scalar:
     """Place of the vertex within a node's distance of the largest inner one of five ``values``: by
     Newton's method from the vertex of the parabola through it and its neighbours.
     """
@@ -96,7 +108,7 @@ def _vertex(values, c1, c2, c3, c4) -> Scalar:
     )
     fall = 2 * here - before - after
     s = node + within(-1.0, (after - before) / (2 * jnp.where(fall > 0, fall, jnp.inf)), 1.0)
-    for _ in range(TURNS):
+    for _ in range(turns):
         slope = ((4 * c4 * s + 3 * c3) * s + 2 * c2) * s + c1
         bend = (12 * c4 * s + 6 * c3) * s + 2 * c2
         s = within(node - 1, s - slope / jnp.where(bend < 0, bend, -jnp.inf), node + 1)
