@@ -259,12 +259,19 @@ def test_blocks_of_any_size_can_be_dealt_to_any_number_of_devices():
             capacity = devices.capacity(count, shares)
             assert capacity % shares == 0 and capacity >= count
             assert capacity // shares >= -(-count // shares)
-            assert capacity <= max(1.26 * count + 128 * shares, 256 * shares)
+            few = next((n for n in devices.FEW if count <= n * shares), 0)
+            assert capacity <= max(1.26 * count + 128 * shares, few * shares)
 
 
-def test_small_sweeps_share_a_program_whatever_their_samples():
-    rooms = {devices.sample_room(devices.capacity(n), s) for n in (1, 64) for s in (512, 8192)}
+def test_small_sweeps_share_a_program_whatever_their_samples_and_what_varies():
+    rooms = {devices.sample_room(devices.capacity(n), s) for n in (1, 400) for s in (512, 1024)}
     assert len(rooms) == 1
+    size = devices.capacity(400)
+    for varying in ({"attack_angle": np.linspace(0.1, 0.5, size)}, {"tip_mass": 2e-4}):
+        made = devices.alike(Wiper(belt=SteadyBelt(0.3), **varying), "float64", size)
+        shapes = {jnp.shape(x) for x in jax.tree.leaves(made) if isinstance(x, jax.Array)}
+        assert shapes == {(size,)}
+        assert made.hinge_mass == 0 and not isinstance(made.hinge_mass, jax.Array)
     assert devices.sample_room(devices.capacity(64), 20_000) >= 20_000
     assert devices.sample_room(devices.capacity(32768), 1000) <= 1.26 * 1000
 

@@ -12,7 +12,7 @@ from ...contact.belts import SteadyBelt
 from ...contact.system import AbstractSystem
 from ...datasets.map_dataset import raster_index
 from ...engine.carry.problem import Integration, Recording, make_case
-from ...engine.kept import Kept, as_arrays
+from ...engine.kept import Kept
 from ...engine.lanes import Pool, run_pool
 from ...engine.observers.margins import watch
 from ...engine.observers.reversal import ReversalTotals
@@ -24,7 +24,7 @@ from ...systems.build import Built, belt_of, build, go_on, start
 from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
-from .devices import capacity, deal, dearest_first, lane_count, sample_room, spread
+from .devices import alike, capacity, deal, dearest_first, lane_count, sample_room, spread
 from .linear import slip_of
 
 PARTS, MOST_PARTS = 40, 10_000  # see `longest_step`
@@ -61,14 +61,15 @@ def evaluate(
 
     precision, size = spec.run.precision, position[0].shape[-1]
     cells = (
-        as_arrays(built.system, precision),
+        alike(built.system, precision, size),
         _full(position, size, precision),
         _full(velocity, size, precision),
     )
     order = dearest_first(built.wiper, len(index))
     with ThreadPoolExecutor(1) as beside:  # a small program compiles while the engine's does
         wanted = built.wiper is not None and finer == 1
-        slip = beside.submit(spread, slip_of, built.wiper) if wanted else None
+        wiper = alike(built.wiper, "float64", size)
+        slip = beside.submit(spread, slip_of, wiper) if wanted else None
         (outcome, signal), effort = deal(compute_share, cells, order)
         if finer > 1:
             return sampled(spec, signal, belt_of(built.system), len(index))

@@ -14,14 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from ....blade.numbers import at
-from ....engine.kept import as_arrays
 from ....systems.build import routes
 from ....vocabulary.codes import VALIDITY, Result
 from ....vocabulary.columns import differentiable, sensitivity_name
 from ....vocabulary.kinds import WIPER
 from .. import batch
 from ..columns import columns_of
-from ..devices import deal, dearest_first, spread
+from ..devices import alike, deal, dearest_first, spread
 from ..linear import slip_of
 from .tangents import SECOND, check_fields, start_of, tangents_of, whole
 from .validity import GRAZING, check, drawn, is_settled, mask_contested, mask_rounding
@@ -34,7 +33,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     outcomes = differentiable(spec.system == WIPER, spec.belt_kind is not None)
     built, position, _ = batch.prepare(spec, index)
     size, ways = position[0].shape[-1], routes(spec, built)
-    base = as_arrays(built.system, run.precision)
+    base = alike(built.system, run.precision, size)
     theta = {name: whole(at(ways[name])(built.system), size) for name in names}
     check_fields(spec, ways, names)
     settings, motion = batch.Settings.of(spec, size), batch.Run.of(spec)
@@ -59,7 +58,8 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
 
     order = dearest_first(built.wiper, count)
     (outcome, slopes, signal), effort = deal(compute, (base, theta, state, seeds[:2]), order)
-    slip = None if built.wiper is None else spread(slip_of, built.wiper)
+    wiper = alike(built.wiper, "float64", size)
+    slip = None if wiper is None else spread(slip_of, wiper)
     columns = columns_of(spec, outcome, signal, effort, built, slip, count)
     slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
 
