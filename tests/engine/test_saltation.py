@@ -4,11 +4,13 @@ The flows beside the event are matrix exponentials: the motion there is linear.
 """
 
 import math
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matching import alike
 from saltation import saltation
 from scipy.linalg import expm
 from systems import Block, Puck, events
@@ -17,17 +19,18 @@ import wiperjax
 from wiperjax import Event
 
 
-def solved(system, duration, n, **options):
-    """Return (x, dx/dx0) at the end: jit of state -> Solution and of its derivative."""
+@partial(jax.jit, static_argnums=3)
+@partial(jax.jacfwd, argnums=2, has_aux=True)
+def _solved(system, duration, state, n):
+    start = (tuple(state[:n]), tuple(state[n:]))
+    s = wiperjax.solve(system, duration, initial_state=start, rtol=1e-12, max_events=40)
+    return jnp.concatenate([s.final_position, s.final_velocity]), s
 
-    def run(state):
-        start = (tuple(state[:n]), tuple(state[n:]))
-        s = wiperjax.solve(
-            system, duration, initial_state=start, rtol=1e-12, max_events=40, **options
-        )
-        return jnp.concatenate([s.final_position, s.final_velocity]), s
 
-    return jax.jit(jax.jacfwd(run, has_aux=True))
+def solved(system, duration, state):
+    """Return (dx/dx0 at the end, `Solution`): one program for a class of systems."""
+    state = np.array(state, float)
+    return _solved(*alike((system, duration)), state, len(state) // 2)
 
 
 def matrix(linear, duration):
@@ -37,7 +40,7 @@ def matrix(linear, duration):
 @pytest.mark.slow
 def test_capture():
     k, fd, v, start, end = 1.0, 0.3, 0.2, (0.2, -0.4), 3.0
-    derivative, s = solved(Block(0.9, fd, 1.0, k, belt=v), end, 1)(np.array(start))
+    derivative, s = solved(Block(0.9, fd, 1.0, k, belt=v), end, start)
     ((t, kind),) = events(s)
     assert kind == Event.CAPTURE
     slip, stick = [[0, 1], [-k, 0]], [[0, 1], [0, 0]]
@@ -53,7 +56,7 @@ def test_capture():
 def test_slip_onset():
     """Only the position: a change of velocity at the start is no stick."""
     k, fs, fd, v, x0, end = 4.0, 0.9, 0.3, 0.5, 0.1, 0.7
-    derivative, s = solved(Block(fs, fd, 1.0, k, belt=v), end, 1)(np.array([x0, v]))
+    derivative, s = solved(Block(fs, fd, 1.0, k, belt=v), end, [x0, v])
     ((t, kind),) = events(s)
     assert kind == Event.RELEASE and t == pytest.approx((fs / k - x0) / v, rel=1e-12)
     jump = saltation(np.eye(2), (-k, 0), (v, 0), (v, fd - fs))
@@ -74,7 +77,7 @@ class Ramp(Puck):
 def test_lift_off():
     """Nothing jumps there, but the motion after it has one freedom more."""
     mu, g, rise, end = 0.2, 10.0, 3.0, 2.0
-    derivative, s = solved(Ramp(mu, 0.5, g, push=1.0, rise=rise), end, 2)(np.array([0, 0, 3.0, 0]))
+    derivative, s = solved(Ramp(mu, 0.5, g, push=1.0, rise=rise), end, [0, 0, 3.0, 0])
     ((t, kind),) = events(s)
     assert kind == Event.LIFT_OFF
     slip, flight = np.zeros((4, 4)), np.zeros((4, 4))
@@ -89,7 +92,7 @@ def test_lift_off():
 def test_impact(sticks):
     mu, e, g, end = 0.4, 0.6, 10.0, 0.5
     start = np.array([0.0, 0.8, 0.5 if sticks else 3.0, -0.3])
-    derivative, s = solved(Puck(mu, e, g), end, 2)(start)
+    derivative, s = solved(Puck(mu, e, g), end, start)
     ((t, kind),) = events(s)
     assert kind == Event.IMPACT
     fall = -0.3 - g * t
@@ -113,9 +116,8 @@ def test_impact(sticks):
 def test_end_of_a_zeno_sequence():
     """The limit of the product of all its saltation matrices: the series summed."""
     mu, e, g, end = 0.1, 0.5, 10.0, 2.0
-    system = Puck(mu, e, g)
     start = np.array([0.0, 0.7, 4.0, 0.0])
-    derivative, s = solved(system, end, 2)(start)
+    derivative, s = solved(Puck(mu, e, g), end, start)
     found = events(s)
     assert [k for _, k in found] == [Event.IMPACT] * (len(found) - 1) + [Event.ZENO]
 

@@ -6,33 +6,21 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+from matching import alike
 
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb, Stribeck
 
 
 @partial(jax.jit, static_argnames=("solver", "max_events"))
-def trajectory(
-    system,
-    duration,
-    initial_state,
-    rtol=1e-10,
-    sample_times=None,
-    solver=None,
-    max_events=256,
-    **options,
-):
+def _trajectory(system, duration, initial_state, rtol, **options):
+    return wiperjax.solve(system, duration, initial_state=initial_state, rtol=rtol, **options)
+
+
+def trajectory(system, duration, initial_state, rtol=1e-10, *, max_events=256, **options):
     """`wiperjax.solve`, compiled once for every class of systems."""
-    return wiperjax.solve(
-        system,
-        duration,
-        initial_state=initial_state,
-        rtol=rtol,
-        sample_times=sample_times,
-        solver=solver,
-        max_events=max_events,
-        **options,
-    )
+    given = alike((system, duration, initial_state, rtol))
+    return _trajectory(*given, max_events=max_events, **options)
 
 
 def events(solution, *kinds):

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matching import BLADE, common, engine, largest_shift, listed, logged, twin
+from matching import BLADE, alike, common, engine, largest_shift, listed, logged, twin
 from reference.blade import Steady, Trapezoid, Wiping, energy, simulate
 from systems import Block, Puck, Rod, StopOscillator, events, trajectory
 
@@ -171,8 +171,12 @@ HEAVY = dict(hinge_mass=4e-3, hinge_damping=2e-5, gravity=9.81)
 FINE = np.linspace(0, 0.004, 8001)
 
 
-@jax.jit
 def heavy(blade, speed, start, duration, rtol):
+    return _heavy(*alike((blade, speed, tuple(start), duration, rtol)))
+
+
+@jax.jit
+def _heavy(blade, speed, start, duration, rtol):
     body = Wiper(belt=SteadyBelt(speed), **blade)
     state = ((start[0], start[1]), (start[2], start[3]))
     return wiperjax.solve(

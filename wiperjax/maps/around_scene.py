@@ -13,14 +13,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..engine.kept import as_arrays
 from ..specs.load import parse_sweep
 from ..specs.scene import SceneSpec
 from ..specs.sweep import SweepSpec
 from ..vocabulary.kinds import BELTS
 from .block import evaluate_block
 from .cells import batch
-from .cells.devices import devices
+from .cells.devices import alike, devices
 from .cells.evaluate import evaluate
 
 SIDE = 15  # blades along each axis; odd, so that the scene is one of them
@@ -82,10 +81,11 @@ def _near(value: float) -> dict[str, float]:
 def _motions(spec: SweepSpec) -> Callable[[], Any]:
     """Return what computes all cells of a sweep, and nothing but their motion."""
     built, position, velocity = batch.prepare(spec, np.arange(spec.size))
-    cells = as_arrays(built.system, spec.run.precision), position, velocity, jnp.int32(spec.size)
+    size, precision = position[0].shape[-1], spec.run.precision
+    cells = alike(built.system, precision, size), position, velocity, jnp.int32(spec.size)
     arrays, plain = eqx.partition(cells, eqx.is_array)  # put there as `deal` does: one program
     cells = eqx.combine(jax.device_put(arrays, devices()[0]), plain)
-    run, settings = batch.Run.of(spec), batch.Settings.of(spec, position[0].shape[-1])
+    run, settings = batch.Run.of(spec), batch.Settings.of(spec, size)
     return lambda: jax.block_until_ready(batch.compute(*cells, run, settings))
 
 

@@ -93,19 +93,17 @@ def refined(spectrum: np.ndarray, place: np.ndarray, bins: Bins, harmonics: int)
     main lobe.
     """
     order = np.arange(1, harmonics + 1)
-    last = spectrum.shape[1] - 1
-    row = np.arange(len(spectrum))[:, None]
     start = place
+    middle = np.round(order * place[:, None]).astype(int)
+    terms = _terms(spectrum, middle, bins)
     for _ in range(NEWTON_STEPS):
         each = order * place[:, None]
         inside = each < bins.length / 2 - 2 * bins.resolution
-        middle = np.round(each).astype(int)
-        terms = np.zeros((DEGREE + 1, *each.shape), complex)
-        for shift, weights in zip(range(-REACH, REACH + 1), bins.polynomial.T, strict=True):
-            at = middle + shift
-            x = spectrum[row, np.minimum(np.abs(at), last)].astype(complex)
-            x = np.where(at < 0, x.conj(), x)
-            terms += weights[:, None, None] * x
+        # hardly any line moves farther than the polynomials about its bin reach
+        away = (np.abs(each - middle) > 1).any(axis=1)
+        if away.any():
+            middle[away] = np.round(each[away]).astype(int)
+            terms[:, away] = _terms(spectrum[away], middle[away], bins)
         x0, x1, x2 = _derivatives(terms, each - middle)
         x1, x2 = x1 * order, x2 * order**2
         p0 = x0.real**2 + x0.imag**2
@@ -117,6 +115,18 @@ def refined(spectrum: np.ndarray, place: np.ndarray, bins: Bins, harmonics: int)
         most = 0.25 * bins.resolution
         place = place + np.clip(step, -most, most)
     return np.where(np.abs(place - start) < 0.5 * bins.resolution, place, start)
+
+
+def _terms(spectrum: np.ndarray, middle: np.ndarray, bins: Bins) -> np.ndarray:
+    """Coefficients (degree + 1, rows, lines) of `Bins.polynomial` about the bins ``middle``."""
+    row, last = np.arange(len(spectrum))[:, None], spectrum.shape[1] - 1
+    terms = np.zeros((DEGREE + 1, *middle.shape), complex)
+    for shift, weights in zip(range(-REACH, REACH + 1), bins.polynomial.T, strict=True):
+        at = middle + shift
+        x = spectrum[row, np.minimum(np.abs(at), last)].astype(complex)
+        x = np.where(at < 0, x.conj(), x)
+        terms += weights[:, None, None] * x
+    return terms
 
 
 def _derivatives(terms: np.ndarray, at: np.ndarray) -> tuple[Any, Any, Any]:

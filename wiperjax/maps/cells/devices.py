@@ -99,7 +99,7 @@ def on_accelerator() -> bool:
 
 
 FEW = (512, 4096)  # cells of a share: one with fewer is filled up to these,
-SMALL = 2**19  # and its record has room for so many samples (2 MB): any small sweep fits
+SMALL = 2**21  # and its record has room for so many samples (8 MB): any small sweep fits
 
 
 def capacity(cells: int, shares: int | None = None) -> int:
