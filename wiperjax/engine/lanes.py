@@ -22,7 +22,7 @@ from .carry.state import TERM, EventLog, State, final_velocity
 from .sampling.means import Signal, flush
 from .step import flow, jump
 
-ROUND = 2  # flows of a round, or more where a jump is shared by more
+ROUND = 4  # flows of a round, or more where a jump is shared by more
 
 
 class Pool(NamedTuple):

@@ -28,7 +28,7 @@ from .devices import alike, capacity, deal, dearest_first, lane_count, sample_ro
 from .linear import slip_of
 
 PARTS, MOST_PARTS = 40, 10_000  # see `longest_step`
-RING = 4  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
+RING = 8  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
 
 
 def evaluate(
