@@ -27,6 +27,7 @@ from ..harness.keep import Parts
 from ..rivals.compiled import Compiled
 from ..rivals.diffrax_phases import PerPhase
 from ..rivals.engine import RTOL, Engine
+from ..rivals.heyoka_phases import Taylor
 from ..rivals.scipy_phases import Phases
 from ..scenes import families
 from . import errors, fresh
@@ -58,7 +59,7 @@ def peers(cores: int) -> list:
         rows += [(Engine(*variant, cores=cores), cores) for variant in RTOL]
         rows += [(Numba(f"numba scalar loop, {cores} cores", None), cores)]
     rivals: list = [PerPhase(True, solver, cells=256) for solver in (diffrax.Tsit5, diffrax.Dopri8)]
-    rivals += [PerPhase(mapped=False), Phases("RK45")]
+    rivals += [PerPhase(mapped=False), Phases("RK45"), Taylor()]
     return [*rows, *((rival, 1) for rival in rivals)]
 
 
