@@ -32,6 +32,7 @@ SHORT = (
     "engine Tsit5 float32",
     "numba scalar loop",
     "diffrax Event per phase, lax.map",
+    "heyoka, Taylor series",
     "scipy solve_ivp RK45",
     "scipy solve_ivp DOP853",
     "Moreau-Jean",
