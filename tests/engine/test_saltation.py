@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matching import alike
+from matching import doubles
 from saltation import saltation
 from scipy.linalg import expm
 from systems import Block, Puck, events
@@ -30,7 +30,7 @@ def _solved(system, duration, state, n):
 def solved(system, duration, state):
     """Return (dx/dx0 at the end, `Solution`): one program for a class of systems."""
     state = np.array(state, float)
-    return _solved(*alike((system, duration)), state, len(state) // 2)
+    return _solved(*doubles((system, duration)), state, len(state) // 2)
 
 
 def matrix(linear, duration):

@@ -41,11 +41,11 @@ def _solved(blade, belt, start, duration, rtol, zeno_time, max_steps):
 def engine(blade, belt, start, duration, rtol=1e-10, zeno_time=1e-8, max_steps=1_000_000):
     """Solution for a blade given by `BLADE` and what differs, with hinge mass or without: one
     program serves all that are on one kind of belt (arguments left out would make another)."""
-    given = alike((blade, belt, tuple(start), duration, rtol, zeno_time))
+    given = doubles((blade, belt, tuple(start), duration, rtol, zeno_time))
     return _solved(*given, max_steps)
 
 
-def alike(numbers):
+def doubles(numbers):
     """The same numbers, all of one kind for jax: a Python float beside NumPy's, or a whole number,
     would make another program."""
     kept = jax.Array, bool

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
-from matching import alike
+from matching import doubles
 
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb, Stribeck
@@ -19,7 +19,7 @@ def _trajectory(system, duration, initial_state, rtol, **options):
 
 def trajectory(system, duration, initial_state, rtol=1e-10, *, max_events=256, **options):
     """`wiperjax.solve`, compiled once for every class of systems."""
-    given = alike((system, duration, initial_state, rtol))
+    given = doubles((system, duration, initial_state, rtol))
     return _trajectory(*given, max_events=max_events, **options)
 
 

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matching import BLADE, alike, common, engine, largest_shift, listed, logged, twin
+from matching import BLADE, common, doubles, engine, largest_shift, listed, logged, twin
 from reference.blade import Steady, Trapezoid, Wiping, energy, simulate
 from systems import Block, Puck, Rod, StopOscillator, events, trajectory
 
@@ -172,7 +172,7 @@ FINE = np.linspace(0, 0.004, 8001)
 
 
 def heavy(blade, speed, start, duration, rtol):
-    return _heavy(*alike((blade, speed, tuple(start), duration, rtol)))
+    return _heavy(*doubles((blade, speed, tuple(start), duration, rtol)))
 
 
 @jax.jit

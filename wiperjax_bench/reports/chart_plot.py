@@ -1,5 +1,6 @@
 """Work-precision pictures: a panel a scene, a curve a method."""
 
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,7 @@ LABELS = {
     "state_error": "state error (share of the length)",
     "event_time_error": "error of the event times [s]",
 }
+TITLE = 56  # letters in a line of a panel's title: more would run into the next
 CROSSES = "most sequences of events wrong"
 OTHERS = ("#56B4E9", "#999999", "#8C6D1F", "#5D3A9B", "#7F7F00", "#994455")
 
@@ -99,7 +101,7 @@ def work_precision(dataset: xr.Dataset, clock: str = "wall", error: str = "state
     for scene, ax in zip(scenes, axes.flat, strict=False):
         part = dataset.sel(scene=scene)
         handles |= panel(ax, part, methods, clock, error)
-        ax.set_title(f"{scene}: {str(part.about.values)}", fontsize=9)
+        ax.set_title(textwrap.fill(f"{scene}: {part.about.values}", TITLE), fontsize=9)
         ax.set_xlabel(f"{_clock(clock)} time per trajectory [s]")
         ax.set_ylabel(f"median {LABELS[error]}")
     for ax in axes.flat[len(scenes) :]:

@@ -24,8 +24,8 @@ from ...systems.build import Built, belt_of, build, go_on, start
 from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
-from .devices import alike, capacity, deal, dearest_first, lane_count, sample_room, spread
-from .linear import slip_of
+from .devices import alike, capacity, deal, dearest_first, lane_count, sample_room
+from .linear import slips
 
 PARTS, MOST_PARTS = 40, 10_000  # see `longest_step`
 RING = 8  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
@@ -67,9 +67,9 @@ def evaluate(
     )
     order = dearest_first(built.wiper, len(index))
     with ThreadPoolExecutor(1) as beside:  # a small program compiles while the engine's does
-        wanted = built.wiper is not None and finer == 1
-        wiper = alike(built.wiper, "float64", size)
-        slip = beside.submit(spread, slip_of, wiper) if wanted else None
+        slip = None
+        if built.wiper is not None and finer == 1:
+            slip = beside.submit(slips, built.wiper, size)
         (outcome, signal), effort = deal(compute_share, cells, order)
         if finer > 1:
             return sampled(spec, signal, belt_of(built.system), len(index))

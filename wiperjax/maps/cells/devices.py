@@ -98,7 +98,7 @@ def on_accelerator() -> bool:
     return jax.default_backend() != "cpu"
 
 
-FEW = (512, 4096)  # cells of a share: one with fewer is filled up to these,
+FEW = (256, 4096)  # cells of a share: one with fewer is filled up to these,
 SMALL = 2**21  # and its record has room for so many samples (8 MB): any small sweep fits
 
 
@@ -116,8 +116,9 @@ def capacity(cells: int, shares: int | None = None) -> int:
 def alike(system: Any, precision: str, capacity: int) -> Any:
     """Return ``system`` with arrays for its numbers (`as_arrays`). In a block of a `capacity` that
     is filled up they are all (capacity,), also where one number is that of all cells: sweeps over
-    other parameters then share a compiled program. (With numbers for all cells a turn is a
-    twentieth cheaper: in larger blocks that is more than compiling.)
+    other parameters then share a compiled program, unless one is 0 or 1 in all cells of one of
+    them. (With numbers for all cells a turn is a twentieth cheaper: in larger blocks that is more
+    than compiling.)
     """
     found = as_arrays(system, precision)
     if capacity > FEW[-1] * len(devices()):

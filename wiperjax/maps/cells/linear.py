@@ -10,11 +10,17 @@ from ...contact.belts import operating_speed
 from ...engine.kept import Kept, as_arrays
 from ...numerics.arrays import cellwise
 from ...systems.build import build
+from .devices import alike, spread
 
 
 def slip_of(wiper: Wiper) -> SteadySlip:
     """Steady slip of wipers at the speed that their belt is judged by."""
     return _slip_of(as_arrays(wiper, "float64"))
+
+
+def slips(wiper: Wiper, capacity: int) -> SteadySlip:
+    """`slip_of` the wipers of a block of a `capacity`, a part on each device."""
+    return spread(slip_of, alike(wiper, "float64", capacity))
 
 
 @Kept

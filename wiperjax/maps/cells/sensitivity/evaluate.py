@@ -20,8 +20,8 @@ from ....vocabulary.columns import differentiable, sensitivity_name
 from ....vocabulary.kinds import WIPER
 from .. import batch
 from ..columns import columns_of
-from ..devices import alike, deal, dearest_first, spread
-from ..linear import slip_of
+from ..devices import alike, deal, dearest_first
+from ..linear import slips
 from .tangents import SECOND, check_fields, start_of, tangents_of, whole
 from .validity import GRAZING, check, drawn, is_settled, mask_contested, mask_rounding
 
@@ -58,8 +58,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
 
     order = dearest_first(built.wiper, count)
     (outcome, slopes, signal), effort = deal(compute, (base, theta, state, seeds[:2]), order)
-    wiper = alike(built.wiper, "float64", size)
-    slip = None if wiper is None else spread(slip_of, wiper)
+    slip = None if built.wiper is None else slips(built.wiper, size)
     columns = columns_of(spec, outcome, signal, effort, built, slip, count)
     slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
 
