@@ -54,9 +54,9 @@ def test_the_engine_of_a_map_lowers_for_cuda(solver, elsewhere, monkeypatch):
         evaluate(spec, np.arange(spec.size))
     program = lowered(batch.outcomes, caught.value.args[0])
     assert program.platforms == ("cuda",)
-    outcome = jax.tree.unflatten(program.out_tree, program.out_avals)[0]
-    assert outcome.result.shape == (devices.capacity(spec.size),)
-    assert outcome.final_time.dtype == np.float64
+    rows = jax.tree.unflatten(program.out_tree, program.out_avals)[0]
+    assert {table.shape[0] for table in rows.tables} == {devices.capacity(spec.size)}
+    assert {table.dtype for table in rows.tables} == {np.dtype("float64"), np.dtype("int32")}
     # nothing in it is the host processor's: the barrier against its compiler is a call
     assert "inlineable" not in program.mlir_module()
 

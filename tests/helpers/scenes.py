@@ -25,7 +25,9 @@ TRAPEZOID = {
 
 
 WIPING = {
-    "squeal_reversal": ("squeal", "stick_slip", "squeal", 837.0, 60.0),
+    # its tone glides from 800 to 910 Hz and grows out of rounding errors: the highest line is one
+    # of these, on one processor (512 bits) 836 and on another (the same vectors) 898 Hz
+    "squeal_reversal": ("squeal", "stick_slip", "squeal", 855.0, 55.0),
     "reversal_sine": ("reversal", "reversal_pulse", "none", None, None),
 }
 

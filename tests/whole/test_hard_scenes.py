@@ -454,7 +454,7 @@ def test_single_precision_goes_on_or_says_that_it_cannot():
         atol = tuple((rtol * scale,) * 2 for scale in scales)
         control = Integration(diffrax.Tsit5(), rtol, atol, 50_000)
         case = make_case(wiper, 0.1, (q, v), control, Recording(), dtype=jnp.dtype("float32"))
-        found = run_pool(Pool(case, jnp.int32(chosen.size)), chosen.size)[0]
+        found = run_pool(Pool(case, jnp.int32(chosen.size)), chosen.size)[0].tree()
         return found.result, found.steps
 
     result, steps = results(wiper, q, v, scales, jnp.float32(1e-3))

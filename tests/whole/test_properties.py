@@ -112,7 +112,7 @@ def _together(numbers):
     wiper = Wiper(belt=SteadyBelt(numbers.pop("speed")), **numbers)
     place = (wiper.lip_length * jnp.sin(wiper.attack_angle), drop)
     case = make_case(wiper, DURATION, (place, (0.0 * drop, 0.0 * drop)))
-    return run_pool(Pool(case, jnp.asarray(LANES)), LANES // 2)[0]
+    return run_pool(Pool(case, jnp.asarray(LANES)), LANES // 2)[0].tree()
 
 
 def together(blades):

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from ..numerics.arrays import where
+from ..numerics.rows import Packing, Rows
 from ..vocabulary.codes import Result
 from .carry.problem import Case, Problem
 from .carry.start import initial_state
@@ -107,7 +108,7 @@ class _Carry(NamedTuple):
     state: State
     case: jax.Array  # number of each lane's case; ``capacity`` where it has none
     upcoming: jax.Array  # the next case to be taken
-    outcome: Outcome
+    outcomes: list  # `Packing` of what the cases leave
     samples: Any
     useful: jax.Array
     executed: jax.Array
@@ -153,7 +154,8 @@ class _Batch:
         parts, state, outcome = jax.eval_shape(shapes, nobody)
         parts, state = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), (parts, state))
         state = state._replace(result=state.result + int(Result.FINISHED), due=state.due - 1)
-        blank = jax.tree.map(lambda x: jnp.zeros((self.capacity, *x.shape[:-1]), x.dtype), outcome)
+        self.packing = Packing.of(outcome)
+        blank = self.packing.empty(self.capacity)
         zero = jnp.zeros((), jnp.int64)
         samples = None if self.signal is None else self.signal.record()
         return _Carry(parts, state, nobody, jnp.int32(0), blank, samples, zero, zero)
@@ -165,20 +167,28 @@ class _Batch:
         """Keep what has ended, and give its lanes the next cases."""
         state, ended, case, upcoming = carry.state, carry.state.ended, carry.case, carry.upcoming
         at = jnp.where(ended, case, self.capacity)
-        outcome = jax.tree.map(
-            lambda o, x: o.at[at].set(jnp.moveaxis(x, -1, 0), mode="drop"),
-            carry.outcome,
-            _outcome(self.problem_of(carry.parts), state),
-        )
+        rows = self.packing.pack(_outcome(self.problem_of(carry.parts), state))
+        # a scatter is compiled apart, and dear to start: one for many numbers
+        outcomes = [
+            old.at[at].set(row, mode="drop") for old, row in zip(carry.outcomes, rows, strict=True)
+        ]
         new = upcoming + jnp.cumsum(ended, dtype=jnp.int32) - 1
         takes = ended & (new < self.cases)
-        fresh_parts, fresh = self.fill(jnp.clip(new, 0, self.capacity - 1))
+
+        def take(waiting):
+            parts, state, takes = waiting
+            fresh = self.fill(jnp.clip(new, 0, self.capacity - 1))
+            return *where(takes, fresh, (parts, state)), jnp.zeros_like(takes)
+
+        # once, if any, and compiled apart: see `advance`
+        waiting = (carry.parts, state, takes)
+        parts, state, _ = lax.while_loop(lambda x: jnp.any(x[-1]), take, waiting)
         return carry._replace(
-            parts=where(takes, fresh_parts, carry.parts),
-            state=where(takes, fresh, state),
+            parts=parts,
+            state=state,
             case=jnp.where(takes, new, jnp.where(ended, self.capacity, case)),
             upcoming=upcoming + jnp.sum(takes, dtype=jnp.int32),
-            outcome=outcome,
+            outcomes=outcomes,
         )
 
     def advance(self, carry: _Carry) -> _Carry:
@@ -216,8 +226,8 @@ class _Batch:
         )
 
 
-def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome, Any, Effort]:
-    """Run every case of ``pool``; return (outcomes, samples or None, effort).
+def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Rows, Any, Effort]:
+    """Run every case of ``pool``; return (rows of `Outcome`, samples or None, effort).
 
     ``lanes`` trajectories are in flight at any time; ``flows`` is `flows_per_jump` unless given.
     The result of a case does not depend on its lane, its neighbours or their order. Samples come
@@ -226,4 +236,4 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Outcome,
     """
     batch = _Batch(pool, lanes, flows or flows_per_jump(pool.case.problem.solver))
     done = lax.while_loop(batch.is_busy, batch.advance, batch.begin())
-    return done.outcome, done.samples, Effort(done.useful, done.executed)
+    return Rows(done.outcomes, batch.packing), done.samples, Effort(done.useful, done.executed)

@@ -72,8 +72,8 @@ def basins(
     def compute(cells, number):
         return _run(cells, fixed, number, settle, window, integration)
 
-    (outcome,), _ = deal(compute, cells, np.arange(count))
-    return _labelled(system, (position, velocity), outcome, settle, window)
+    (rows,), _ = deal(compute, cells, np.arange(count))
+    return _labelled(system, (position, velocity), rows.tree(), settle, window)
 
 
 @eqx.filter_jit
@@ -83,8 +83,8 @@ def _run(cells, fixed, number, settle, window, integration: Integration):
     system = eqx.combine(varying, fixed)
     case = make_case(system, settle + window, (position, velocity), integration, recording)
     cases = position[0].shape[-1]
-    outcome, _, effort = run_pool(Pool(case, number), lane_count("float64", cases))
-    return outcome, effort
+    rows, _, effort = run_pool(Pool(case, number), lane_count("float64", cases))
+    return rows, effort
 
 
 def _dealt(system: AbstractSystem, count: int) -> Any:

@@ -132,7 +132,8 @@ def whole(precision: str, cells: int, lanes: int, flows: int) -> tuple[float, An
         for i, x in zip(where, given, strict=True):
             full[i] = x
         pool = Pool(jax.tree.unflatten(tree, full), jnp.asarray(cells, jnp.int32))
-        outcome, _, effort = run_pool(pool, lanes, flows)
+        rows, _, effort = run_pool(pool, lanes, flows)
+        outcome = rows.tree()
         return (outcome.steps, outcome.events), effort
 
     given = [parts[i] for i in where]

@@ -43,7 +43,7 @@ def batch(wiper, start, count, rtol, lanes):
     integration = Integration(SOLVER, rtol, None, MAX_STEPS)
     state = (start[0], start[1]), (start[2], start[3])
     case = make_case(wiper, DURATION, state, integration, Recording(max_events=LOG))
-    return run_pool(Pool(case, count), lanes)[0]
+    return run_pool(Pool(case, count), lanes)[0].tree()
 
 
 def blades(group: int, drawn: wide.Drawn, rtol: float = RTOL):

@@ -70,8 +70,8 @@ class Control(NamedTuple):
 def batch(wiper, position, velocity, count, duration, control, scales, solver, precision, lanes):
     """Return (outcome, effort) of `run_pool`; ``solver``, ``precision``, ``lanes`` are static."""
     case = case_of(wiper, position, velocity, duration, control, scales, solver, precision)
-    outcome, _, effort = run_pool(Pool(case, count), lanes)
-    return outcome, effort
+    rows, _, effort = run_pool(Pool(case, count), lanes)
+    return rows.tree(), effort
 
 
 @eqx.filter_jit

@@ -4,6 +4,7 @@ one run.
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -37,9 +38,8 @@ def told(record: Totals | ReversalRecord, window, finished) -> dict[str, np.ndar
     is not ``finished``.
     """
     totals = record.totals if isinstance(record, ReversalRecord) else record
-    found = smooth(totals, window) | {
+    found = _of_totals(totals, window) | {
         "slip_rate": totals.slip_count / window,
-        "force_drop": totals.force_drop,
         "energy_per_slip": _each(totals.friction_work, totals.slip_count),
         "acceleration_max": totals.acceleration_max,
     }
@@ -47,6 +47,11 @@ def told(record: Totals | ReversalRecord, window, finished) -> dict[str, np.ndar
         found |= _of_the_reversal(record)
     settled = {name: np.where(finished, np.asarray(x), np.nan) for name, x in found.items()}
     return settled | {name: np.asarray(getattr(totals, name)) for name in COUNTS}
+
+
+@jax.jit  # one small program; number by number it would be a score
+def _of_totals(totals: Totals, window) -> dict[str, Any]:
+    return smooth(totals, window) | {"force_drop": totals.force_drop}
 
 
 def _of_the_reversal(record: ReversalRecord) -> dict[str, Any]:

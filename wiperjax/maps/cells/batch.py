@@ -56,8 +56,8 @@ def evaluate(
 
     def compute_share(cells, count):
         system, position, velocity = cells
-        outcome, samples, effort = compute(system, position, velocity, count, run, settings)
-        return outcome, run.rows(samples, spec.run.raster), effort
+        rows, samples, effort = compute(system, position, velocity, count, run, settings)
+        return rows, run.rows(samples, spec.run.raster), effort
 
     precision, size = spec.run.precision, position[0].shape[-1]
     cells = (
@@ -70,12 +70,12 @@ def evaluate(
         slip = None
         if built.wiper is not None and finer == 1:
             slip = beside.submit(slips, built.wiper, size)
-        (outcome, signal), effort = deal(compute_share, cells, order)
+        (rows, signal), effort = deal(compute_share, cells, order)
         if finer > 1:
             return sampled(spec, signal, belt_of(built.system), len(index))
         with compiling.apart("naming"):
             found = None if slip is None else slip.result()
-            return columns_of(spec, outcome, signal, effort, built, found, len(index))
+            return columns_of(spec, rows.tree(), signal, effort, built, found, len(index))
 
 
 def prepare(
@@ -199,7 +199,7 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
         run.transient,
         run.interval,
         run.count,
-        room=cases * (s.room + RING),
+        room=cases * (s.room + RING) + RING,
         ring=RING,
         inner=not steady,  # of a steady belt the statistics tell it
         regimes=s.regimes,

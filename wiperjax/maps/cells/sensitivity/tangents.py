@@ -78,9 +78,10 @@ def tangents_of(system, ways, theta, state, seeds, count, run: Run, s: Settings)
     def motion(theta, state):
         moved = with_parameters(system, ways, theta)
         position, velocity = state
-        outcome, signal, effort = batch.outcomes(
+        rows, signal, effort = batch.outcomes(
             moved, position, velocity, count, run, s, watched=True
         )
+        outcome = rows.tree()
         return found_of(system, outcome, run.window), (outcome, signal, effort)
 
     def push(dtheta, dstate):
@@ -94,7 +95,8 @@ def tangents_of(system, ways, theta, state, seeds, count, run: Run, s: Settings)
 def plain(system, ways, theta, state, count, run: Run, s: Settings):
     moved = with_parameters(system, ways, theta)
     position, velocity = state
-    outcome, _, effort = batch.outcomes(moved, position, velocity, count, run, s, watched=True)
+    rows, _, effort = batch.outcomes(moved, position, velocity, count, run, s, watched=True)
+    outcome = rows.tree()
     return found_of(system, outcome, run.window), outcome.observed.word, effort
 
 
