@@ -14,7 +14,7 @@ def test_a_step_of_few_digits_ends_when_the_clock_says(window, monkeypatch):
     """In the digits of a float32 step its end fell short of that of the last sample: 60 of 2048
     cells of a map, in a long stick at the end of their window, had none there, and no class."""
     monkeypatch.setattr(means, "outputs", lambda stretch: [jnp.float32(0.1)] * 5)
-    signal = Signal(0.0, window / 512, 512, room=1536, ring=512)
+    signal = Signal(0.0, window / 512, 512, room=1024, ring=512)
     begin, none = jnp.float64(0.0), jnp.float64(0.0)
     stretch = Stretch(None, begin, jnp.float64(window), none, jnp.int32(0), (), (), ())
     ring, full = take_means(signal, signal.empty(jnp.float32(0.0)), stretch, True)
@@ -28,7 +28,7 @@ def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
     """Where a full ring was emptied within a step, the first instant after it had none: 7 of the 50
     of a raster."""
     monkeypatch.setattr(means, "outputs", lambda stretch: [jnp.full(1, 0.1)] * 5)
-    signal = Signal(0.0, 0.1, 11, room=19, ring=4, regimes=True)
+    signal = Signal(0.0, 0.1, 11, room=15, ring=4, regimes=True)
     begin, none = jnp.zeros(1), jnp.zeros(1)
     record, ring, case = signal.record(), signal.empty(none), jnp.zeros(1, jnp.int32)
     for start, end, regime in ((0.0, 0.83, 2), (0.83, 1.1, 1)):

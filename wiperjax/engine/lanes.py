@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from ..numerics.arrays import where
+from ..numerics.fusion_barrier import apart
 from ..numerics.rows import Packing, Rows
 from ..vocabulary.codes import Result
 from .carry.problem import Case, Problem
@@ -168,7 +169,6 @@ class _Batch:
         state, ended, case, upcoming = carry.state, carry.state.ended, carry.case, carry.upcoming
         at = jnp.where(ended, case, self.capacity)
         rows = self.packing.pack(_outcome(self.problem_of(carry.parts), state))
-        # a scatter is compiled apart, and dear to start: one for many numbers
         outcomes = [
             old.at[at].set(row, mode="drop") for old, row in zip(carry.outcomes, rows, strict=True)
         ]
@@ -187,7 +187,7 @@ class _Batch:
             parts=parts,
             state=state,
             case=jnp.where(takes, new, jnp.where(ended, self.capacity, case)),
-            upcoming=upcoming + jnp.sum(takes, dtype=jnp.int32),
+            upcoming=apart(upcoming + jnp.sum(takes, dtype=jnp.int32)),
             outcomes=outcomes,
         )
 

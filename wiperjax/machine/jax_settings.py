@@ -17,8 +17,6 @@ COMPILER = {
     "xla_cpu_small_while_loop_byte_threshold": str(2**50),
     # its inner loops over lanes stay loops: unrolled, the function outgrows the instruction cache
     "xla_cpu_disable_loop_unrolling": "true",
-    # outside of loops: plain kernels instead of tiled ones, which copy what they read first
-    "xla_cpu_disable_tiled_emitter": "true",
 }
 
 # What is the same in every turn of a loop is found by LLVM too, in the one function that the loop
@@ -57,6 +55,9 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
     wanted = {
         "--xla_force_host_platform_device_count": str(count),
         "--xla_cpu_prefer_vector_width": "512",
+        # its emitters of fusions have a scatter of their own, which has no place in the function
+        # that a loop becomes (`COMPILER`): what keeps a log ran kernel by kernel, ten times slower
+        "--xla_cpu_use_fusion_emitters": "false",
         "--xla_backend_extra_options": ",".join(f"{k}={v}" for k, v in COMPILER.items()),
         "--xla_disable_hlo_passes": ",".join(SKIPPED),
     }

@@ -1,34 +1,17 @@
-"""Lanes as rows: windows written into a long record, and trees of numbers as a row each.
+"""Trees of numbers as rows of tables, one row for each trajectory of a batch.
 
-XLA's CPU compiler has no place for a scatter inside the one function that a loop becomes
-(`jax_settings.COMPILER`): it is compiled apart, and the loop around it run kernel by kernel. So
-what is written often is copied in a loop over the lanes, and what is written rarely is few arrays.
+A scatter is a loop over the lanes, and what leaves a compiled program is cut out by a function of
+its own: both are dear to compile for each of a score of numbers.
 """
 
 import math
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
-
-
-def put(record, at, windows):
-    """Return ``record`` (n,) with ``windows`` (lanes, w) copied to its places ``at`` (lanes,).
-
-    Of two lanes with the same place the later one stays; on an accelerator, either. ``at`` must be
-    in [0, n - w]: what is to be dropped needs a place of its own.
-    """
-    if jax.default_backend() != "cpu":
-        numbers = lax.ScatterDimensionNumbers((1,), (), (0,))
-        return lax.scatter(record, at[:, None], windows, numbers)
-
-    def put_one(lane, record):
-        return lax.dynamic_update_slice(record, windows[lane], (at[lane],))
-
-    return lax.fori_loop(0, windows.shape[0], put_one, record)
 
 
 class Packing(NamedTuple):
@@ -69,13 +52,15 @@ class Packing(NamedTuple):
         return [table(kind).T for kind in self.kinds]
 
 
-class Rows(eqx.Module):
+@partial(jax.tree_util.register_dataclass, data_fields=["tables"], meta_fields=["packing"])
+@dataclass(frozen=True)
+class Rows:
     """Tables, and the tree that their rows are of: as tables they leave a compiled program, in
     which each leaf of the tree would be cut out by a function of its own.
     """
 
     tables: list
-    packing: Packing = eqx.field(static=True)
+    packing: Packing
 
     def tree(self):
         """Return the tree with rows first; of NumPy's tables as views of them."""

@@ -21,7 +21,6 @@ from jax.lax import stop_gradient
 from ...numerics import quartic
 from ...numerics.elementary import larger, smaller
 from ...numerics.fusion_barrier import keep
-from ...numerics.rows import put
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
 from ..observers.base import Stretch, outputs
@@ -41,7 +40,7 @@ class Signal(eqx.Module):
     start: Scalar
     interval: Scalar
     count: Scalar
-    room: int = eqx.field(static=True)  # samples: `length` of each case; `ring` for lanes without
+    room: int = eqx.field(static=True)  # samples of all cases, `length` of each
     ring: int = eqx.field(static=True)  # samples between two flushes, at most
     inner: bool = eqx.field(static=True, default=False)  # record the variance inside as well,
     regimes: bool = eqx.field(static=True, default=False)  # and the regime at each beginning
@@ -164,12 +163,17 @@ def flush(signal: Signal, record: Samples, ring: Ring, case) -> tuple[Samples, R
     index = jnp.clip(index, 0, signal.count).astype(jnp.int32)
     slots = jnp.arange(signal.ring)[:, None]
     taken = slots < index - ring.first
-    at = smaller(case * signal.length + ring.first, signal.room - signal.ring)
+    at = (case * signal.length + ring.first)[:, None]
+    windows = jax.lax.ScatterDimensionNumbers(
+        update_window_dims=(1,), inserted_window_dims=(), scatter_dims_to_operand_dims=(0,)
+    )
 
     def write(rows, new, none) -> Any:
         if rows is None:
             return None
-        return put(rows, at, jnp.where(taken, new, none).astype(rows.dtype).T)
+        new = jnp.where(taken, new, none).astype(rows.dtype).T
+        drop = jax.lax.GatherScatterMode.FILL_OR_DROP
+        return jax.lax.scatter(rows, at, new, windows, mode=drop)
 
     def begun(new, none) -> Any:
         """The interval that is not over becomes the first."""

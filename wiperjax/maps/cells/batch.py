@@ -199,7 +199,7 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
         run.transient,
         run.interval,
         run.count,
-        room=cases * (s.room + RING) + RING,
+        room=cases * (s.room + RING),
         ring=RING,
         inner=not steady,  # of a steady belt the statistics tell it
         regimes=s.regimes,
