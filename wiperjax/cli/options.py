@@ -1,5 +1,6 @@
 """What the commands share: options, and checks of paths before any work."""
 
+import gc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -88,7 +89,9 @@ def cuts(texts: Sequence[str] | None) -> dict[str, float | str] | None:
 
 
 def configure(cores: int | None, **options: bool) -> None:
-    """Settings of XLA, which must precede the first `import jax`."""
+    """Settings of XLA, which must precede the first `import jax`, and of this process."""
     from ..machine.jax_settings import configure
 
+    # imports and tracing leave what is in use: looking for garbage was a seventh of tracing
+    gc.set_threshold(200_000, 50, 100)
     configure(cores=cores, **options)
