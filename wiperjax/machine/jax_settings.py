@@ -56,7 +56,8 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
         "--xla_force_host_platform_device_count": str(count),
         "--xla_cpu_prefer_vector_width": "512",
         # its emitters of fusions have a scatter of their own, which has no place in the function
-        # that a loop becomes (`COMPILER`): what keeps a log ran kernel by kernel, ten times slower
+        # that a loop becomes (`COMPILER`): what keeps a log, such as a few blades under `vmap`, ran
+        # kernel by kernel, ten times slower
         "--xla_cpu_use_fusion_emitters": "false",
         "--xla_backend_extra_options": ",".join(f"{k}={v}" for k, v in COMPILER.items()),
         "--xla_disable_hlo_passes": ",".join(SKIPPED),
