@@ -24,7 +24,7 @@ import jax  # noqa: E402
 
 gc.set_threshold(200_000, 50, 100)  # else a tenth of tracing is looking for garbage
 
-MOST_MEMORY = 3 * 2**30  # bytes of one process, from which on it forgets its compiled programs
+MOST_MEMORY = 6 * 2**30  # bytes of one process, from which on it forgets its compiled programs
 
 # `pytest --hypothesis-profile many tests/whole/test_properties.py`: for a night
 hypothesis.settings.register_profile("many", max_examples=1000)

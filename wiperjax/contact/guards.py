@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..numerics.known_zeros import plus, times
+from ..numerics.tracing import traced_once
 from ..numerics.types import Scalar
 from ..vocabulary.codes import Regime
 from .regimes import forces, friction_coefficient, slip_sign, stick_forces
@@ -61,6 +62,7 @@ def starting_sides(system: AbstractSystem, t, q, v) -> tuple[Scalar, ...]:
     )
 
 
+@traced_once
 def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> tuple[Scalar, ...]:
     """Return the value of every slot; unused slots are 1.
 

@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
+from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent, plus, times
+from ..numerics.tracing import traced_once
 from ..numerics.types import Scalar
 from ..vocabulary.codes import Regime
 from .space import Contact, contact
@@ -21,7 +23,8 @@ class Forces(NamedTuple):
 
 def slip_sign(regime):
     """+1 in SLIP_POS, -1 in SLIP_NEG, 0 otherwise."""
-    return jnp.where(regime == Regime.SLIP_POS, 1, jnp.where(regime == Regime.SLIP_NEG, -1, 0))
+    negative = jnp.where(regime == Regime.SLIP_NEG, -1, 0)
+    return keep(jnp.where(regime == Regime.SLIP_POS, 1, negative))
 
 
 def slip_forces(c: Contact, sign, mu, unilateral: bool) -> tuple[Forces, Scalar]:
@@ -53,11 +56,13 @@ def friction_coefficient(system: AbstractSystem, c: Contact, sign) -> Scalar:
     return system.law.coefficient(sign * c.slip_speed)
 
 
+@traced_once
 def forces(system: AbstractSystem, c: Contact, regime) -> Forces:
     """Contact forces (lambda_t, lambda_n) in ``regime``."""
     frictional, unilateral = system.law is not None, system.unilateral
     sign = slip_sign(regime)
-    slip, _ = slip_forces(c, sign, friction_coefficient(system, c, sign), unilateral)
+    mu = keep(friction_coefficient(system, c, sign))  # its exponential is dear
+    slip, _ = slip_forces(c, sign, mu, unilateral)
     if not frictional and not unilateral:
         return slip
     stick = stick_forces(c, frictional, unilateral)
@@ -141,6 +146,7 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
     return Decision(regime, (paradox | stuck) & (c.b_n < 0), paradox & (c.b_n >= 0))
 
 
+@traced_once
 def vector_field(t, y, args):
     """Right-hand side of the smooth motion in a regime; the vector field of the diffrax term."""
     system, regime = args

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent
+from ..numerics.tracing import traced_once
 from ..numerics.types import Coordinates, Scalar
 from .system import AbstractSystem, cast, like
 
@@ -31,6 +32,7 @@ class Contact(NamedTuple):
     load: Scalar  # prescribed normal force of a bilateral contact, else 0
 
 
+@traced_once
 def contact(system: AbstractSystem, t, q, v) -> Contact:
     """Return the contact-space quantities of ``system`` at (t, q, v).
 

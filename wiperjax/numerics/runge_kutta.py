@@ -58,7 +58,7 @@ def rk_step(solver, term, t, y, h, rate, args, arrive, rest=None) -> Step:
     dtype = jtu.tree_leaves(y)[0].dtype
     size = jnp.asarray(h)
     size = size if size.dtype == dtype else keep(size.astype(dtype))  # time may have more digits
-    stages = [jtu.tree_map(lambda f: size * f, rate)]
+    stages = [keep(jtu.tree_map(lambda f: size * f, rate))]
     inner = len(tableau.c) - 1 if tableau.fsal else len(tableau.c)
     for a, c in zip(tableau.a_lower[:inner], tableau.c[:inner], strict=True):
         y_stage = keep(weighted_sum(a, stages, y))

@@ -141,7 +141,7 @@ def roomy(count: int) -> int:
 
 
 # on one core, at most: what a turn touches stays near in the caches, and few lanes idle at the end
-LANES = {"float64": 128, "float32": 256}
+LANES = {"float64": 64, "float32": 128}
 
 
 WIDE = 1 << 16  # on a device of another kind, which needs many to be busy (not measured)
