@@ -22,7 +22,9 @@ import wiperjax  # noqa: E402
 wiperjax.configure(1)  # as the command line does: one core for each of the processes
 import jax  # noqa: E402
 
-gc.set_threshold(200_000, 50, 100)  # else a tenth of tracing is looking for garbage
+from wiperjax.machine.memory import seek_garbage_less  # noqa: E402
+
+seek_garbage_less()
 
 MOST_MEMORY = 6 * 2**30  # bytes of one process, from which on it forgets its compiled programs
 

@@ -207,6 +207,7 @@ def test_hinge_mass():
         assert 2 * np.pi * r.frequency[i] == pytest.approx(turn, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle", "hopf", "branch"), [(10.0, 0.3937, 0), (-30.0, 0.2842, 2)])
 @pytest.mark.parametrize("side", [0.97, 1.03])
 def test_simulations_beside_the_boundary_grow_as_linearised(angle, hopf, branch, side):

@@ -42,6 +42,7 @@ def test_times_within_the_window_are_exact(both):
         assert float(record.vibration_time) == pytest.approx(4 * WINDOW, rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "accuracy"),
     [
@@ -75,6 +76,7 @@ def test_the_largest_force_is_that_of_the_window_also_where_strokes_press_harder
     assert force[near].max() <= found < force[near].max() * (1 + 3e-4)  # it is at the window's edge
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", [0, 1])
 def test_what_lies_within_the_window_is_not_of_the_strokes_by_rounding(both, which):
     """A share of 1e-20 would name a mechanism: flight at the turn is none of the strokes."""

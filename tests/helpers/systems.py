@@ -11,6 +11,9 @@ from matching import doubles
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb, Stribeck
 
+# of `wiperjax.solve`, as it has them by itself
+NUMBERS = {"max_steps": 1_000_000, "max_step": math.inf, "zeno_time": 1e-8}
+
 
 @partial(jax.jit, static_argnames=("solver", "max_events"))
 def _trajectory(system, duration, initial_state, rtol, **options):
@@ -18,9 +21,9 @@ def _trajectory(system, duration, initial_state, rtol, **options):
 
 
 def trajectory(system, duration, initial_state, rtol=1e-10, *, max_events=256, **options):
-    """`wiperjax.solve`, compiled once for every class of systems."""
+    """`wiperjax.solve`, compiled once for every class of systems, whatever numbers are given."""
     given = doubles((system, duration, initial_state, rtol))
-    return _trajectory(*given, max_events=max_events, **options)
+    return _trajectory(*given, max_events=max_events, **(NUMBERS | options))
 
 
 def events(solution, *kinds):

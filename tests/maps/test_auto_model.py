@@ -162,6 +162,7 @@ def test_what_cannot_have_a_model_chosen(said, given):
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_the_command_says_which_and_goes_on_with_it(tmp_path, monkeypatch, capsys):
     stub = engine({"block": 0.5, "bar": 0.05})
     monkeypatch.setattr("wiperjax.maps.computing.engine", lambda: (stub, {}))

@@ -221,6 +221,7 @@ def test_run_is_stored_and_drawn(squeal, tmp_path):
     assert (tmp_path / "run.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_start_from_steady_slip_stays_there():
     keys = {"run": {"duration": 0.02}, "start": {"equilibrium": 1e-6}}
     run = scene.run_scene(parse_scene({"blade": {"attack_angle": 40}} | keys))
@@ -273,6 +274,7 @@ def test_reversal_file_has_its_pulse():
     assert float(found.normal_force_max_reversal) == pytest.approx(15.0, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("interval", "frequency"), [(2e-4, None), (5e-5, 3200.7)])
 def test_a_run_sampled_too_coarsely_does_not_say_what_it_seems(interval, frequency):
     """At 5 kHz the samples look like 1800 Hz."""

@@ -63,7 +63,12 @@ SCENES = {  # name: (changes of the blade, belt, start or None for at rest, dura
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+DEAR = {"trapezoid", "triangle: no plateau", "complete chatter on a moving belt"}  # compiled alone
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x in DEAR)) for x in SCENES]
+)
 def test_wiper_scene_against_the_reference(name):
     changes, belt, start, duration = SCENES[name]
     blade = {**BLADE, **changes}
@@ -107,6 +112,7 @@ def test_tangent_capture(depth):
         assert kinds == []
 
 
+@pytest.mark.slow
 def test_simultaneous_capture_and_lift_off():
     """Normal force g - 2 g sin(w t) and slip speed vanish at one instant, w t = pi / 6."""
     mu, g, w = 0.3, 10.0, 7.0
@@ -317,6 +323,7 @@ def test_a_belt_that_turns_round_at_the_start(phase, restitution):
     assert int(solution.final_regime) == Regime.STICK and int(solution.events.count) == 0
 
 
+@pytest.mark.slow
 def test_an_inelastic_jam_leaves_the_contact_closed():
     """What the impulses leave of y' by rounding was a jump of the slip speed in the first step."""
     blade = {

@@ -213,6 +213,7 @@ def test_v10_impact_without_collision(e, v_n, p_t):
     assert float(blow.normal_speed) == pytest.approx(v_n, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_v10_impact_without_collision_in_a_trajectory():
     """The inconsistent rod is resolved at once, by an event of its own name."""
     rod, angle = Rod(restitution=0.5, gravity=10.0), math.radians(60)

@@ -46,6 +46,7 @@ class Rising(wiperjax.SteadyBelt):
         return self.speed + self.acceleration * time
 
 
+@pytest.mark.slow
 def test_a_law_and_a_belt_from_outside():
     """The lip slips on the glass that draws away: friction is the law's, speed the belt's."""
     blade = wiperjax.Wiper(
@@ -170,10 +171,9 @@ def test_formulas_of_kinds_are_those_of_the_classes():
         np.testing.assert_allclose(entry.of(law, speed), computed, rtol=1e-13)
 
 
-def test_an_unknown_kind_of_belt_is_an_error_everywhere():
-    run = scene.run_scene(parse_scene(SCENE))
+def test_an_unknown_kind_of_belt_is_an_error_everywhere(squeal):
     with pytest.raises(ValueError, match="belt_kind must be one of steady, .*, but was 'bouncing'"):
-        run_class.assess(run.assign_attrs(belt_kind="bouncing"))
+        run_class.assess(squeal.assign_attrs(belt_kind="bouncing"))
     with pytest.raises(ValueError, match="must be a belt that reverses"):
         flip_time("bouncing", 0.6, 5.0, 0.0, 6e-3)
 

@@ -1,6 +1,5 @@
 """What the commands share: options, and checks of paths before any work."""
 
-import gc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -91,7 +90,7 @@ def cuts(texts: Sequence[str] | None) -> dict[str, float | str] | None:
 def configure(cores: int | None, **options: bool) -> None:
     """Settings of XLA, which must precede the first `import jax`, and of this process."""
     from ..machine.jax_settings import configure
+    from ..machine.memory import seek_garbage_less
 
-    # imports and tracing leave what is in use: looking for garbage was a seventh of tracing
-    gc.set_threshold(200_000, 50, 100)
+    seek_garbage_less()
     configure(cores=cores, **options)

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from ..numerics.arrays import where
+from ..numerics.arrays import put, where
 from ..numerics.fusion_barrier import apart
 from ..numerics.rows import Packing, Rows
 from ..vocabulary.codes import Result
@@ -169,9 +169,7 @@ class _Batch:
         state, ended, case, upcoming = carry.state, carry.state.ended, carry.case, carry.upcoming
         at = jnp.where(ended, case, self.capacity)
         rows = self.packing.pack(_outcome(self.problem_of(carry.parts), state))
-        outcomes = [
-            old.at[at].set(row, mode="drop") for old, row in zip(carry.outcomes, rows, strict=True)
-        ]
+        outcomes = [put(old, at, row) for old, row in zip(carry.outcomes, rows, strict=True)]
         new = upcoming + jnp.cumsum(ended, dtype=jnp.int32) - 1
         takes = ended & (new < self.cases)
 

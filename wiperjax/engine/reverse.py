@@ -105,7 +105,11 @@ def _forwards(problem_state, active, most_turns):
 def _stretch(problem, state, active, length: int, inside):
     """Return (turns taken, state after at most ``length`` turns, the states before each)."""
     arrays, rest = eqx.partition(problem, eqx.is_array)
-    turn = jax.jit(lambda arrays, state: advance(eqx.combine(arrays, rest), state))
+
+    @jax.jit
+    def turn(arrays, state):
+        with set_xla_metadata(inlineable=None):  # what it consists of may be
+            return advance(eqx.combine(arrays, rest), state)
 
     def goes_on(carry):
         return (carry[0] < length) & active(problem, carry[1])
@@ -114,7 +118,8 @@ def _stretch(problem, state, active, length: int, inside):
         row, state, inside = carry
         inside = None if inside is None else _put(inside, row, state)
         with set_xla_metadata(inlineable="false"):
-            return _next(row), turn(arrays, state), inside
+            state = turn(arrays, state)
+        return _next(row), state, inside
 
     return jax.lax.while_loop(goes_on, one, (jnp.asarray(0), state, inside))
 
@@ -122,7 +127,7 @@ def _stretch(problem, state, active, length: int, inside):
 def _next(row):
     """Return ``row`` + 1, by a call out of the compiled program.
 
-    `launch.configure` has whole loops made one function, in which a turn takes the roundings of
+    `wiperjax.configure` has whole loops made one function, in which a turn takes the roundings of
     what stands around it. A loop that calls out is left alone.
     """
     root = jax.lax.linalg.cholesky(jnp.reshape(row + 1.0, (1, 1)))

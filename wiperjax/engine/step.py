@@ -12,7 +12,7 @@ from jax.lax import stop_gradient
 from ..contact.guards import first_switch, stop_slots
 from ..contact.projection import project
 from ..contact.system import rates
-from ..numerics.arrays import where
+from ..numerics.arrays import put, where
 from ..numerics.fusion_barrier import keep
 from ..vocabulary.codes import RUNNING, Regime, Result
 from .carry.problem import Problem
@@ -110,11 +110,11 @@ def jump(problem: Problem, state: State) -> State:
         row = jnp.where(logs, log.count, problem.log_capacity)
         at = (row, *jnp.indices(row.shape, sparse=True))  # lanes last
         log = log._replace(
-            time=log.time.at[at].set(after.time, mode="drop"),
-            kind=log.kind.at[at].set(after.kind.astype(jnp.int8), mode="drop"),
-            before=log.before.at[at].set(state.regime.astype(jnp.int8), mode="drop"),
-            after=log.after.at[at].set(after.regime.astype(jnp.int8), mode="drop"),
-            impulse=log.impulse.at[at].set(after.impulse, mode="drop"),
+            time=put(log.time, at, after.time),
+            kind=put(log.kind, at, after.kind),
+            before=put(log.before, at, state.regime),
+            after=put(log.after, at, after.regime),
+            impulse=put(log.impulse, at, after.impulse),
             count=log.count + logs.astype(jnp.int32),
         )
     return state._replace(

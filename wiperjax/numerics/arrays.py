@@ -1,4 +1,4 @@
-"""Choices over trees of arrays."""
+"""Choices over trees of arrays, and writing into one."""
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +8,16 @@ import numpy as np
 def where(condition, a, b):
     """`jnp.where` over pytrees."""
     return jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b)
+
+
+def put(array, at, values):
+    """Return ``array`` with ``values``, in its dtype, in the places ``at``, of which no two are the
+    same; those beyond its end are dropped.
+
+    That no two are the same is a promise: without it a derivative goes through the whole array.
+    """
+    values = values.astype(array.dtype)
+    return array.at[at].set(values, mode="drop", unique_indices=True)
 
 
 def cellwise(value, count: int) -> np.ndarray:

@@ -333,6 +333,7 @@ def test_a_mirrored_blade_has_mirrored_derivatives():
             assert here == pytest.approx(parity * there, rel=1e-9) and here != 0
 
 
+@pytest.mark.slow
 def test_the_vertex_of_a_largest_force_is_found_and_its_derivative_with_it(monkeypatch):
     """A lip that sticks to a belt which slows down, in closed form, from many places. Through the
     ramp in one step the vertex is missed where the quartic is not hollow (2e-4 of 18 N/m) and the

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...contact.regimes import forces
 from ...contact.space import contact
+from ...numerics.arrays import put
 from ...numerics.runge_kutta import dense_weights
 from ..carry.problem import Problem
 from ..carry.state import State
@@ -80,7 +81,7 @@ def take_samples(problem: Problem, state: State, trial: Trial, moves, length):
         f = forces(system, contact(system, t, q, v), state.regime)
         values = problem.record(system, t, q, v, state.regime, f)
         at = (jnp.where(writes, index, n), *lanes)
-        buffers = jax.tree.map(lambda b, x: b.at[at].set(x, mode="drop"), buffers, values)
+        buffers = jax.tree.map(lambda b, x: put(b, at, x), buffers, values)
         return index + writes, buffers
 
     return jax.lax.while_loop(

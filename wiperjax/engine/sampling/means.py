@@ -116,9 +116,10 @@ def segment_of(signal: Signal, stretch: Stretch) -> Segment:
     dtype = values[0].dtype
     step = stop_gradient(stretch.step)
     end = stop_gradient(stretch.length) / jnp.where(step > 0, step, 1.0)
-    last = stretch.start + stop_gradient(stretch.length)
+    start = stop_gradient(stretch.start)
+    last = start + stop_gradient(stretch.length)
     step, end = step.astype(dtype), end.astype(dtype)
-    return Segment(stretch.start, step, end, last, powers, squares, regime)
+    return Segment(start, step, end, last, powers, squares, regime)
 
 
 def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Ring, Scalar]:
