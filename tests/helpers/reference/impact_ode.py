@@ -57,7 +57,7 @@ def integrate_impact(w, mu, restitution, v_t, v_n, steps=500, max_steps=1_000_00
         return v_t, v_n, 0.0, 0.0
     v_t, v_n, p_t, compression = _stretch(w, mu, v_t, v_n, full, math.inf, max_steps)
     more = restitution * compression
-    if more > 0.0:
+    if more > 1e-20 * compression:  # else nothing of it stays, and its steps underflow
         v_t, v_n, more_t, _ = _stretch(w, mu, v_t, v_n, more / steps, more, max_steps)
         p_t += more_t
     return v_t, v_n, p_t, compression + more
