@@ -132,6 +132,7 @@ def test_diffrax_per_phase_finds_the_same_events():
     assert not answer.stopped.any()
 
 
+@pytest.mark.slow
 def test_grazing_cells_touch_on_one_side_only():
     scene = families.grazing(16)
     answer = LOOP.prepare(scene, 1e-12).answer()

@@ -345,6 +345,7 @@ def test_an_inelastic_jam_leaves_the_contact_closed():
     assert largest_shift(mine, truth) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_stick_that_ends_where_friction_fits_no_more_is_flagged():
     """At the cone's edge with D <= 0 the tip may fly as well as slip (found by `bench random`)."""
     blade: dict = {
@@ -368,6 +369,7 @@ def test_a_stick_that_ends_where_friction_fits_no_more_is_flagged():
     np.testing.assert_allclose([e[0] for e in mine], [e[0] for e in truth], rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_elastic_bounces_die_in_the_damper():
     """e = 1: no sequence ends, but the dashpot makes each bounce smaller, for ever. At default
     settings they are soon contact, and the motion is that of bounces thirty times as short: what
