@@ -12,6 +12,7 @@ from ....blade.steady_slip import steady_slip
 from ....blade.wiper import Wiper
 from ....contact.belts import operating_speed
 from ....contact.system import AbstractSystem
+from ....engine.kept import Kept
 from ....systems.build import Built, belt_of, build, start
 from .. import batch
 from ..batch import Run, Settings
@@ -71,7 +72,7 @@ def found_of(system, outcome, window) -> dict[str, Any]:
     return found | (ended(outcome, True) if is_the_wiper(system) else {})
 
 
-@eqx.filter_jit
+@Kept
 def tangents_of(system, ways, theta, state, seeds, count, run: Run, s: Settings):
     """Run the cells of one share with all tangents; slopes come as (cells, parameters)."""
 
@@ -91,7 +92,7 @@ def tangents_of(system, ways, theta, state, seeds, count, run: Run, s: Settings)
     return outcome, slopes, signal, effort
 
 
-@eqx.filter_jit
+@Kept
 def plain(system, ways, theta, state, count, run: Run, s: Settings):
     moved = with_parameters(system, ways, theta)
     position, velocity = state
