@@ -74,7 +74,7 @@ def test_memory_grows_like_the_square_root_of_the_steps():
     for most_steps in (10_000, 1_000_000):
         lowered = jax.jit(jax.grad(speed), static_argnums=1).lower(9.81, most_steps)
         # only a turn and the barriers in it (`fusion_barrier`) stay functions: were all that a turn
-        # calls one, it would compile in twice the time and run seven times as long
+        # calls one, it would compile in twice the time and run ten times as long
         marked = re.findall(r"call @(\w+?)[_0-9]*\(.*inlineable", lowered.as_text())
         assert set(marked) == {"turn", "_same"}
         compiled = lowered.compile()

@@ -108,7 +108,7 @@ def _stretch(problem, state, active, length: int, inside):
 
     @jax.jit
     def turn(arrays, state):
-        with set_xla_metadata(inlineable=None):  # what it consists of may be
+        with set_xla_metadata(inlineable=None):  # whatever is traced in the other one gets its tag
             return advance(eqx.combine(arrays, rest), state)
 
     def goes_on(carry):

@@ -11,12 +11,12 @@ def where(condition, a, b):
 
 
 def put(array, at, values):
-    """Return ``array`` with ``values``, in its dtype, in the places ``at``, of which no two are the
-    same; those beyond its end are dropped.
+    """Return ``array`` with ``values``, in its dtype, in the places ``at``; those beyond its end
+    are dropped, of the others no two may be the same.
 
-    That no two are the same is a promise: without it a derivative goes through the whole array.
+    That is a promise: without it a derivative goes through the whole array.
     """
-    values = values.astype(array.dtype)
+    values = jnp.asarray(values, array.dtype)
     return array.at[at].set(values, mode="drop", unique_indices=True)
 
 

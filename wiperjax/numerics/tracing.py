@@ -17,7 +17,7 @@ def traced_once(function: Callable[P, T]) -> Callable[P, T]:
     likes, instead of having it written out each time; its batching and derivatives likewise.
 
     The compiler writes it out: the compiled program is the same to the bit. Tracing, which no
-    folder of compiled programs saves, takes a quarter to a third less time. Outside of a trace, and
+    folder of compiled programs saves, takes a fifth to a third less time. Outside of a trace, and
     for what is no array (a Python 0 that leaves out a term), it is as if ``function`` stood there.
     """
 
