@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from wiperjax.contact.regimes import slip_sign
 from wiperjax.engine import kept
 from wiperjax.engine.kept import Kept, as_arrays
 
@@ -69,6 +70,31 @@ def test_code_that_no_version_tells_is_not_kept(place):
 
     assert Kept(square)(Own(jnp.asarray(3.0))) == 9.0
     assert list(place.iterdir()) == []
+
+
+def doubled(x):
+    return 2 * x
+
+
+def test_functions_of_ones_own_are_not_kept(place):
+    """Two of one name would be found as one."""
+
+    def applied(function, x):
+        return function(x)
+
+    for own in (doubled, lambda x: 3 * x):
+        assert Kept(applied)(own, jnp.asarray(3.0)) == own(3.0)
+    assert list(place.iterdir()) == []
+    assert Kept(applied)(slip_sign, jnp.asarray(1)) == slip_sign(1)
+    assert len(list(place.iterdir())) == 1
+
+
+def test_functions_of_one_name_are_two_programs(place):
+    other = type(doubled)(doubled.__code__, globals(), "doubled")
+    other.__module__ = "elsewhere"
+    Kept(doubled)(jnp.asarray(3.0))
+    Kept(other)(jnp.asarray(3.0))
+    assert len(list(place.iterdir())) == 2
 
 
 def test_source_that_changed_under_a_process_is_not_kept(place, monkeypatch):

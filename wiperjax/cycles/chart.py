@@ -2,13 +2,13 @@
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 
 from ..contact.space import contact
+from ..engine.kept import Kept
 from ..vocabulary.codes import Regime
 from .shooting import SMALL
 
@@ -69,7 +69,7 @@ def _null_space(rows, scale) -> np.ndarray:
     return scale[:, None] * directions
 
 
-@eqx.filter_jit
+@Kept
 def _constraints(system, time, state, section):
     n = state.shape[0] // 2
 

@@ -17,6 +17,7 @@ from ..contact.space import contact
 from ..contact.system import AbstractSystem
 from ..engine.carry.problem import Integration, Recording, make_case, record_sample
 from ..engine.carry.state import EventLog
+from ..engine.kept import Kept
 from ..engine.observers.totals import Reach, RegimeTotals, Totals
 from ..engine.solve import begin, run, solution
 from ..vocabulary.codes import Regime
@@ -105,7 +106,7 @@ def tidy(system: AbstractSystem, time, state, regime):
     return jnp.stack([*q, *local.rates(time, q, v)])
 
 
-@eqx.filter_jit
+@Kept
 def _shoot(system, along, state, regime, period, phase, part, rtol) -> Any:
     varied = jax.tree.map(lambda d: d is not None, along, is_leaf=lambda d: d is None)
     moving, fixed = eqx.partition(system, varied)

@@ -15,7 +15,7 @@ import re
 import threading
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, update_wrapper
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +33,21 @@ MOST_KEPT = 100  # programs in a folder, some 300 kB each: those longest out of 
 CONFIG: Any = jax.config  # its names are known to jax alone
 ADDRESS = re.compile(" at 0x[0-9a-f]+>")
 EVENT = "/jax/core/compile/kept"  # so that who counts what jax compiles counts this
+# The version of jaxlib is in the key: nothing that a program calls needs to last beyond it.
+PROMISED = [export.DisabledSafetyCheck.custom_call(f"lapack_{x}ormqr_ffi") for x in "sd"]
 TRACED_WITH = ("jax", "jaxlib", "equinox", "diffrax", "optimistix", "numpy")
 
 
 class Kept:
     """A function of trees of arrays, traced once for each kind of arguments.
 
-    What is no array in them must be plain: numbers, texts, None. For systems of one's own, inside
-    other traces and where jax keeps no programs it is `equinox.filter_jit` of the function.
+    What is no array in them must be plain: numbers, texts, None, functions of this package. For
+    systems and functions of one's own, inside other traces and where jax keeps no programs it is
+    `equinox.filter_jit` of the function.
     """
 
     def __init__(self, function: Callable[..., Any]):
+        update_wrapper(self, function)
         self.function = function
         self.compiled = eqx.filter_jit(function)
         self.found: dict[Any, Callable[..., Any]] = {}
@@ -56,13 +60,13 @@ class Kept:
         inside = any(isinstance(x, jax.core.Tracer) for x in leaves)
         if place is None or inside or not _known(args):
             return self.compiled(*args)
-        kinds = tuple((x.shape, str(x.dtype), x.weak_type) for x in leaves)
+        kinds = tuple((x.shape, str(x.dtype), getattr(x, "weak_type", False)) for x in leaves)
         others, shape = jax.tree.flatten(plain)
-        key = (kinds, tree, shape, *((type(x), repr(x)) for x in others))
+        key = (kinds, tree, shape, *((type(x), _told(x)) for x in others))
         with self.lock:
             if first := key not in self.found:
                 # functions by name: those in a problem are this package's
-                text = ADDRESS.sub(">", repr((self.function.__qualname__, *key, _traced_with())))
+                text = ADDRESS.sub(">", repr((_told(self.function), *key, _traced_with())))
                 path = place / hashlib.sha256(text.encode()).hexdigest()
                 start = time.perf_counter()
                 self.found[key] = _read(path) or self._traced(path, leaves, tree, plain)
@@ -81,7 +85,13 @@ class Kept:
             shapes.append(shape)
             return answers
 
-        traced = export.export(jax.jit(flat))(*leaves)
+        try:
+            traced = export.export(jax.jit(flat), disabled_checks=PROMISED)(*leaves)
+        except ValueError as error:  # what it calls cannot be written down; or an argument is wrong
+            log.debug("program not kept: %s", error)
+            return lambda *leaves: self.compiled(
+                *eqx.combine(jax.tree.unflatten(tree, leaves), plain)
+            )
         if _source() != SOURCE:  # else it would be found later as a program of what is there now
             log.debug("program not kept: the source is no more what this process has imported")
             return _answering(traced, shapes[0])
@@ -163,15 +173,30 @@ def _traced_with() -> tuple[str, ...]:
     )
 
 
+def _told(plain: Any) -> str:
+    """What tells one thing that is no array from others of its type."""
+    if callable(plain) and not isinstance(plain, type):  # its repr has an address, and no module
+        return f"{plain.__module__}.{plain.__qualname__}"
+    return repr(plain)
+
+
 def _known(args: Any) -> bool:
-    """Whether all modules in `args` are of classes whose source or version is in the key."""
-    kinds: set[type] = set()
+    """Whether source or version of all code in `args`, modules and functions, is in the key."""
+    code: set[Any] = set()
 
     def note(x: Any) -> bool:
-        kinds.add(type(x))
+        if isinstance(x, eqx.Module):
+            code.add(type(x))
+        elif callable(x):
+            code.add(x)
         return False
 
     jax.tree.leaves(args, is_leaf=note)
-    known = (__name__.partition(".")[0], *TRACED_WITH)
-    homes = (x.__module__.partition(".")[0] for x in kinds if issubclass(x, eqx.Module))
-    return all(home in known for home in homes)
+    return all(_has_a_home(x) for x in code)
+
+
+def _has_a_home(code: Any) -> bool:
+    """Whether its name tells what it is: no lambda, no function of a function."""
+    name = getattr(code, "__qualname__", "<")
+    home = (getattr(code, "__module__", None) or "").partition(".")[0]
+    return "<" not in name and home in (__name__.partition(".")[0], *TRACED_WITH)

@@ -8,7 +8,7 @@ import os
 
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
-from .compiled import keep_programs
+from . import compiled
 
 # XLA's own options of its CPU compiler, as name=value pairs:
 COMPILER = {
@@ -23,7 +23,7 @@ COMPILER = {
 # becomes: XLA's own search is a twentieth of compiling, for not a bit and not a microsecond.
 SKIPPED = ("while-loop-invariant-code-motion", "while-loop-trip-count-annotator")
 
-MOST_CORES = 1024  # a device each: more is a slip
+MOST_CORES = 1024  # more is a slip
 
 _configured: int | None = None  # cores that this process was told to use
 
@@ -34,15 +34,14 @@ def cores() -> int:
 
 
 def configure(cores: int | None = None, *, keep: bool = True) -> int:
-    """Set JAX up for batches on this machine's processor; return the number of host devices.
+    """Set JAX up for batches on this machine's processor; return the number of cores.
 
-    ``cores``: devices to use, one a core (default: the cores this process may run on). One device
-    a core with a one-thread pool each, because the default pool burns two cores for the speed of
-    one on work as small as a block of lanes; 512-bit vectors, which XLA avoids unless told; a whole
-    loop in one compiled function (`COMPILER`), compiled without what it gains nothing by
-    (`SKIPPED`). ``keep``: what is compiled is kept for later processes
-    (`compiled.keep_programs`).
-    Settings already made by the user win. Has no effect once JAX has started a device. Raises
+    ``cores`` to use, a thread each (default: those this process may run on). A program runs in the
+    thread that calls it, for the default pool burns two cores for the speed of one on work as small
+    as a block of lanes; 512-bit vectors, which XLA avoids unless told; a whole loop in one compiled
+    function (`COMPILER`), compiled without what it gains nothing by (`SKIPPED`). ``keep``: what is
+    compiled is kept for later processes (`compiled.keep_programs`).
+    Settings already made by the user win. JAX's have no effect once it has started a device. Raises
     ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
     """
     global _configured
@@ -53,7 +52,6 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
         count = checks.whole("cores", cores, Range(1, MOST_CORES, whole=True))
     _configured = count
     wanted = {
-        "--xla_force_host_platform_device_count": str(count),
         "--xla_cpu_prefer_vector_width": "512",
         # its emitters of fusions have a scatter of their own, which has no place in the function
         # that a loop becomes (`COMPILER`): what keeps a log, such as a few blades under `vmap`, ran
@@ -68,6 +66,9 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
             flags = f"{flags} {name}={value}".strip()
     os.environ["XLA_FLAGS"] = flags
     os.environ.setdefault("NPROC", "1")
+    # not handed to the pool of a device: that has one thread, and JAX's cache of programs tells
+    # processes by their number of devices, so each core cannot have a device of its own
+    compiled.set_default("jax_cpu_enable_async_dispatch", False)
     if keep:
-        keep_programs()
+        compiled.keep_programs()
     return count

@@ -11,6 +11,7 @@ from ..blade.numbers import numbers, traceable
 from ..contact.system import AbstractSystem
 from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
+from ..engine.kept import Kept
 from ..engine.lanes import Outcome, Pool, run_pool
 from ..engine.observers.totals import RegimeTotals
 from ..vocabulary import cf, checks
@@ -76,7 +77,7 @@ def basins(
     return _labelled(system, (position, velocity), rows.tree(), settle, window)
 
 
-@eqx.filter_jit
+@Kept
 def _run(cells, fixed, number, settle, window, integration: Integration):
     varying, position, velocity = cells
     recording = Recording(observer=RegimeTotals(settle), mark=settle)

@@ -227,9 +227,6 @@ def _prepare() -> None:
     """Settings of JAX for a worker, before it starts a device: its cores, or its accelerator."""
     from distributed import get_worker
 
-    # One setting is not the user's own: a process that starts workers hands down its count.
-    flags = os.environ.get("XLA_FLAGS", "")
-    os.environ["XLA_FLAGS"] = re.sub(r"--xla_force_host_platform_device_count=\S+", "", flags)
     configure(get_worker().state.nthreads)
     claim_accelerator()
 

@@ -16,6 +16,7 @@ from ..contact.guards import starting_sides
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces
 from ..contact.space import contact
 from ..contact.system import AbstractSystem, rates
+from ..engine.kept import Kept
 from ..numerics.types import Coordinates
 
 _FINDER = optx.LevenbergMarquardt(rtol=1e-13, atol=1e-13)
@@ -114,13 +115,13 @@ def _along(system: AbstractSystem, t, place):
     return full[:, 1:]
 
 
-@eqx.filter_jit
+@Kept
 def linear_at(system: AbstractSystem, near: Coordinates) -> Linear:
     """`linear`, compiled once for all systems of a class."""
     return linear(system, near)
 
 
-@eqx.filter_jit
+@Kept
 def linear_over(systems: AbstractSystem, near, shared) -> Linear:
     """`linear` of many systems: arrays of ``systems`` and ``near`` have the cells as their axis,
     what they share is ``shared``."""

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ import xarray as xr
 
 from ..blade import numbers
 from ..blade.wiper import Wiper
+from ..engine.kept import Kept
 from ..engine.solve import solve
 from ..vocabulary import checks
 from ..vocabulary.codes import Result
@@ -95,7 +95,7 @@ def quieten(
     return Quietened(found, box.blade(system, shares[rank[0]]))
 
 
-@eqx.filter_jit
+@Kept
 def _noise(system: Any, box: Box, share, times, rtol):
     """Spread of the tip's velocity, its slope by the shares, and whether the motion finished."""
     duration, window = times

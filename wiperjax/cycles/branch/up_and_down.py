@@ -13,7 +13,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +21,7 @@ import xarray as xr
 from ...blade import numbers
 from ...contact.system import AbstractSystem
 from ...engine.arguments import check_state, check_system
+from ...engine.kept import Kept
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
 from ...vocabulary import cf, checks
@@ -187,7 +187,7 @@ def repeat_time(states, window):
     return jnp.where(jnp.any(turns) & (time >= 0.5 * window), time, window)
 
 
-@eqx.filter_jit
+@Kept
 def _march(system, over, period, ways, states, spans, samples: int):
     settle, window, kick, rtol = spans
     grid = jnp.linspace(0.0, 1.0, samples)

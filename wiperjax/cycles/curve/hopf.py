@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ...contact.regimes import forces, slip_sign, vector_field
 from ...contact.space import contact
+from ...engine.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..chart import Chart, chart
 from ..return_map import Lost
@@ -145,7 +145,7 @@ def _field(system, names, scale, origin, basis, sizes, regime, sides, rate):
     return state, contacts, change
 
 
-@eqx.filter_jit
+@Kept
 def _hopf(system, names, scale, origin, basis, sizes, regime, sides, rate, u):
     change = _field(system, names, scale, origin, basis, sizes, regime, sides, rate)[2]
 
@@ -169,7 +169,7 @@ class Expansion(NamedTuple):
     ends: np.ndarray  # whether the model ends at their zeros
 
 
-@eqx.filter_jit
+@Kept
 def _expansion(system, names, scale, origin, basis, sizes, regime, sides, rate, u):
     state, contacts, change = _field(
         system, names, scale, origin, basis, sizes, regime, sides, rate

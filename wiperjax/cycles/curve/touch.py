@@ -8,7 +8,6 @@ then at a tenth of that, and continued to zero at each point.
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from ...contact.regimes import vector_field
 from ...contact.space import contact
+from ...engine.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..orbit import slip_minimum
 from ..return_map import Lost, Shooting
@@ -146,7 +146,7 @@ def fastest(cycle) -> float:
     return float(np.max(np.abs(cycle.motion.slip_speed)))
 
 
-@eqx.filter_jit
+@Kept
 def _slip(system, names, place, state, time, regime):
     """Slip speed, its derivatives by (place, state, time), and its first two derivatives by time
     along the motion within ``regime``."""

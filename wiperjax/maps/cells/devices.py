@@ -11,6 +11,7 @@ import numpy as np
 
 from ...blade.wiper import Wiper
 from ...engine.kept import as_arrays
+from ...machine.jax_settings import cores
 from ...machine.phases import during
 from ...numerics.arrays import cellwise
 from . import compiling
@@ -86,11 +87,11 @@ def spread(function, cells):
 
 
 def devices() -> list:
-    """Return the device of each share of a block: every accelerator; or, for each of the host's
-    devices, the first of them: one compilation, and a thread for each share fills a core.
+    """Return the device of each share of a block: every accelerator; or the host's, for each core:
+    one compilation, and a thread for each share fills a core.
     """
     found = jax.devices()
-    return found[:1] * len(found) if found[0].platform == "cpu" else found
+    return found[:1] * cores() if found[0].platform == "cpu" else found
 
 
 def on_accelerator() -> bool:
@@ -99,7 +100,7 @@ def on_accelerator() -> bool:
 
 
 FEW = (256, 4096)  # cells of a share: one with fewer is filled up to these,
-SMALL = 2**21  # and its record has room for so many samples (8 MB): any small sweep fits
+SMALL = 2**22  # and its record has room for so many samples (32 MB): any small sweep fits
 
 
 def capacity(cells: int, shares: int | None = None) -> int:
