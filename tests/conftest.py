@@ -22,6 +22,7 @@ import wiperjax  # noqa: E402
 wiperjax.configure(1)  # as the command line does: one core for each of the processes
 import jax  # noqa: E402
 
+from wiperjax.machine import jax_settings  # noqa: E402
 from wiperjax.machine.memory import seek_garbage_less  # noqa: E402
 
 seek_garbage_less()
@@ -39,6 +40,12 @@ hard_scenes against_reference reverse known_answers kills saltation_wiper""".spl
 def pytest_collection_modifyitems(items):
     names = [f"test_{name}" for name in LONGEST]
     items.sort(key=lambda i: names.index(i.path.stem) if i.path.stem in names else len(names))
+
+
+@pytest.fixture(autouse=True)
+def one_core(monkeypatch):
+    """One core for each process, also after a test of a command that takes all there are."""
+    monkeypatch.setattr(jax_settings, "_configured", 1)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -97,6 +97,16 @@ def test_functions_of_one_name_are_two_programs(place):
     assert len(list(place.iterdir())) == 2
 
 
+def test_what_cannot_be_written_down_is_traced_in_each_process(place):
+    def watched(x):
+        return eqx.error_if(x, x < 0, "below zero")
+
+    assert Kept(watched)(jnp.asarray(3.0)) == 3.0
+    with pytest.raises(Exception, match="below zero"):
+        Kept(watched)(jnp.asarray(-3.0))
+    assert list(place.iterdir()) == []
+
+
 def test_source_that_changed_under_a_process_is_not_kept(place, monkeypatch):
     """What was imported before an update would be found by processes after it, as theirs."""
     source = kept._source()

@@ -87,7 +87,8 @@ class Kept:
 
         try:
             traced = export.export(jax.jit(flat), disabled_checks=PROMISED)(*leaves)
-        except ValueError as error:  # what it calls cannot be written down; or an argument is wrong
+        # what it calls cannot be written down, a callback say; or an argument is wrong
+        except (NotImplementedError, ValueError) as error:
             log.debug("program not kept: %s", error)
             return lambda *leaves: self.compiled(
                 *eqx.combine(jax.tree.unflatten(tree, leaves), plain)
