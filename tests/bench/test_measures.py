@@ -4,6 +4,7 @@ import dataclasses
 import importlib.util
 import json
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import wiperjax
 from wiperjax import Event, TrapezoidBelt, cli
 from wiperjax.maps import accuracy
 from wiperjax_bench.harness import compare, measure
+from wiperjax_bench.harness.alone import Alone
 from wiperjax_bench.harness.interface import NotForThisScene
 from wiperjax_bench.harness.keep import Parts
 from wiperjax_bench.measurements import chart, confirm, errors, maps
@@ -474,3 +476,12 @@ def test_a_sweep_with_a_target_error(tmp_path, capsys):
     chosen = cli.compute.at_error(spec, 1e-4, file)
     assert chosen.run.rtol == accuracy.choose(1e-4).rtol
     assert chosen.digest() != spec.digest()
+
+
+def test_a_call_in_a_process_of_its_own():
+    call = Alone(partial(partial, sum, [1, 2]), float)
+    assert call() == 3.0
+    assert call.elsewhere >= 0
+    broken = Alone(partial(partial, sum, ["a"]), float)
+    with pytest.raises(RuntimeError, match="has ended"):
+        broken()

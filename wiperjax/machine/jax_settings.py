@@ -25,6 +25,8 @@ SKIPPED = ("while-loop-invariant-code-motion", "while-loop-trip-count-annotator"
 
 MOST_CORES = 1024  # more is a slip
 
+OURS = "WIPERJAX_NPROC"  # what `configure` has made NPROC, for processes that this one starts
+
 _configured: int | None = None  # cores that this process was told to use
 
 
@@ -36,11 +38,11 @@ def cores() -> int:
 def configure(cores: int | None = None, *, keep: bool = True) -> int:
     """Set JAX up for batches on this machine's processor; return the number of cores.
 
-    ``cores`` to use, a thread each (default: those this process may run on). A program runs in the
-    thread that calls it, for the default pool burns two cores for the speed of one on work as small
-    as a block of lanes; 512-bit vectors, which XLA avoids unless told; a whole loop in one compiled
-    function (`COMPILER`), compiled without what it gains nothing by (`SKIPPED`). ``keep``: what is
-    compiled is kept for later processes (`compiled.keep_programs`).
+    ``cores`` to use, a thread each (default: those this process may run on), for XLA's default pool
+    burns two cores for the speed of one on work as small as a block of lanes; 512-bit vectors,
+    which XLA avoids unless told; a whole loop in one compiled function (`COMPILER`), compiled
+    without what it gains nothing by (`SKIPPED`). ``keep``: what is compiled is kept for later
+    processes (`compiled.keep_programs`).
     Settings already made by the user win. JAX's have no effect once it has started a device. Raises
     ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
     """
@@ -65,10 +67,19 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
         if name not in flags:
             flags = f"{flags} {name}={value}".strip()
     os.environ["XLA_FLAGS"] = flags
-    os.environ.setdefault("NPROC", "1")
-    # not handed to the pool of a device: that has one thread, and JAX's cache of programs tells
-    # processes by their number of devices, so each core cannot have a device of its own
+    _set_threads(count)
+    # else the one device starts one program at a time. A device for each core is no way: JAX's
+    # cache of programs tells processes by their number of devices
     compiled.set_default("jax_cpu_enable_async_dispatch", False)
     if keep:
         compiled.keep_programs()
     return count
+
+
+def _set_threads(count: int) -> None:
+    """Set the threads of XLA's pool, which each program hands parts of its work to: with fewer than
+    programs they would wait for each other. What a process that started this one has set for itself
+    is not the user's.
+    """
+    if os.environ.get("NPROC") == os.environ.get(OURS):
+        os.environ["NPROC"] = os.environ[OURS] = str(count)

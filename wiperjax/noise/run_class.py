@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.interpolate import CubicSpline
 
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
@@ -120,6 +119,8 @@ def _judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     if "output" not in run:
         tip = run.sel(axis="x")
         return np.asarray(tip["position"], float), np.asarray(tip["velocity"], float)
+    from scipy.interpolate import CubicSpline  # half a second, which a map's picture does not need
+
     velocity = np.asarray(run["output"], dtype=float)
     spline = CubicSpline(np.asarray(run["time"], dtype=float), velocity)
     return spline.antiderivative()(run["time"]), velocity

@@ -46,9 +46,9 @@ def interleaved(
 ) -> list[Cost]:
     """Return the cost of each call: every one once, then every one again, ``repeats`` times.
 
-    A slow machine, or a neighbour, then falls on all alike. Calls that took longer than
-    ``patience`` [s] are not repeated. ``before``: wall and processor time of each call's first
-    turn, if that is over.
+    A slow machine, or a neighbour, then falls on all alike. Processor time that a call spends in
+    another process is its ``elsewhere`` [s]. Calls that took longer than ``patience`` [s] are not
+    repeated. ``before``: wall and processor time of each call's first turn, if that is over.
     """
     wall = [[w] for w, _ in before] if before else [[] for _ in calls]
     cpu = [[c] for _, c in before] if before else [[] for _ in calls]
@@ -59,7 +59,8 @@ def interleaved(
             cpu_start, start = time.process_time(), time.perf_counter()
             call()
             wall[i].append(time.perf_counter() - start)
-            cpu[i].append(time.process_time() - cpu_start)
+            spent = time.process_time() - cpu_start
+            cpu[i].append(spent + getattr(call, "elsewhere", 0.0))
     return [
         Cost(
             float(np.median(w)),

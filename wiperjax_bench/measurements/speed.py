@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ import numpy as np
 import xarray as xr
 
 from ..harness import measure
+from ..harness.alone import Alone
 from ..harness.keep import Parts
 from ..rivals.compiled import Compiled
 from ..rivals.diffrax_phases import PerPhase
@@ -121,7 +123,11 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
         scene = families.workload(cells * (used if quick and ours else 1), duration)
         for rtol in (RTOL[method.variant],) if ours else RTOLS[1:2] if quick else RTOLS:
             try:
-                call = method.prepare(scene, rtol)
+                if ours and used == 1 < cores:
+                    make = partial(engine_call, method.variant, scene.cells, duration, rtol)
+                    call: Any = Alone(make, effort)
+                else:
+                    call = method.prepare(scene, rtol)
                 started = time.perf_counter()
                 getattr(call, "warm", call)()
                 compiled = time.perf_counter() - started
@@ -155,7 +161,7 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
     for row, call, cost in zip(rows, calls, costs, strict=True):
         row |= timed(cost, row["cells"])
         if row["method"].startswith("engine"):
-            row |= effort(call.result)
+            row |= call.result if isinstance(call.result, dict) else effort(call.result)
         say(f"  {row['method']} rtol {row['rtol']:g}: {row['per_second']:.4g} trajectories/s")
     return rows
 
@@ -168,6 +174,15 @@ class Remembering:
 
     def __call__(self):
         self.result = self.call()
+
+    @property
+    def elsewhere(self) -> float:
+        return getattr(self.call, "elsewhere", 0.0)
+
+
+def engine_call(variant: tuple, cells: int, duration: float, rtol: float):
+    """Return the engine's call on one core."""
+    return Engine(*variant).prepare(families.workload(cells, duration), rtol)
 
 
 def timed(cost: measure.Cost, cells: int) -> dict[str, float]:

@@ -93,10 +93,9 @@ def tangents_of(system, ways, theta, state, seeds, count, run: Run, s: Settings)
 
 
 @Kept
-def plain(system, ways, theta, state, count, run: Run, s: Settings):
-    moved = with_parameters(system, ways, theta)
-    position, velocity = state
-    rows, _, effort = batch.outcomes(moved, position, velocity, count, run, s, watched=True)
+def plain(system, state, count, run: Run, s: Settings):
+    """Run the cells of one share without tangents, whatever parameters are asked for."""
+    rows, _, effort = batch.outcomes(system, *state, count, run, s, watched=True)
     outcome = rows.tree()
     return found_of(system, outcome, run.window), outcome.observed.word, effort
 

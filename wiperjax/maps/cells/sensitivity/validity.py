@@ -17,7 +17,7 @@ from ....vocabulary.schema import SCHEMA
 from ....vocabulary.thresholds import silence
 from ..batch import Run, Settings
 from ..devices import capacity, deal
-from .tangents import LARGEST, SECOND, plain, start_of
+from .tangents import LARGEST, SECOND, plain, start_of, with_parameters
 
 FLOOR = 0.01  # a derivative that changes its outcome by less of its scale is compared with that
 
@@ -104,10 +104,10 @@ def check(spec, ways, theta, base, columns, slopes, checked, word):
     run = run._replace(rtol=jnp.asarray(max(1e-3 * spec.rtol, 1e-13)))
 
     def compute(given, number):
-        system, theta, state = given
-        return plain(system, ways, theta, state, number, run, settings)
+        return plain(*given, number, run, settings)
 
-    (found, words), _ = deal(compute, (at, moved, state), np.arange(copies))
+    system = with_parameters(at, ways, moved)
+    (found, words), _ = deal(compute, (system, state), np.arange(copies))
     found |= {name: np.asarray(x)[:copies] for name, x in further.items()}
     other = np.any(words.reshape(-1, n) != word[checked], axis=0)
     gaps = {}
