@@ -1,11 +1,15 @@
 """A traced program that is kept answers as one that was traced now, or it is traced now."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from wiperjax import SteadyBelt, Wiper
+from wiperjax.blade.numbers import traceable
 from wiperjax.contact.regimes import slip_sign
 from wiperjax.engine import kept
 from wiperjax.engine.kept import Kept, as_arrays
@@ -139,3 +143,15 @@ def test_numbers_that_switch_terms_off_stay_numbers():
     made = as_arrays({"off": 0, "one": 1.0, "on": 2.5, "each": np.arange(3.0)}, "float32")
     assert made["off"] == 0 and isinstance(made["off"], int) and isinstance(made["one"], float)
     assert made["on"].dtype == made["each"].dtype == jnp.float32
+
+
+def test_a_wiper_has_few_programs():
+    """Only numbers that say so switch terms off: the others share a program at any value."""
+    plain = Wiper(attack_angle=0.0, mu_static=1.0, stribeck_shape=1.0)
+    other = replace(plain, attack_angle=0.1, mu_static=0.9, restitution=0.0, belt=SteadyBelt(1.0))
+    for made in (lambda wiper: as_arrays(wiper, "float64"), traceable):
+        kinds = [eqx.partition(made(wiper), eqx.is_array)[1] for wiper in (plain, other)]
+        assert eqx.tree_equal(*kinds)
+        assert kinds[0].stribeck_shape == 1.0 and kinds[0].hinge_mass == 0.0
+        bent = eqx.partition(made(replace(plain, stribeck_shape=2.0)), eqx.is_array)[1]
+        assert bent.stribeck_shape is None

@@ -14,9 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..contact.system import AbstractSystem
+from ..numerics.arrays import fields_of
 from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
 from ..vocabulary.kinds import BELTS, FRICTIONS
-from ..vocabulary.parameters import PARAMETERS, Parameter
+from ..vocabulary.parameters import PARAMETERS, Parameter, is_absent, of_fields
 from ..vocabulary.wording import shown
 
 
@@ -74,16 +75,17 @@ def replaced(system: AbstractSystem, name: str, number) -> AbstractSystem:
 def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
     """Return ``system`` with its numbers as arrays: one compiled program serves all their values.
 
-    A Python zero stays one, so that its terms (a hinge mass, say) are not computed at all, unless
-    it is among ``names``.
+    A Python number whose terms are then not computed at all stays one (`parameters.is_absent`: no
+    hinge mass, say, or any 0 of a system of one's own), unless it is among ``names``.
     """
 
-    def leaf(x):
-        if isinstance(x, np.ndarray) or (isinstance(x, float | np.floating) and x != 0):
-            return jnp.asarray(x, float)
-        return x
+    def leaf(path, x):
+        to = fields_of(path)
+        number = isinstance(x, float | np.floating) or (isinstance(x, int) and of_fields(to))
+        counts = number and not is_absent(to, float(x), (0,))
+        return jnp.asarray(x, float) if counts or isinstance(x, np.ndarray) else x
 
-    system = jax.tree.map(leaf, system)
+    system = jax.tree_util.tree_map_with_path(leaf, system)
     for name in names:
         system = replaced(system, name, at(path(system, name))(system))
     return system

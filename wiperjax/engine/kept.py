@@ -26,6 +26,8 @@ import jax.numpy as jnp
 from jax import export
 
 from ..machine import files, provenance
+from ..numerics.arrays import fields_of
+from ..vocabulary.parameters import is_absent
 
 log = logging.getLogger("wiperjax")
 
@@ -108,15 +110,16 @@ class Kept:
 def as_arrays(tree: Any, precision: str) -> Any:
     """Turn numbers into arrays, (cells,) where they vary and () where they do not.
 
-    A Python 0 or 1 stays one: its terms, or a power of 1, are left out of the compiled program.
+    A Python number stays one where its terms are left out of the compiled program
+    (`parameters.is_absent`): a power of 1, say, or any 0 or 1 of a system of one's own.
     """
 
-    def leaf(value):
-        if isinstance(value, int | float) and value in (0, 1):
+    def leaf(path, value):
+        if isinstance(value, int | float) and is_absent(fields_of(path), value, (0, 1)):
             return value
         return jnp.asarray(value, precision)
 
-    return jax.tree.map(leaf, tree)
+    return jax.tree_util.tree_map_with_path(leaf, tree)
 
 
 def folder() -> Path | None:

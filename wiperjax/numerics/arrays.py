@@ -1,4 +1,4 @@
-"""Choices over trees of arrays, and writing into one."""
+"""Choices over trees of arrays, names of their leaves, and writing into one."""
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,11 @@ def put(array, at, values):
     """
     values = jnp.asarray(values, array.dtype)
     return array.at[at].set(values, mode="drop", unique_indices=True)
+
+
+def fields_of(path) -> tuple[str, ...]:
+    """Names of the keys that lead to a leaf of a tree, of `jax.tree_util.tree_map_with_path`."""
+    return tuple(jax.tree_util.keystr((key,), simple=True) for key in path)
 
 
 def cellwise(value, count: int) -> np.ndarray:

@@ -5,7 +5,7 @@ maps, pictures) angles are DEGREES; every other unit is the same on both sides. 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -31,6 +31,7 @@ class Parameter:
         smallest: least size that a file may ask for, of a parameter of either sign.
         never_small: whether an angle below pi/2 degrees can only be a slip for radians.
         exact: whether `range` is that of the mechanics, which holds in Python too.
+        absent_at: value at which compiled programs leave its terms out; None: they never do.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Parameter:
     smallest: float = 0.0
     never_small: bool = False
     exact: bool = False
+    absent_at: float | None = None
 
     @property
     def edge_unit(self) -> str:
@@ -139,15 +141,23 @@ _TABLE = (
     Parameter("stribeck_speed", "blade", "v_s", "m/s", Range(1e-6, 100), "Stribeck speed", 0.1),
     Parameter(
         "stribeck_shape", "blade", "delta", "1", Range(1, 10),
-        "Stribeck shape exponent", 1.0, exact=True,
+        "Stribeck shape exponent", 1.0, exact=True, absent_at=1.0,
     ),
     Parameter(
         "viscous_slope", "blade", "beta", "s/m", Range(0, 10),
         "viscous friction slope", 0.02,
     ),
-    Parameter("hinge_mass", "blade", "M_h", "kg/m", Range(0, 1), "hinge mass", 0.0),
-    Parameter("hinge_damping", "blade", "c_phi", "N m s/rad/m", Range(0, 10), "hinge damping", 0.0),
-    Parameter("gravity", "blade", "g", "m/s^2", Range(-100, 100), "gravity towards the glass", 0.0),
+    Parameter(
+        "hinge_mass", "blade", "M_h", "kg/m", Range(0, 1), "hinge mass", 0.0, absent_at=0.0
+    ),
+    Parameter(
+        "hinge_damping", "blade", "c_phi", "N m s/rad/m", Range(0, 10), "hinge damping", 0.0,
+        absent_at=0.0,
+    ),
+    Parameter(
+        "gravity", "blade", "g", "m/s^2", Range(-100, 100), "gravity towards the glass", 0.0,
+        absent_at=0.0,
+    ),
     Parameter(
         "collapse_angle", "blade", "phi_max", "rad", Range(0.1, 90, high_open=True),
         "collapse angle", math.radians(89), never_small=True, exact=True,
@@ -168,6 +178,20 @@ REFERENCE: Mapping[str, float] = MappingProxyType(
     {entry.name: entry.reference for entry in _TABLE if entry.reference is not None}
 )
 """Parameter -> its reference value in SI units, of those that have one."""
+
+
+def of_fields(fields: Sequence[str]) -> Parameter | None:
+    """Parameter that the fields lead to, `lip.attack_angle` or `belt.speed`, if it is one."""
+    return PARAMETERS.get("_".join(fields[-1:])) or PARAMETERS.get("_".join(fields[-2:]))
+
+
+def is_absent(fields: Sequence[str], value: float, others: tuple[float, ...]) -> bool:
+    """Whether the number that the fields lead to is one whose terms compiled programs leave out: it
+    stays a Python number there, and another value is another program. ``others``: values at which
+    that holds for what is no parameter of this table, such as a number of a system of one's own.
+    """
+    entry = of_fields(fields)
+    return value in (others if entry is None else (entry.absent_at,))
 
 
 def longest_ramp(frequency: Any) -> Any:

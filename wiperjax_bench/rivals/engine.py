@@ -17,6 +17,7 @@ from wiperjax.engine.lanes import Pool, run_pool
 from wiperjax.engine.solve import begin, solution
 from wiperjax.engine.solve import run as run_one
 from wiperjax.maps.cells.devices import dearest_first, lane_count
+from wiperjax.vocabulary.parameters import PARAMETERS
 
 from ..harness.interface import Answer
 from ..scenes.scene import Scene, blade_fields
@@ -28,8 +29,8 @@ RTOL = {  # of its workload, for the same accuracy in double precision
     (diffrax.Tsit5, "float32"): 1e-5,  # less is below its digits
 }
 MAX_STEPS = 50_000  # thirty times what an adaptive run takes: a blade that spends them creeps
-# Python numbers: terms that are 0, and a power of 1, are then left out of the program
-PLAIN = {"hinge_mass": 0.0, "hinge_damping": 0.0, "gravity": 0.0, "stribeck_shape": 1.0}
+# Python numbers: their terms are then left out of the program
+PLAIN = {x.name: x.absent_at for x in PARAMETERS.values() if x.absent_at is not None}
 FAILURES = [int(r) for r in Result if r not in (Result.FINISHED, Result.COLLAPSED)]
 
 

@@ -117,9 +117,9 @@ def capacity(cells: int, shares: int | None = None) -> int:
 def alike(system: Any, precision: str, capacity: int) -> Any:
     """Return ``system`` with arrays for its numbers (`as_arrays`). In a block of a `capacity` that
     is filled up they are all (capacity,), also where one number is that of all cells: sweeps over
-    other parameters then share a compiled program, unless one is 0 or 1 in all cells of one of
-    them. (With numbers for all cells a turn is a twentieth cheaper: in larger blocks that is more
-    than compiling.)
+    other parameters then share a compiled program, unless one of them lacks the terms of a number
+    that is absent. (With numbers for all cells a turn is a twentieth cheaper: in larger blocks that
+    is more than compiling.)
     """
     found = as_arrays(system, precision)
     if capacity > FEW[-1] * len(devices()):

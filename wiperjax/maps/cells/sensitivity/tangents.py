@@ -95,7 +95,8 @@ def tangents_of(system, ways, theta, state, seeds, count, run: Run, s: Settings)
 @Kept
 def plain(system, state, count, run: Run, s: Settings):
     """Run the cells of one share without tangents, whatever parameters are asked for."""
-    rows, _, effort = batch.outcomes(system, *state, count, run, s, watched=True)
+    position, velocity = state
+    rows, _, effort = batch.outcomes(system, position, velocity, count, run, s, watched=True)
     outcome = rows.tree()
     return found_of(system, outcome, run.window), outcome.observed.word, effort
 
