@@ -6,12 +6,13 @@ import sys
 
 import pytest
 
-from wiperjax.machine import compiled
+from wiperjax.machine import compiled, jax_settings
 
 CACHE = "JAX_COMPILATION_CACHE_DIR"
 PROGRAM = """
+import sys
 import wiperjax
-wiperjax.configure(1)
+wiperjax.configure(int(sys.argv[1]))
 import jax
 from jax._src import monitoring
 seen = []
@@ -35,14 +36,27 @@ def environment(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the folder's name is that of Linux")
 def test_the_second_process_compiles_nothing(environment):
-    def run():
-        command = [sys.executable, "-c", PROGRAM]
+    """Nor does one that has more cores."""
+
+    def run(cores):
+        command = [sys.executable, "-c", PROGRAM, str(cores)]
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
         return [int(word) for word in done.stdout.split()]
 
-    first, second = run(), run()
+    first = run(1)
     assert first[0] == 0 and first[1] > 0
-    assert second == [first[1], 0]
+    assert run(1) == run(2) == [first[1], 0]
+
+
+def test_threads_are_as_many_as_cores_unless_the_user_says_so(environment):
+    for name in ("NPROC", jax_settings.OURS):
+        environment.pop(name, None)
+    for count in (3, 2):  # the second as if in a process that the first has started
+        jax_settings._set_threads(count)
+        assert environment["NPROC"] == str(count)
+    environment["NPROC"] = "5"
+    jax_settings._set_threads(2)
+    assert environment["NPROC"] == "5"
 
 
 def test_what_the_environment_says_wins(environment, tmp_path):

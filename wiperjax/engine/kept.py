@@ -31,7 +31,7 @@ from ..vocabulary.parameters import is_absent
 
 log = logging.getLogger("wiperjax")
 
-MOST_KEPT = 100  # programs in a folder, some 300 kB each: those longest out of use go first
+MOST_KEPT = 200  # programs in a folder, some 300 kB each: those longest out of use go first
 CONFIG: Any = jax.config  # its names are known to jax alone
 ADDRESS = re.compile(" at 0x[0-9a-f]+>")
 EVENT = "/jax/core/compile/kept"  # so that who counts what jax compiles counts this

@@ -30,9 +30,10 @@ OURS = "WIPERJAX_NPROC"  # what `configure` has made NPROC, for processes that t
 _configured: int | None = None  # cores that this process was told to use
 
 
-def cores() -> int:
-    """Return how many cores this process may use: what `configure` was told, else all it has."""
-    return _configured or os.cpu_count() or 1
+def cores(untold: int | None = None) -> int:
+    """Return how many cores this process may use: what `configure` was told, else ``untold``, else
+    all it has."""
+    return _configured or untold or os.cpu_count() or 1
 
 
 def configure(cores: int | None = None, *, keep: bool = True) -> int:

@@ -87,11 +87,11 @@ def spread(function, cells):
 
 
 def devices() -> list:
-    """Return the device of each share of a block: every accelerator; or the host's, for each core:
-    one compilation, and a thread for each share fills a core.
+    """Return the device of each share of a block: every accelerator; or the host's, for each core
+    that `configure` was told of: one compilation, and a thread for each share fills a core.
     """
     found = jax.devices()
-    return found[:1] * cores() if found[0].platform == "cpu" else found
+    return found[:1] * cores(untold=1) if found[0].platform == "cpu" else found
 
 
 def on_accelerator() -> bool:
