@@ -1,10 +1,14 @@
 """A scene in the middle of a small map."""
 
+import jax
 import noises
 import numpy as np
 import pytest
 
+from wiperjax.engine.kept import Kept
 from wiperjax.maps import around_scene
+from wiperjax.maps.cells import batch
+from wiperjax.maps.cells.linear import slips
 from wiperjax.specs.load import load_scene
 
 SCENES = sorted((noises.SWEEPS / "scenes").glob("*.toml"))
@@ -37,3 +41,25 @@ def test_costs_are_of_a_second_of_motion_and_leave_compiling_out(monkeypatch):
     motion = around_scene.SIDE**2 * scenes["lip"].run.duration
     assert found == pytest.approx({"block": 3 / motion, "lip": 5 / motion})
     assert calls == ["block", "lip"] * 6  # once to compile, then in turns
+
+
+@pytest.mark.slow
+def test_what_is_compiled_ahead_is_what_a_scene_is_named_and_costed_by(monkeypatch):
+    """Neither other kinds of arguments nor another place of them, which would be compiled again."""
+    compiled = []
+
+    def note(event, duration, **about):
+        if event == "/jax/core/compile/backend_compile_duration":
+            compiled.append(about.get("fun_name"))
+
+    jax.monitoring.register_event_duration_secs_listener(note)
+    monkeypatch.setattr(batch, "compute", Kept(batch.outcomes))  # knows no program yet
+    scene = load_scene(noises.SWEEPS / "scenes" / "quiet.toml", "block")
+    spec = around_scene.around(scene)
+    built, position, _ = batch.prepare(spec, np.arange(spec.size))
+    slips(built.wiper, position[0].shape[-1])  # the small program beside it
+    around_scene.ready([scene])
+    compiled.clear()
+    around_scene.middle(scene)
+    around_scene._motions(spec)()
+    assert len(batch.compute.found) == 1 and "jit(call)" not in compiled

@@ -53,7 +53,8 @@ class Kept:
         self.function = function
         self.compiled = eqx.filter_jit(function)
         self.found: dict[Any, Callable[..., Any]] = {}
-        self.lock = threading.Lock()
+        self.lock = threading.Lock()  # of the next
+        self.locks: dict[Any, threading.Lock] = {}
 
     def __call__(self, *args: Any) -> Any:
         place = folder()
@@ -66,6 +67,8 @@ class Kept:
         others, shape = jax.tree.flatten(plain)
         key = (kinds, tree, shape, *((type(x), _told(x)) for x in others))
         with self.lock:
+            lock = self.locks.setdefault(key, threading.Lock())
+        with lock:
             if first := key not in self.found:
                 # functions by name: those in a problem are this package's
                 text = ADDRESS.sub(">", repr((_told(self.function), *key, _traced_with())))

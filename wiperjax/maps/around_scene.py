@@ -5,12 +5,9 @@ overhead of its turns. The same batch names the scene, so that a model is compil
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..specs.load import parse_sweep
@@ -19,12 +16,16 @@ from ..specs.sweep import SweepSpec
 from ..vocabulary.kinds import BELTS
 from .block import evaluate_block
 from .cells import batch
-from .cells.devices import alike, devices
 from .cells.evaluate import evaluate
 
 SIDE = 15  # blades along each axis; odd, so that the scene is one of them
 SPREAD = 0.02  # of load and speed, relative
 TURNS = 5  # interleaved
+
+
+def ready(scenes: Iterable[SceneSpec]) -> None:
+    """Compile what `middle` and `costs` run of some scenes, on all cores at once."""
+    batch.compile_all([around(scene) for scene in scenes], SIDE**2)
 
 
 def middle(scene: SceneSpec) -> dict[str, np.ndarray]:
@@ -80,13 +81,8 @@ def _near(value: float) -> dict[str, float]:
 
 def _motions(spec: SweepSpec) -> Callable[[], Any]:
     """Return what computes all cells of a sweep, and nothing but their motion."""
-    built, position, velocity = batch.prepare(spec, np.arange(spec.size))
-    size, precision = position[0].shape[-1], spec.run.precision
-    cells = alike(built.system, precision, size), position, velocity, jnp.int32(spec.size)
-    arrays, plain = eqx.partition(cells, eqx.is_array)  # put there as `deal` does: one program
-    cells = eqx.combine(jax.device_put(arrays, devices()[0]), plain)
-    run, settings = batch.Run.of(spec), batch.Settings.of(spec, size)
-    return lambda: jax.block_until_ready(batch.compute(*cells, run, settings))
+    motions = batch.program(spec, np.arange(spec.size))
+    return lambda: motions(spec.size)
 
 
 def _spent(run: Callable[[], Any]) -> float:

@@ -38,7 +38,8 @@ def on_chosen_model(spec: Any, *, evaluate: Evaluate | None = None, workers: Any
     if getattr(spec, "model", None) != AUTO:
         return spec
     blocks, _ = computing(spec, evaluate, workers)
-    return _chosen(spec, blocks)
+    here = evaluate is None and workers is None
+    return _chosen(spec, blocks, here)
 
 
 def as_chosen_for(output: Path, spec: Any) -> Any:
@@ -95,8 +96,8 @@ class Unlike(NamedTuple):
         return cls(int((~found.tolerated).sum()), int(found.name.sum()), *largest)
 
 
-def _chosen(spec: Any, blocks: Blocks) -> Any:
-    """The sweep on the poorest model that suffices."""
+def _chosen(spec: Any, blocks: Blocks, here: bool) -> Any:
+    """The sweep on the poorest model that suffices; `here`: this process computes the blocks."""
     rungs: dict[str, Any] = {}
     refused: dict[str, str] = {}
     for model in POORER:
@@ -106,8 +107,13 @@ def _chosen(spec: Any, blocks: Blocks) -> Any:
             refused[model] = str(error)
     cells, unlike = probe_cells(spec), {}
     if rungs:
-        lip = _said(spec.on(LIP), cells, blocks)
-        told = {model: _said(rung, cells, blocks) for model, rung in rungs.items()}
+        every = {model: _probe(rung, cells) for model, rung in {LIP: spec.on(LIP), **rungs}.items()}
+        if here:
+            from .cells.batch import compile_all  # jax, of the process that computes
+
+            compile_all(every.values(), 2**MOST)
+        told = {model: _said(probe, blocks) for model, probe in every.items()}
+        lip = told.pop(LIP)
         unlike = {model: Unlike.of(differences(found, lip)) for model, found in told.items()}
     model = next((model for model, found in unlike.items() if not found.differing), LIP)
     probed = {name: found._asdict() for name, found in unlike.items()}
@@ -119,10 +125,14 @@ def _chosen(spec: Any, blocks: Blocks) -> Any:
     return spec.on(model, attributes)
 
 
-def _said(spec: Any, cells: np.ndarray, blocks: Blocks) -> Said:
-    """What a model says of some cells of a sweep; statistics and names are all that it computes."""
-    points = Points(spec, Grid(spec.axes, 0), cells, room=2**MOST)
-    (block,) = blocks(points, {0: (0, points.size)})
+def _probe(spec: Any, cells: np.ndarray) -> Points:
+    """Some cells of a sweep; statistics and names are all that is computed of them."""
+    return Points(spec, Grid(spec.axes, 0), cells, room=2**MOST)
+
+
+def _said(probe: Points, blocks: Blocks) -> Said:
+    """What a model says of the cells of a probe."""
+    (block,) = blocks(probe, {0: (0, probe.size)})
     return said(block.columns)
 
 

@@ -73,6 +73,8 @@ def compare(
     if hinged:
         specs[HINGED] = _hinged(specs["lip"])
     rungs = {}
+    say(f"{name}: compiling")
+    around_scene.ready(specs.values())
     for model, spec in specs.items():
         say(f"{name}: {model}")
         rungs[model] = _run(name, model, spec)

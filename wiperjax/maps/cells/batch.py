@@ -1,9 +1,12 @@
 """The engine's side of a sweep: cells of a specification in, columns of the map out."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +27,7 @@ from ...systems.build import Built, belt_of, build, go_on, start
 from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
-from .devices import alike, capacity, deal, dearest_first, lane_count, sample_room
+from .devices import alike, capacity, deal, dearest_first, devices, lane_count, sample_room
 from .linear import slips
 
 PARTS, MOST_PARTS = 40, 10_000  # see `longest_step`
@@ -76,6 +79,39 @@ def evaluate(
         with compiling.apart("naming"):
             found = None if slip is None else slip.result()
             return columns_of(spec, rows.tree(), signal, effort, built, found, len(index))
+
+
+def program(spec, index: np.ndarray, room: int | None = None) -> Callable[[int], Any]:
+    """Return what runs the first so many cells of one share of the block of `evaluate`, and nothing
+    else; of none it does no more than compile.
+    """
+    built, position, velocity = prepare(spec, index, room)
+    precision, size = spec.run.precision, position[0].shape[-1]
+    position, velocity = (_full(part, size, precision) for part in (position, velocity))
+    cells = alike(built.system, precision, size), position, velocity
+    arrays, plain = eqx.partition(cells, eqx.is_array)
+    share = jax.tree.map(lambda x: x[..., : size // len(devices())] if x.ndim else x, arrays)
+    run, settings = Run.of(spec), Settings.of(spec, size)
+
+    def first(count: int) -> Any:
+        # put there as `deal` does: what is put elsewhere is another program
+        given, number = jax.device_put((share, jnp.int32(count)), devices()[0])
+        return jax.block_until_ready(compute(*eqx.combine(given, plain), number, run, settings))
+
+    return first
+
+
+def compile_all(specs: Iterable[Any], room: int) -> None:
+    """Compile what `evaluate` runs of each of some sweeps with this ``room``, on all cores at once
+    (tracing is one after the other). One that cannot be started is left out.
+    """
+
+    def compile_one(spec) -> None:
+        with suppress(ValueError):
+            program(spec, np.zeros(1), room)(0)
+
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        list(pool.map(compile_one, specs))
 
 
 def prepare(
