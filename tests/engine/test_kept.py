@@ -1,5 +1,7 @@
 """A traced program that is kept answers as one that was traced now, or it is traced now."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import equinox as eqx
@@ -143,6 +145,18 @@ def test_numbers_that_switch_terms_off_stay_numbers():
     made = as_arrays({"off": 0, "one": 1.0, "on": 2.5, "each": np.arange(3.0)}, "float32")
     assert made["off"] == 0 and isinstance(made["off"], int) and isinstance(made["one"], float)
     assert made["on"].dtype == made["each"].dtype == jnp.float32
+
+
+def test_programs_of_two_kinds_do_not_wait_for_each_other(place):
+    both = threading.Barrier(2)
+
+    def met(x):
+        both.wait(30)
+        return x
+
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(Kept(met), (jnp.ones(2), jnp.ones(3))))
+    assert [len(x) for x in found] == [2, 3]
 
 
 def test_a_wiper_has_few_programs():
