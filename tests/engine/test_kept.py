@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from wiperjax import SteadyBelt, Wiper
+from wiperjax import SteadyBelt, Wiper, WipingBelt
 from wiperjax.blade.numbers import traceable
 from wiperjax.contact.regimes import slip_sign
 from wiperjax.engine import kept
@@ -167,5 +167,7 @@ def test_a_wiper_has_few_programs():
         kinds = [eqx.partition(made(wiper), eqx.is_array)[1] for wiper in (plain, other)]
         assert eqx.tree_equal(*kinds)
         assert kinds[0].stribeck_shape == 1.0 and kinds[0].hinge_mass == 0.0
+        slow, fast = (made(replace(plain, belt=WipingBelt(v, 1.0, 0.0))) for v in (0.5, 1.0))
+        assert eqx.tree_equal(*(eqx.partition(x, eqx.is_array)[1] for x in (slow, fast)))
         bent = eqx.partition(made(replace(plain, stribeck_shape=2.0)), eqx.is_array)[1]
         assert bent.stribeck_shape is None

@@ -16,8 +16,8 @@ import numpy as np
 from ..contact.system import AbstractSystem
 from ..numerics.arrays import fields_of
 from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
-from ..vocabulary.kinds import BELTS, FRICTIONS
-from ..vocabulary.parameters import PARAMETERS, Parameter, is_absent, of_fields
+from ..vocabulary.kinds import BELTS, FRICTIONS, is_absent, of_fields
+from ..vocabulary.parameters import PARAMETERS, Parameter
 from ..vocabulary.wording import shown
 
 
@@ -75,7 +75,7 @@ def replaced(system: AbstractSystem, name: str, number) -> AbstractSystem:
 def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
     """Return ``system`` with its numbers as arrays: one compiled program serves all their values.
 
-    A Python number whose terms are then not computed at all stays one (`parameters.is_absent`: no
+    A Python number whose terms are then not computed at all stays one (`kinds.is_absent`: no
     hinge mass, say, or any 0 of a system of one's own), unless it is among ``names``.
     """
 

@@ -27,7 +27,7 @@ from jax import export
 
 from ..machine import files, provenance
 from ..numerics.arrays import fields_of
-from ..vocabulary.parameters import is_absent
+from ..vocabulary.kinds import is_absent
 
 log = logging.getLogger("wiperjax")
 
@@ -114,7 +114,7 @@ def as_arrays(tree: Any, precision: str) -> Any:
     """Turn numbers into arrays, (cells,) where they vary and () where they do not.
 
     A Python number stays one where its terms are left out of the compiled program
-    (`parameters.is_absent`): a power of 1, say, or any 0 or 1 of a system of one's own.
+    (`kinds.is_absent`): a power of 1, say, or any 0 or 1 of a system of one's own.
     """
 
     def leaf(path, value):

@@ -9,7 +9,6 @@ import hashlib
 import os
 import sys
 from pathlib import Path
-from typing import Any
 
 from platformdirs import user_cache_path
 
@@ -46,12 +45,7 @@ def keep_programs() -> None:
             "jax_compilation_cache_max_size": MOST_BYTES,
         }
     for name, value in wanted.items():
-        set_default(name, value)
-
-
-def set_default(name: str, value: Any) -> None:
-    """Set one of JAX's options, unless the environment does."""
-    if name.upper() not in os.environ:
-        os.environ[name.upper()] = str(value)  # for processes that this one starts, too
-        if jax := sys.modules.get("jax"):  # it has read the environment already
-            jax.config.update(name, value)
+        if name.upper() not in os.environ:
+            os.environ[name.upper()] = str(value)  # for processes that this one starts, too
+            if jax := sys.modules.get("jax"):  # it has read the environment already
+                jax.config.update(name, value)

@@ -8,7 +8,7 @@ import os
 
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
-from . import compiled
+from .compiled import keep_programs
 
 # XLA's own options of its CPU compiler, as name=value pairs:
 COMPILER = {
@@ -69,18 +69,16 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
             flags = f"{flags} {name}={value}".strip()
     os.environ["XLA_FLAGS"] = flags
     _set_threads(count)
-    # else the one device starts one program at a time. A device for each core is no way: JAX's
-    # cache of programs tells processes by their number of devices
-    compiled.set_default("jax_cpu_enable_async_dispatch", False)
     if keep:
-        compiled.keep_programs()
+        keep_programs()
     return count
 
 
 def _set_threads(count: int) -> None:
     """Set the threads of XLA's pool, which each program hands parts of its work to: with fewer than
-    programs they would wait for each other. What a process that started this one has set for itself
-    is not the user's.
+    programs they would wait for each other. (A device for each core would have them, too, but JAX's
+    cache of programs tells processes by their number of devices.) What a process that started this
+    one has set for itself is not the user's.
     """
     if os.environ.get("NPROC") == os.environ.get(OURS):
         os.environ["NPROC"] = os.environ[OURS] = str(count)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..machine import jax_settings
 from ..machine.files import StoreError
 from ..noise.agreement import Differences, Said, differences, said
 from ..specs.errors import SpecError
@@ -111,7 +112,7 @@ def _chosen(spec: Any, blocks: Blocks, here: bool) -> Any:
         if here:
             from .cells.batch import compile_all  # jax, of the process that computes
 
-            compile_all(every.values(), 2**MOST)
+            compile_all(every.values(), 2**MOST, jax_settings.cores())
         told = {model: _said(probe, blocks) for model, probe in every.items()}
         lip = told.pop(LIP)
         unlike = {model: Unlike.of(differences(found, lip)) for model, found in told.items()}

@@ -6,12 +6,14 @@ is found by the name that stands here. Imports no jax; a formula that compiled c
 the library it computes with.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+
+from .parameters import PARAMETERS, Parameter
 
 WIPER = "wiper"
 """Name of the system that a file means by itself."""
@@ -131,6 +133,24 @@ BELTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {kind: entry.keys for kind, entry in BELT_KINDS.items()}
 )
 """Kinds of belt: key in `[belt]`, which is also the argument of the belt's class -> parameter."""
+
+_OF_BELTS = {key: name for keys in BELTS.values() for key, name in keys.items()}
+
+
+def of_fields(fields: Sequence[str]) -> Parameter | None:
+    """Parameter that the fields lead to, `lip.attack_angle` or `belt.speed`, if it is one."""
+    *_, owner, field = ("", "", *fields)
+    return PARAMETERS.get(_OF_BELTS.get(field, "") if owner == "belt" else field)
+
+
+def is_absent(fields: Sequence[str], value: float, others: tuple[float, ...]) -> bool:
+    """Whether the number that the fields lead to is one whose terms compiled programs leave out: it
+    stays a Python number there, and another value is another program. ``others``: values at which
+    that holds for what is no parameter of a blade or belt, such as a number of a system of one's
+    own.
+    """
+    entry = of_fields(fields)
+    return value in (others if entry is None else (entry.absent_at,))
 
 
 def stribeck(

@@ -5,7 +5,7 @@ maps, pictures) angles are DEGREES; every other unit is the same on both sides. 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -178,20 +178,6 @@ REFERENCE: Mapping[str, float] = MappingProxyType(
     {entry.name: entry.reference for entry in _TABLE if entry.reference is not None}
 )
 """Parameter -> its reference value in SI units, of those that have one."""
-
-
-def of_fields(fields: Sequence[str]) -> Parameter | None:
-    """Parameter that the fields lead to, `lip.attack_angle` or `belt.speed`, if it is one."""
-    return PARAMETERS.get("_".join(fields[-1:])) or PARAMETERS.get("_".join(fields[-2:]))
-
-
-def is_absent(fields: Sequence[str], value: float, others: tuple[float, ...]) -> bool:
-    """Whether the number that the fields lead to is one whose terms compiled programs leave out: it
-    stays a Python number there, and another value is another program. ``others``: values at which
-    that holds for what is no parameter of this table, such as a number of a system of one's own.
-    """
-    entry = of_fields(fields)
-    return value in (others if entry is None else (entry.absent_at,))
 
 
 def longest_ramp(frequency: Any) -> Any:

@@ -1,6 +1,5 @@
 """The engine's side of a sweep: cells of a specification in, columns of the map out."""
 
-import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -101,8 +100,8 @@ def program(spec, index: np.ndarray, room: int | None = None) -> Callable[[int],
     return first
 
 
-def compile_all(specs: Iterable[Any], room: int) -> None:
-    """Compile what `evaluate` runs of each of some sweeps with this ``room``, on all cores at once
+def compile_all(specs: Iterable[Any], room: int, threads: int) -> None:
+    """Compile what `evaluate` runs of each of some sweeps with this ``room``, so many at once
     (tracing is one after the other). One that cannot be started is left out.
     """
 
@@ -110,7 +109,7 @@ def compile_all(specs: Iterable[Any], room: int) -> None:
         with suppress(ValueError):
             program(spec, np.zeros(1), room)(0)
 
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(threads) as pool:
         list(pool.map(compile_one, specs))
 
 
