@@ -33,7 +33,7 @@ from .between_bins import Bins, refined
 
 FUNDAMENTAL_RATIO = 0.5  # height of a fundamental against its highest harmonic
 FEW_HARMONICS, HARMONICS = 6, 40  # up to which a fundamental is looked for without, and with a comb
-CHUNK = 2**18  # numbers transformed at once: they fit in caches, and are no new memory each time
+CHUNK = 2**20  # numbers transformed at once: fewer pay for the interpreter, more for memory
 HIDDEN = 1 / (1 - np.sinc(0.5) ** 2)  # most that a hidden line has, over what means leave out of it
 MARGIN = 1.2  # for motion that is not the same throughout its window
 
