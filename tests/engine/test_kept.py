@@ -12,6 +12,7 @@ import pytest
 
 from wiperjax import SteadyBelt, Wiper, WipingBelt
 from wiperjax.blade.numbers import traceable
+from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.contact.regimes import slip_sign
 from wiperjax.engine import kept
 from wiperjax.engine.kept import Kept, as_arrays
@@ -145,6 +146,25 @@ def test_numbers_that_switch_terms_off_stay_numbers():
     made = as_arrays({"off": 0, "one": 1.0, "on": 2.5, "each": np.arange(3.0)}, "float32")
     assert made["off"] == 0 and isinstance(made["off"], int) and isinstance(made["one"], float)
     assert made["on"].dtype == made["each"].dtype == jnp.float32
+
+
+def test_the_derivative_of_steady_slip_is_kept(place):
+    """Its root is differentiated by a quotient: a solver of equations would have a callback."""
+    first = Kept(growth_and_slope)
+    blade = Wiper(belt=SteadyBelt(0.3), attack_angle=0.3)
+    growth, slope = first(jnp.asarray(0.3))
+    assert len(list(place.iterdir())) == 1
+    step = 1e-5
+    near = [first(jnp.asarray(0.3 + k * step))[0] for k in (-1, 1)]
+    np.testing.assert_allclose(slope, (near[1] - near[0]) / (2 * step), rtol=1e-6)
+    np.testing.assert_allclose(growth, steady_slip(blade).growth_rate, rtol=1e-12)
+
+
+def growth_and_slope(angle):
+    def growth(angle):
+        return steady_slip(replace(Wiper(belt=SteadyBelt(0.3)), attack_angle=angle)).growth_rate
+
+    return jax.jvp(growth, (angle,), (jnp.ones_like(angle),))
 
 
 def test_programs_of_two_kinds_do_not_wait_for_each_other(place):

@@ -172,14 +172,25 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
 
     def branch(change):
         turned = jnp.where(change.falls, 1.0, -1.0)  # bisection wants a negative lower value
-        lean = optx.root_find(
-            lambda lean, _: turned * push(wiper, lean)[0],
-            _FINDER,
+
+        def bisected(force, start):
+            return optx.root_find(
+                lambda lean, _: turned * force(lean),
+                _FINDER,
+                start,
+                options={"lower": change.after, "upper": change.before},
+                max_steps=52,  # to the last digit
+                throw=False,
+            ).value
+
+        lean = jax.lax.custom_root(
+            lambda lean: push(wiper, lean)[0],
             0.5 * (change.before + change.after),
-            options={"lower": change.after, "upper": change.before},
-            max_steps=52,  # to the last digit
-            throw=False,
-        ).value
+            bisected,
+            # one number: a solver of equations would stop all cells for one at a fold, where the
+            # slope is 0; what is no root has none
+            tangent_solve=lambda slope, y: y / jnp.where(change.exists, slope(jnp.ones_like(y)), 1),
+        )
         x = position(lean)
         still, one = jnp.zeros_like(x), jnp.ones_like(x)
 

@@ -63,6 +63,11 @@ def account() -> Iterator[Account]:
         _open.reset(token)
 
 
+def is_open() -> bool:
+    """Whether an account is open in this thread."""
+    return _open.get() is not None
+
+
 @contextmanager
 def during(phase: str) -> Iterator[None]:
     """Books the time of this block on `phase`, if an account is open in this thread."""

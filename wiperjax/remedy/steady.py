@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +13,7 @@ from ..blade import numbers
 from ..blade.steady_slip import equilibria
 from ..blade.wiper import Wiper
 from ..contact.belts import SteadyBelt, operating_speed
+from ..engine.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.ranges import FINITE
 from .box import Box, check_search, search
@@ -71,7 +71,7 @@ def stabilise(
     return Stabilised(found, box.blade(system, shares[rank[0]]))
 
 
-@eqx.filter_jit  # `Kept` cannot write down the checks of the root's derivative
+@Kept
 def _rate(system: Any, box: Box, share):
     """Growth rate of steady slip (1/s) and its slope by the shares."""
 

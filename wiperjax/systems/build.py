@@ -82,11 +82,14 @@ def start(spec: System, built: Built, stated: Start | None = None):
 
     Raises ValueError where the system has no start of its own and none is stated.
     """
+    return start_at(built, spec.start if stated is None else stated, spec.family.coordinates)
+
+
+def start_at(built: Built, stated: Start, names: tuple[str, ...]):
+    """`start` of a system whose coordinates have these ``names``; it needs no more of a file."""
     system, wiper = built
-    stated = spec.start if stated is None else stated
     if wiper is not None:
         return start_on_rung(system, start_state(wiper, stated), stated.kind)
-    names = spec.family.coordinates
     if stated.position is not None:
         position, velocity = stated.position, stated.velocity or (0.0,) * len(stated.position)
         fits.check(system, names, position, velocity)

@@ -7,7 +7,7 @@ from functools import cache
 
 import jax
 
-from ...machine.phases import add
+from ...machine.phases import add, is_open
 
 EVENT = "/jax/core/compile/"
 
@@ -16,7 +16,11 @@ _spans: list[tuple[float, float]] = []  # start and stop of each, in any thread
 
 @contextmanager
 def apart(phase: str) -> Iterator[None]:
-    """Books what is compiled in this block, by any thread, on a phase of its own instead."""
+    """Books what is compiled in this block, by any thread, on a phase of its own instead, if an
+    account is open in this thread."""
+    if not is_open():
+        yield
+        return
     _listen()
     _taken()
     try:

@@ -7,13 +7,14 @@ another one a finite-difference step away (checked cells); an event is near graz
 cells is checked by central differences of fourth order at a thousandth of the tolerance.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ....blade.numbers import at
+from ....machine.phases import during
 from ....systems.build import routes
 from ....vocabulary.codes import VALIDITY, Result
 from ....vocabulary.columns import differentiable, sensitivity_name
@@ -22,7 +23,8 @@ from .. import batch
 from ..columns import columns_of
 from ..devices import alike, deal, dearest_first
 from ..linear import slips
-from .tangents import SECOND, check_fields, start_of, tangents_of, whole
+from .differences import move
+from .tangents import SECOND, check_fields, start_with_tangents, tangents_of, whole
 from .validity import GRAZING, check, drawn, is_settled, mask_contested, mask_rounding
 
 
@@ -38,16 +40,14 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     check_fields(spec, ways, names)
     settings, motion = batch.Settings.of(spec, size), batch.Run.of(spec)
 
-    def start(theta):
-        return start_of(base, ways, theta, spec)
-
-    (state, _), seeds = start(theta), []
-    for name in names:
-        # per unit of files: an angle in degrees
-        unit = float(spec.parameter_table[name].to_si(1.0))
-        seed = {n: jnp.full(size, unit if n == name else 0.0) for n in names}
-        seeds.append((seed, *jax.jvp(start, (theta,), (seed,))[1]))
-    seeds = jax.tree.map(lambda *x: jnp.stack(x), *seeds)
+    # per unit of files: an angle in degrees
+    units = {name: float(spec.parameter_table[name].to_si(1.0)) for name in names}
+    seeds = {
+        name: jnp.zeros((len(names), size)).at[k].set(units[name]) for k, name in enumerate(names)
+    }
+    state, (dstate, dknown) = start_with_tangents(
+        base, ways, theta, seeds, spec.start, spec.family.coordinates
+    )
 
     def compute(given, number):
         system, theta, state, seeds = given
@@ -56,11 +56,21 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
         )
         return *found, motion.rows(samples, run.raster), effort
 
-    order = dearest_first(built.wiper, count)
-    (outcome, slopes, signal), effort = deal(compute, (base, theta, state, seeds[:2]), order)
-    slip = None if built.wiper is None else slips(built.wiper, size)
+    order, checked = dearest_first(built.wiper, count), np.flatnonzero(drawn(index, asked.check))
+    slip = moved = None
+    with ThreadPoolExecutor(2) as beside:  # other programs compile while that with tangents does
+        if checked.size:
+            moved = beside.submit(move, spec, ways, theta, base, checked)
+        if built.wiper is not None:
+            slip = beside.submit(slips, built.wiper, size)
+        (outcome, slopes, signal), effort = deal(
+            compute, (base, theta, state, (seeds, dstate)), order
+        )
+        with during("engine"):
+            slip = None if slip is None else slip.result()
+            moved = None if moved is None else moved.result()
     columns = columns_of(spec, outcome, signal, effort, built, slip, count)
-    slopes |= {name: np.asarray(x).T[:count] for name, x in seeds[2].items()}
+    slopes |= {name: np.asarray(x).T[:count] for name, x in dknown.items()}
 
     watched = outcome.observed
     seconds = {SECOND[field]: x for field, x in watched.seconds._asdict().items()}
@@ -68,10 +78,9 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     mask_contested(slopes, columns | seconds, theta, base, spec)
     mask_rounding(slopes, columns, spec)
     code[watched.margin < max(asked.grazing, GRAZING * spec.rtol)] = VALIDITY["near_grazing"]
-    checked = np.flatnonzero(drawn(index, asked.check))
     agreement = np.full(count, np.nan)
-    if checked.size:
-        other, gaps = check(spec, ways, theta, base, columns, slopes, checked, watched.word)
+    if moved is not None:
+        other, gaps = check(spec, moved, base, columns, slopes, watched.word)
         agreement[checked] = np.max(list(gaps.values()), axis=0)
         code[checked[other]] = VALIDITY["sequence_changes"]
     code[~is_settled(columns, spec)] = VALIDITY["unsettled"]

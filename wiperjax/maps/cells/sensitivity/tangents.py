@@ -13,7 +13,8 @@ from ....blade.wiper import Wiper
 from ....contact.belts import operating_speed
 from ....contact.system import AbstractSystem
 from ....engine.kept import Kept
-from ....systems.build import Built, belt_of, build, start
+from ....specs.tables import Start
+from ....systems.build import Built, belt_of, build, start_at
 from .. import batch
 from ..batch import Run, Settings
 from ..columns import ended, statistics
@@ -101,8 +102,10 @@ def plain(system, state, count, run: Run, s: Settings):
     return found_of(system, outcome, run.window), outcome.observed.word, effort
 
 
-def start_of(system, ways, theta, spec):
-    """Return the initial state, and the outcomes that need no trajectory, (cells,) each."""
+@Kept
+def start_of(system, ways, theta, stated: Start, names: tuple[str, ...]):
+    """Return the initial state, as ``stated`` for coordinates of these ``names``, and the outcomes
+    that need no trajectory, (cells,) each."""
     moved = with_parameters(system, ways, theta)
     belt = belt_of(moved)
     known = {} if belt is None else {"belt_speed_rms": belt.rms}
@@ -111,8 +114,24 @@ def start_of(system, ways, theta, spec):
         linear = steady_slip(wiper, operating_speed(wiper.belt))
         known |= {"growth_rate": linear.growth_rate, "linear_frequency": linear.frequency}
     size = next(iter(theta.values())).shape[-1]
-    state = start(spec, Built(moved, wiper))
+    state = start_at(Built(moved, wiper), stated, names)
     return jax.tree.map(lambda x: whole(x, size), (state, known))
+
+
+@Kept
+def start_with_tangents(system, ways, theta, seeds, stated: Start, names: tuple[str, ...]):
+    """Return the initial state of `start_of`, and the tangents of all it returns, (parameters,
+    cells) each. ``seeds``: changes of ``theta``, of the same shape."""
+
+    def begin(theta):
+        state, known = start_of.function(system, ways, theta, stated, names)
+        return (state, known), state
+
+    def push(seed):
+        return jax.jvp(begin, (theta,), (seed,), has_aux=True)
+
+    _, tangents, state = jax.vmap(push, out_axes=(None, 0, None))(seeds)
+    return state, tangents
 
 
 def whole(value, size) -> jax.Array:

@@ -2,9 +2,6 @@
 
 from typing import Any
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ....blade.wiper import Wiper
@@ -12,12 +9,10 @@ from ....contact.system import AbstractSystem
 from ....noise.spectrum import dominant_frequency
 from ....numerics.arrays import cellwise
 from ....vocabulary.columns import DIFFERENTIABLE
-from ....vocabulary.parameters import Parameter
 from ....vocabulary.schema import SCHEMA
 from ....vocabulary.thresholds import silence
-from ..batch import Run, Settings
-from ..devices import capacity, deal
-from .tangents import LARGEST, SECOND, plain, start_of, with_parameters
+from .differences import STENCIL, Moved, scale_of
+from .tangents import LARGEST, SECOND
 
 FLOOR = 0.01  # a derivative that changes its outcome by less of its scale is compared with that
 
@@ -26,9 +21,6 @@ REST = 1e-5  # of the belt speed: below it the standard deviation of the velocit
 
 
 LEFT_OVER = ("final_vx", "final_vy")  # of a quiet cell: what its steps leave of a decayed start
-
-
-STENCIL = {1: 2 / 3, -1: -2 / 3, 2: -1 / 12, -2: 1 / 12}  # steps -> weight, of fourth order
 
 
 GRAZING = 1e4  # times the tolerance: at this margin a derivative is 1.5e-4 off
@@ -48,7 +40,7 @@ def mask_contested(slopes, columns, theta, system, spec) -> None:
         contested = np.zeros(count, bool)
         for k, parameter in enumerate(theta):
             entry = spec.parameter_table[parameter]
-            scale = _scale(entry, np.asarray(theta[parameter])[:count]) / float(entry.to_si(1.0))
+            scale = scale_of(entry, np.asarray(theta[parameter])[:count]) / float(entry.to_si(1.0))
             slope, jump = scale * slopes[name][:, k], scale * (slopes[name] - slopes[second])[:, k]
             differs = np.abs(jump) > SAME * np.maximum(np.abs(slope), least)
             contested |= differs & (gap < max(STENCIL) * asked.step * np.abs(jump))
@@ -69,67 +61,27 @@ def mask_rounding(slopes, columns, spec) -> None:
         slopes[name] = np.where(where[:, None], np.nan, slopes[name])
 
 
-def check(spec, ways, theta, base, columns, slopes, checked, word):
-    """Return (whether the events are others, relative differences) of the cells ``checked``.
+def check(spec, moved: Moved, base, columns, slopes, word):
+    """Return (whether the events are others, relative differences) of the ``moved`` cells.
 
-    The second is a dict (outcome, parameter) -> (len(checked),). A difference is relative to the
-    larger of the two, or to `FLOOR` of the outcome's scale over the parameter's own size, if that
-    is more.
+    The second is a dict (outcome, parameter) -> (cells,). A difference is relative to the larger
+    of the two, or to `FLOOR` of the outcome's scale over the parameter's own size, if that is more.
     """
-    asked, n = spec.sensitivities, len(checked)
-    names = list(theta)
-    copies = len(STENCIL) * len(names) * n
-    known = spec.parameter_table
-    scale = {name: _scale(known[name], np.asarray(x)[checked]) for name, x in theta.items()}
-    size = capacity(copies)
-    whole = theta[names[0]].shape[-1]
-    # every cell with each parameter at all places of the stencil; filled up with the last
-    place = np.tile(checked, len(STENCIL) * len(names))
-    place = np.concatenate([place, np.full(size - copies, checked[-1])])
-    moved = {name: np.asarray(x)[place].copy() for name, x in theta.items()}
-    inside = {
-        name: _is_inside(
-            known[name], np.asarray(theta[name])[checked], max(STENCIL) * asked.step * s
-        )
-        for name, s in scale.items()
-    }
-    for k, name in enumerate(names):
-        for j, steps in enumerate(STENCIL):
-            part = slice((len(STENCIL) * k + j) * n, (len(STENCIL) * k + j + 1) * n)
-            moved[name][part] += steps * asked.step * scale[name] * inside[name]
-    at = jax.tree.map(lambda x: x[place] if eqx.is_array(x) and x.shape == (whole,) else x, base)
-    moved = jax.tree.map(jnp.asarray, moved)
-    state, further = start_of(at, ways, moved, spec)
-    settings, run = Settings.of(spec, size), Run.of(spec)
-    run = run._replace(rtol=jnp.asarray(max(1e-3 * spec.rtol, 1e-13)))
-
-    def compute(given, number):
-        return plain(*given, number, run, settings)
-
-    system = with_parameters(at, ways, moved)
-    (found, words), _ = deal(compute, (system, state), np.arange(copies))
-    found |= {name: np.asarray(x)[:copies] for name, x in further.items()}
-    other = np.any(words.reshape(-1, n) != word[checked], axis=0)
+    cells = moved.cells
+    other = np.any(moved.words != word[cells], axis=(0, 1))
     gaps = {}
-    for k, name in enumerate(names):
-        unit = float(known[name].to_si(1.0))
+    for k, (name, scale) in enumerate(moved.scale.items()):
+        unit = float(spec.parameter_table[name].to_si(1.0))
         for outcome in (name for name in DIFFERENTIABLE if name in slopes):
-            value = found[outcome].reshape(len(names), len(STENCIL), n)[k]
-            change = np.tensordot(list(STENCIL.values()), value, 1) / asked.step
-            slope = slopes[outcome][checked, k] / unit * scale[name]
-            least = FLOOR * _outcome_scale(outcome, columns, base)[checked]
+            weights = list(STENCIL.values())
+            change = np.tensordot(weights, moved.found[outcome][k], 1) / spec.sensitivities.step
+            slope = slopes[outcome][cells, k] / unit * scale
+            least = FLOOR * _outcome_scale(outcome, columns, base)[cells]
             larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)
             larger = np.where(larger > 0, larger, 1.0)  # both may be zero
-            skip = ~inside[name] | ~np.isfinite(slope) | ~np.isfinite(change)
+            skip = ~moved.inside[name] | ~np.isfinite(slope) | ~np.isfinite(change)
             gaps[outcome, name] = np.where(skip, 0.0, np.abs(change - slope) / larger)
     return other, gaps
-
-
-def _scale(entry: Parameter, value: np.ndarray) -> np.ndarray:
-    """Size of a parameter, which its finite-difference step is relative to."""
-    if entry.unit == "rad":
-        return np.ones_like(value)
-    return np.where(value == 0, entry.reference or 1.0, np.abs(value))
 
 
 def _outcome_scale(name: str, columns, system: AbstractSystem) -> np.ndarray:
@@ -146,13 +98,6 @@ def _outcome_scale(name: str, columns, system: AbstractSystem) -> np.ndarray:
         )
         size |= {"N/m": load, "m": length, "N s/m": mass * size["m/s"]}
     return np.asarray(size.get(SCHEMA[name].units, np.abs(columns[name])))
-
-
-def _is_inside(entry: Parameter, value: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Whether a parameter may be changed by ``step`` both ways: at an end of its range it is not
-    checked."""
-    low, high = entry.to_edge(value - step), entry.to_edge(value + step)
-    return (low >= entry.range.low) & (high <= entry.range.high)
 
 
 def drawn(index: np.ndarray, share: float) -> np.ndarray:
