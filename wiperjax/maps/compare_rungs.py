@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..blade.rungs import MODELS
+from ..machine import provenance
 from ..noise.agreement import AMPLITUDE, FREQUENCY, Said, differences, said
 from ..noise.run_class import words
 from ..specs.load import load_scene, parse_scene
@@ -95,7 +96,8 @@ def preface() -> str:
     """What stands above the table in `docs/ladder.md`."""
     return f"""# Which model does a scene need?
 
-Made by `wiperjax ladder sweeps/scenes/*.toml -o docs/ladder.md --force`; the numbers are measured.
+Made by `wiperjax ladder sweeps/scenes/*.toml -o docs/ladder.md --force`, its numbers measured on
+{provenance.host_kind()}.
 
 Rungs, poorest first: **block** on a belt (1 dof, constant load, linear spring; equals the lip
 to first order about steady slip), **bar** (1 dof, the lip held on the glass), **lip** (2 dof, the
