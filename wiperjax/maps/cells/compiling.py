@@ -22,11 +22,12 @@ def apart(phase: str) -> Iterator[None]:
         yield
         return
     _listen()
-    _taken()
+    begun = time.perf_counter()
+    _taken(begun)
     try:
         yield
     finally:
-        seconds = _taken()
+        seconds = _taken(begun)
         add("compiling", seconds)
         add(phase, -seconds)
 
@@ -43,10 +44,10 @@ def _listen() -> None:
     jax.monitoring.register_event_duration_secs_listener(note)
 
 
-def _taken() -> float:
-    """Seconds since the last call in which some thread compiled."""
+def _taken(reached: float) -> float:
+    """Seconds after `reached` in which some thread compiled, of what ended since the last call."""
     spans, _spans[:] = sorted(_spans), []
-    total, reached = 0.0, -1.0
+    total = 0.0
     for start, stop in spans:
         total += max(stop - max(start, reached), 0.0)
         reached = max(reached, stop)

@@ -19,7 +19,7 @@ from ....systems.build import routes
 from ....vocabulary.codes import VALIDITY, Result
 from ....vocabulary.columns import differentiable, sensitivity_name
 from ....vocabulary.kinds import WIPER
-from .. import batch
+from .. import batch, compiling
 from ..columns import columns_of
 from ..devices import alike, deal, dearest_first
 from ..linear import slips
@@ -45,9 +45,9 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     seeds = {
         name: jnp.zeros((len(names), size)).at[k].set(units[name]) for k, name in enumerate(names)
     }
-    state, (dstate, dknown) = start_with_tangents(
-        base, ways, theta, seeds, spec.start, spec.family.coordinates
-    )
+    stated, coordinates = spec.start, spec.family.coordinates
+    with compiling.apart("naming"):
+        state, (dstate, dknown) = start_with_tangents(base, ways, theta, seeds, stated, coordinates)
 
     def compute(given, number):
         system, theta, state, seeds = given
@@ -66,7 +66,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
         (outcome, slopes, signal), effort = deal(
             compute, (base, theta, state, (seeds, dstate)), order
         )
-        with during("engine"):
+        with compiling.apart("engine"), during("engine"):
             slip = None if slip is None else slip.result()
             moved = None if moved is None else moved.result()
     columns = columns_of(spec, outcome, signal, effort, built, slip, count)
