@@ -146,6 +146,7 @@ def judged():
     return scene, errors.truth(scene), LOOP.prepare(scene, 1e-8).answer()
 
 
+@pytest.mark.slow
 def test_errors_see_faults(judged):
     scene, true, answer = judged
     good = errors.judge(scene, true, answer)

@@ -200,6 +200,7 @@ def test_flows_and_a_jump_are_one_compiled_function_each(pool):
     assert text.count(" = ") < 30_000
 
 
+@pytest.mark.slow
 def test_one_compilation_serves_a_whole_sweep():
     spec = sweep_spec()
     batch.evaluate(spec, np.arange(7))
