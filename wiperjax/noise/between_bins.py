@@ -28,7 +28,7 @@ class Bins(NamedTuple):
     polynomial: np.ndarray  # (degree + 1, bins): coefficients of (f - middle bin)^0, ^1, ...
 
     @classmethod
-    @lru_cache(maxsize=64)
+    @lru_cache(maxsize=512)  # tones are of any length
     def of(cls, samples: int, averaged: bool, precision: str) -> "Bins":
         """Bins of signals of so many `samples`; `averaged` over their intervals, or not."""
         length = int(scipy.fft.next_fast_len(PADDING * samples, real=True) or 0)

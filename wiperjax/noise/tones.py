@@ -10,12 +10,13 @@ before V = 0, counts as long as it fades slowly.
 """
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from .spectrum import strongest_lines
 
 AVERAGE = 5e-3  # s, over which the level is taken
 STEADY = 2.0  # largest over smallest level of a tone
+CHUNK = 2**16  # samples at once
 SIDES = {"before": -1, "after": 1}
 
 
@@ -41,53 +42,68 @@ def tones(
     `tone_frequency_before`, `tone_frequency_after` [Hz] (NaN if there is none, or the samples do
     not tell it), (cells,). Each side reaches to the middle of the stroke.
     """
-    found = {
-        f"tone_{what}_{side}": np.full(len(vibration), np.nan)
-        for what in ("time", "frequency")
-        for side in SIDES
-    }
-    width = max(1, round(AVERAGE / interval))
-    for k, row in enumerate(vibration):
-        if not np.isfinite(row).all():
-            continue
+    rows, width = max(1, CHUNK // vibration.shape[1]), max(1, round(AVERAGE / interval))
+    finite = np.flatnonzero(np.isfinite(vibration).all(axis=1))
+    start, length = np.zeros((2, len(SIDES), len(vibration)), int)
+    for part in (finite[k : k + rows] for k in range(0, finite.size, rows)):
         # a running sum of squares may come out below zero by rounding
-        level = np.sqrt(np.maximum(uniform_filter1d(row**2 + inner[k], width), 0.0))
-        for side, sign in SIDES.items():
-            start, length = _longest(level, np.sign(since[k]) == sign, since[k], quiet_below[k])
-            found[f"tone_time_{side}"][k] = length * interval
-            if length >= 8:
-                part = slice(start, start + length)
-                line = strongest_lines(row[part], interval, averaged=True, inner=inner[k][part])
-                found[f"tone_frequency_{side}"][k] = line.frequency if line.told else np.nan
+        square = uniform_filter1d(vibration[part] ** 2 + inner[part], width, axis=1)
+        level = np.sqrt(np.maximum(square, 0.0))
+        stretch = np.minimum(_steady(level, quiet_below[part, None]), _rest(since[part]))
+        for side, sign in enumerate(SIDES.values()):
+            mine = np.where(np.sign(since[part]) == sign, stretch, 0)
+            start[side, part], length[side, part] = mine.argmax(axis=1), mine.max(axis=1)
+    found = {}
+    for side, begun, samples in zip(SIDES, start, length, strict=True):
+        found[f"tone_time_{side}"] = np.full(len(vibration), np.nan)
+        found[f"tone_time_{side}"][finite] = samples[finite] * interval
+        found[f"tone_frequency_{side}"] = _pitch(vibration, inner, interval, begun, samples)
     return found
 
 
-def _longest(level, inside, since, quiet_below) -> tuple[int, int]:
-    """Start and length, in samples, of the longest steady stretch among the half strokes."""
-    best = (0, 0)
-    # a half stroke ends where the side changes, and in mid-stroke, where `since` falls back
-    border = np.flatnonzero((inside[1:] != inside[:-1]) | (since[1:] < since[:-1])) + 1
-    starts, stops = np.r_[0, border], np.r_[border, level.size]
-    for start, stop in zip(starts, stops, strict=True):
-        if inside[start] and stop - start > best[1]:
-            place, length = _steady(level[start:stop], quiet_below)
-            best = max(best, (start + place, length), key=lambda part: part[1])
-    return best
+def _rest(since: np.ndarray) -> np.ndarray:
+    """Samples from each one to the end of its half stroke, (cells, samples)."""
+    count = since.shape[1]
+    place = np.arange(count)
+    # it ends where the side changes, and in mid-stroke, where `since` falls back
+    side = np.sign(since)
+    ends = (side[:, 1:] != side[:, :-1]) | (since[:, 1:] < since[:, :-1])
+    ends = np.concatenate([np.where(ends, place[1:], count), np.full((len(since), 1), count)], 1)
+    return np.minimum.accumulate(ends[:, ::-1], axis=1)[:, ::-1] - place
 
 
-def _steady(level: np.ndarray, quiet_below: float) -> tuple[int, int]:
-    """Longest stretch of `level` above `quiet_below` and within `STEADY`, by bisection."""
-    place, shortest, longest = 0, 0, level.size + 1
-    if not (level > quiet_below).any():
-        return 0, 0
-    while longest - shortest > 1:
-        size = (shortest + longest) // 2
-        # zeros beyond the ends: no stretch reaches there
-        low = minimum_filter1d(level, size, mode="constant")
-        high = maximum_filter1d(level, size, mode="constant")
-        fits = (low > quiet_below) & (high <= STEADY * low)
-        if fits.any():
-            place, shortest = int(np.argmax(fits)) - size // 2, size
-        else:
-            longest = size
-    return place, shortest
+def _steady(level: np.ndarray, quiet_below: np.ndarray) -> np.ndarray:
+    """Length in samples of the longest stretch from each sample on in which `level` stays above
+    `quiet_below` (cells, 1) and within `STEADY`, (cells, samples).
+
+    Every part of such a stretch is one itself, so it is made of stretches of 2^k samples, the long
+    ones first, whose smallest and largest levels are those of their halves.
+    """
+    count = level.shape[1]
+    lowest, highest = [level], [level]
+    while 2 * (half := count + 1 - lowest[-1].shape[1]) <= count:
+        lowest.append(np.minimum(lowest[-1][:, :-half], lowest[-1][:, half:]))
+        highest.append(np.maximum(highest[-1][:, :-half], highest[-1][:, half:]))
+    start = np.arange(count)
+    end = np.broadcast_to(start, level.shape)
+    low, high = np.full_like(level, np.inf), np.zeros_like(level)
+    for lows, highs in zip(lowest[::-1], highest[::-1], strict=True):
+        size = count + 1 - lows.shape[1]
+        next_ = np.minimum(end, count - size)
+        lower = np.minimum(low, np.take_along_axis(lows, next_, 1))
+        higher = np.maximum(high, np.take_along_axis(highs, next_, 1))
+        fits = (next_ == end) & (lower > quiet_below) & (higher <= STEADY * lower)
+        end = np.where(fits, end + size, end)
+        low, high = np.where(fits, lower, low), np.where(fits, higher, high)
+    return end - start
+
+
+def _pitch(signal, inner, interval: float, start: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Frequency [Hz] of one stretch of each signal, (cells,); NaN where the samples do not tell."""
+    found = np.full(len(signal), np.nan)
+    for samples in np.unique(length[length >= 8]):  # stretches of one length together
+        row = np.flatnonzero(length == samples)[:, None]
+        place = start[row] + np.arange(samples)
+        line = strongest_lines(signal[row, place], interval, averaged=True, inner=inner[row, place])
+        found[row[:, 0]] = np.where(line.told, line.frequency, np.nan)
+    return found
