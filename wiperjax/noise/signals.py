@@ -51,7 +51,7 @@ def signal_columns(
     Returns: `dominant_frequency` [Hz] of the stroke, `frequency_told` (`TOLD`; where "no", the
     frequency is what the samples seem to say), `settled` (`SETTLED`); on a belt that reverses
     also `velocity_rms_stroke`, `vibration_reversal` and `vibration_stroke` [m/s],
-    `reversal_count` and the results of `turns.tones`. Where the strokes are quiet and a tone around
+    `reversal_count` and the results of `tones.tones`. Where the strokes are quiet and a tone around
     the turn is not, the dominant frequency is that of the longest tone. All (cells,).
     """
     signal = np.atleast_2d(np.asarray(signal))

@@ -16,7 +16,7 @@ from .spectrum import strongest_lines
 
 AVERAGE = 5e-3  # s, over which the level is taken
 STEADY = 2.0  # largest over smallest level of a tone
-CHUNK = 2**16  # samples at once
+CHUNK = 2**16  # samples at once: levels of their stretches are twenty times as many
 SIDES = {"before": -1, "after": 1}
 
 

@@ -102,7 +102,7 @@ def program(spec, index: np.ndarray, room: int | None = None) -> Callable[[int],
 
 def compile_all(specs: Iterable[Any], room: int, threads: int) -> None:
     """Compile what `evaluate` runs of each of some sweeps with this ``room``, so many at once
-    (tracing is one after the other). One that cannot be started is left out.
+    (but tracing, which holds Python's lock). One that cannot be started is left out.
     """
 
     def compile_one(spec) -> None:
