@@ -527,6 +527,9 @@ def test_notes_on_windows():
     assert "reversal_window is 0.025 s, but the glass needs up to 0.072 s after V = 0" in note
     wide = {"axes": axes, "belt": belt, "run": run, "classes": {"reversal_window": 0.1}}
     assert parse_sweep(wide).notes() == []
+    short = belt | {"amplitude": 0.01}  # strokes of 5 mm
+    (note,) = parse_sweep({"axes": axes, "belt": short, "run": run}).notes()
+    assert "the glass turns back before it can carry the lip over (1.5 lip lengths)" in note
 
 
 @pytest.mark.parametrize(
@@ -555,6 +558,7 @@ def test_time_of_a_flip():
     turn = 2 * math.pi * 0.7
     assert 1.6 / turn * (1 - math.cos(turn * time)) == pytest.approx(9e-3)
     assert flip_time("wiping", 0.01, 10.0, 0.0, 6e-3) == math.inf  # the lip never flips
+    assert flip_time("trapezoid", 0.01, 10.0, 0.01, 6e-3) == math.inf
 
 
 def test_thresholds_of_a_scene():

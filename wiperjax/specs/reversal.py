@@ -7,7 +7,7 @@ FLIP = 1.5
 
 
 def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: float) -> float:
-    """Time [s] after V = 0 until the glass has travelled `FLIP` lip lengths; inf if it never does.
+    """Time [s] after V = 0 until the glass has travelled `FLIP` lip lengths; inf if it turns before.
 
     **Arguments:** `kind` of belt that reverses (`BELTS`), its peak speed [m/s], frequency [Hz] and
     ramp [s] (of a trapezoid), and the lip's length [m]. Raises ValueError for another kind.
@@ -15,7 +15,8 @@ def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: fl
     way = FLIP * length
     if kind == "trapezoid":
         time = math.sqrt(way * ramp / speed)  # V = 2 V0 t/ramp up to t = ramp/2
-        return time if time <= ramp / 2 else ramp / 4 + way / speed
+        time = time if time <= ramp / 2 else ramp / 4 + way / speed
+        return time if 2 * time * frequency <= 1 else math.inf
     if kind != "wiping":
         raise ValueError(f"kind must be a belt that reverses, but was {kind!r}")
     turn = 2 * math.pi * frequency

@@ -242,10 +242,11 @@ class SweepSpec(System):
         window = self.classes.reversal_window
         if time <= 1.05 * window:
             return []
-        return [
-            f"classes.reversal_window is {window:g} s, but the glass needs up to {time:.2g} s "
-            f"after V = 0 to carry the lip over ({FLIP:g} lip lengths); later counts as stroke"
-        ]
+        takes = f"the glass needs up to {time:.2g} s after V = 0 to"
+        if math.isinf(time):
+            takes = "where it is slowest the glass turns back before it can"
+        over = f"carry the lip over ({FLIP:g} lip lengths); later counts as stroke"
+        return [f"classes.reversal_window is {window:g} s, but {takes} {over}"]
 
     def canonical(self) -> str:
         """JSON of everything that determines the numbers of the map, and of nothing else.
