@@ -35,7 +35,7 @@ BLOCK_BYTES = 2**27  # of samples and event logs
 ACCELERATED = 32  # times all three on an accelerator: 2**20 cells, 16 for each of its lanes
 FINER = (2, 16)  # times as many samples, for cells whose frequency the first do not tell
 OF_THE_MOTION = ("result", "velocity_rms", "belt_speed_rms")  # whatever the samples
-ANALYSED = 2**19  # samples at once, of each core
+ANALYSED = 2**20  # samples at once, of each core
 
 Evaluate = Callable[..., Mapping[str, Any]]
 """(spec, cells) and, of samples, (finer, room); in a map of several starts also, by its name,

@@ -53,11 +53,11 @@ def tones(
         for side, sign in enumerate(SIDES.values()):
             mine = np.where(np.sign(since[part]) == sign, stretch, 0)
             start[side, part], length[side, part] = mine.argmax(axis=1), mine.max(axis=1)
-    found = {}
-    for side, begun, samples in zip(SIDES, start, length, strict=True):
+    found, pitch = {}, _pitch(vibration, inner, interval, start, length)
+    for side, samples, frequency in zip(SIDES, length, pitch, strict=True):
         found[f"tone_time_{side}"] = np.full(len(vibration), np.nan)
         found[f"tone_time_{side}"][finite] = samples[finite] * interval
-        found[f"tone_frequency_{side}"] = _pitch(vibration, inner, interval, begun, samples)
+        found[f"tone_frequency_{side}"] = frequency
     return found
 
 
@@ -99,11 +99,13 @@ def _steady(level: np.ndarray, quiet_below: np.ndarray) -> np.ndarray:
 
 
 def _pitch(signal, inner, interval: float, start: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """Frequency [Hz] of one stretch of each signal, (cells,); NaN where the samples do not tell."""
-    found = np.full(len(signal), np.nan)
+    """Frequency [Hz] of some stretches of each signal, (stretches, cells) as `start` and `length`;
+    NaN where the samples do not tell.
+    """
+    found = np.full(length.shape, np.nan)
     for samples in np.unique(length[length >= 8]):  # stretches of one length together
-        row = np.flatnonzero(length == samples)[:, None]
-        place = start[row] + np.arange(samples)
-        line = strongest_lines(signal[row, place], interval, averaged=True, inner=inner[row, place])
-        found[row[:, 0]] = np.where(line.told, line.frequency, np.nan)
+        stretch, row = np.nonzero(length == samples)
+        here = row[:, None], start[stretch, row][:, None] + np.arange(samples)
+        line = strongest_lines(signal[here], interval, averaged=True, inner=inner[here])
+        found[stretch, row] = np.where(line.told, line.frequency, np.nan)
     return found
