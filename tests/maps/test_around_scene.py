@@ -5,10 +5,10 @@ import noises
 import numpy as np
 import pytest
 
-from wiperjax.engine.kept import Kept
 from wiperjax.maps import around_scene
 from wiperjax.maps.cells import batch
 from wiperjax.maps.cells.linear import slips
+from wiperjax.numerics.kept import Kept
 from wiperjax.specs.load import load_scene
 
 SCENES = sorted((noises.SWEEPS / "scenes").glob("*.toml"))

@@ -24,7 +24,7 @@ def test_a_tree_comes_back_from_its_rows_with_its_types():
     assert [x.dtype for x in tables] == [x.dtype for x in packing.empty(lanes)]
     assert [x.shape for x in tables] == [x.shape for x in packing.empty(lanes)]
     found = Rows([np.asarray(x) for x in tables], packing)
-    # a program that is kept keeps how its answers are put together (`engine.kept`)
+    # a program that is kept keeps how its answers are put together (`numerics.kept`)
     leaves, structure = jax.tree.flatten(found)
     back = jax.tree.unflatten(pickle.loads(pickle.dumps(structure)), leaves).tree()
     wanted = jax.tree.map(lambda x: np.moveaxis(x, -1, 0), tree)

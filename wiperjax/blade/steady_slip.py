@@ -18,6 +18,7 @@ import optimistix as optx
 from ..contact.belts import SteadyBelt
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces, slip_sign
 from ..contact.space import contact
+from ..numerics.kept import Kept
 from ..numerics.sign_changes import sign_changes
 from ..numerics.types import Scalar
 from ..vocabulary import checks
@@ -112,7 +113,7 @@ def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
     return jax.tree.map(lambda x: x[:size].reshape(*shape, branches), found)
 
 
-@eqx.filter_jit
+@Kept
 def _map(wiper, belt_speed, branches):
     varying, fixed = eqx.partition((wiper, belt_speed), lambda x: np.ndim(x) > 0)  # of all cells
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from ..contact.space import contact
-from ..engine.kept import Kept
+from ..numerics.kept import Kept
 from ..vocabulary.codes import Regime
 from .shooting import SMALL
 

@@ -17,9 +17,9 @@ from ..contact.space import contact
 from ..contact.system import AbstractSystem
 from ..engine.carry.problem import Integration, Recording, make_case, record_sample
 from ..engine.carry.state import EventLog
-from ..engine.kept import Kept
 from ..engine.observers.totals import Reach, RegimeTotals, Totals
 from ..engine.solve import begin, run, solution
+from ..numerics.kept import Kept
 from ..vocabulary.codes import Regime
 
 SAMPLES = 257  # of an arc; states at even distances

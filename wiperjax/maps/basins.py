@@ -11,9 +11,9 @@ from ..blade.numbers import numbers, traceable
 from ..contact.system import AbstractSystem
 from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
-from ..engine.kept import Kept
 from ..engine.lanes import Outcome, Pool, run_pool
 from ..engine.observers.totals import RegimeTotals
+from ..numerics.kept import Kept
 from ..vocabulary import cf, checks
 from ..vocabulary.codes import REGIMES, RESULTS, Result
 from ..vocabulary.ranges import COUNT, FINITE, NON_NEGATIVE, POSITIVE

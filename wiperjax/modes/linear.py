@@ -16,7 +16,7 @@ from ..contact.guards import starting_sides
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces
 from ..contact.space import contact
 from ..contact.system import AbstractSystem, rates
-from ..engine.kept import Kept
+from ..numerics.kept import Kept
 from ..numerics.types import Coordinates
 
 _FINDER = optx.LevenbergMarquardt(rtol=1e-13, atol=1e-13)

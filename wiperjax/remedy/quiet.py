@@ -10,8 +10,8 @@ import xarray as xr
 
 from ..blade import numbers
 from ..blade.wiper import Wiper
-from ..engine.kept import Kept
 from ..engine.solve import solve
+from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.codes import Result
 from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range

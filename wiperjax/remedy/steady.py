@@ -13,7 +13,7 @@ from ..blade import numbers
 from ..blade.steady_slip import equilibria
 from ..blade.wiper import Wiper
 from ..contact.belts import SteadyBelt, operating_speed
-from ..engine.kept import Kept
+from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.ranges import FINITE
 from .box import Box, check_search, search

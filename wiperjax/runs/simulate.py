@@ -29,13 +29,13 @@ from ..engine.arguments import (
 )
 from ..engine.carry.problem import Case, Integration, Problem, Recording, make_case
 from ..engine.carry.state import EventLog, State
-from ..engine.kept import Kept
 from ..engine.observers.base import Nothing
 from ..engine.observers.reversal import ReversalTotals
 from ..engine.observers.totals import RegimeTotals
 from ..engine.solve import active, begin
 from ..engine.step import advance
 from ..machine import provenance
+from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.codes import ADVICE, RUNNING, Result
 from ..vocabulary.ranges import COUNT, POSITIVE, Range

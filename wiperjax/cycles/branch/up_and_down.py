@@ -21,9 +21,9 @@ import xarray as xr
 from ...blade import numbers
 from ...contact.system import AbstractSystem
 from ...engine.arguments import check_state, check_system
-from ...engine.kept import Kept
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
+from ...numerics.kept import Kept
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import RESULTS, RUNNING, Result
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...contact.regimes import forces, slip_sign, vector_field
 from ...contact.space import contact
-from ...engine.kept import Kept
+from ...numerics.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..chart import Chart, chart
 from ..return_map import Lost

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from ...contact.regimes import vector_field
 from ...contact.space import contact
-from ...engine.kept import Kept
+from ...numerics.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..orbit import slip_minimum
 from ..return_map import Lost, Shooting

@@ -14,12 +14,12 @@ from ...contact.belts import SteadyBelt
 from ...contact.system import AbstractSystem
 from ...datasets.map_dataset import raster_index
 from ...engine.carry.problem import Integration, Recording, make_case
-from ...engine.kept import Kept
 from ...engine.lanes import Pool, run_pool
 from ...engine.observers.margins import watch
 from ...engine.observers.reversal import ReversalTotals
 from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
+from ...numerics.kept import Kept
 from ...numerics.runge_kutta import SOLVERS
 from ...specs.tables import Start
 from ...systems.build import Built, belt_of, build, go_on, start

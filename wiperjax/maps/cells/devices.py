@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...blade.wiper import Wiper
-from ...engine.kept import as_arrays
 from ...machine.jax_settings import cores
 from ...machine.phases import during
 from ...numerics.arrays import cellwise
+from ...numerics.kept import as_arrays
 from . import compiling
 
 

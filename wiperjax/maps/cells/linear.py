@@ -7,8 +7,8 @@ import numpy as np
 from ...blade.steady_slip import SteadySlip, steady_slip
 from ...blade.wiper import Wiper
 from ...contact.belts import operating_speed
-from ...engine.kept import Kept, as_arrays
 from ...numerics.arrays import cellwise
+from ...numerics.kept import Kept, as_arrays
 from ...systems.build import build
 from .devices import alike, spread
 

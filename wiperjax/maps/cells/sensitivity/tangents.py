@@ -12,7 +12,7 @@ from ....blade.steady_slip import steady_slip
 from ....blade.wiper import Wiper
 from ....contact.belts import operating_speed
 from ....contact.system import AbstractSystem
-from ....engine.kept import Kept
+from ....numerics.kept import Kept
 from ....specs.tables import Start
 from ....systems.build import Built, belt_of, build, start_at
 from .. import batch

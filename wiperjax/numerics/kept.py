@@ -26,8 +26,8 @@ import jax.numpy as jnp
 from jax import export
 
 from ..machine import files, provenance
-from ..numerics.arrays import fields_of
 from ..vocabulary.kinds import is_absent
+from .arrays import fields_of
 
 log = logging.getLogger("wiperjax")
 

@@ -14,8 +14,8 @@ from wiperjax import SteadyBelt, Wiper, WipingBelt
 from wiperjax.blade.numbers import traceable
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.contact.regimes import slip_sign
-from wiperjax.engine import kept
-from wiperjax.engine.kept import Kept, as_arrays
+from wiperjax.numerics import kept
+from wiperjax.numerics.kept import Kept, as_arrays
 
 TRACED = []
 
