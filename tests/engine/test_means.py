@@ -17,7 +17,7 @@ def test_a_step_of_few_digits_ends_when_the_clock_says(window, monkeypatch):
     monkeypatch.setattr(means, "outputs", lambda stretch: [jnp.float32(0.1)] * 5)
     signal = Signal(0.0, window / 512, 512, room=1024, ring=512)
     begin, none = jnp.float64(0.0), jnp.float64(0.0)
-    stretch = Stretch(None, begin, jnp.float64(window), none, jnp.int32(0), (), (), ())
+    stretch = Stretch(None, begin, jnp.float64(window), none, jnp.int32(0), (), (), (), ())
     ring, full = take_means(signal, signal.empty(jnp.float32(0.0)), stretch, True)
     assert not full
     assert abs(float(ring.until) - window) < 1e-12 * window
@@ -34,7 +34,7 @@ def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
     record, ring, case = signal.record(), signal.empty(none), jnp.zeros(1, jnp.int32)
     for start, end, regime in ((0.0, 0.83, 2), (0.83, 1.1, 1)):
         length = jnp.full(1, end - start)
-        stretch = Stretch(None, begin + start, length, none, jnp.full(1, regime), (), (), ())
+        stretch = Stretch(None, begin + start, length, none, jnp.full(1, regime), (), (), (), ())
         moves, full = True, True
         while full:
             ring, full = take_means(signal, ring, stretch, moves)
@@ -52,7 +52,7 @@ def test_samples_carry_no_derivative(monkeypatch):
 
     def samples(start):
         length, none = jnp.full(1, 0.3), jnp.zeros(1)
-        stretch = Stretch(None, start, length, none, jnp.full(1, 1), (), (), ())
+        stretch = Stretch(None, start, length, none, jnp.full(1, 1), (), (), (), ())
         ring, full = take_means(signal, signal.empty(none), stretch, True)
         return flush(signal, signal.record(), ring, jnp.zeros(1, jnp.int32)), full
 

@@ -116,6 +116,11 @@ def test_the_product_of_all_flows_and_saltation_matrices(angle, stiffness, heigh
     n = int(s.events.count)
     log = jax.tree.map(lambda x: np.asarray(x)[:n].tolist(), s.events._replace(count=np.zeros(n)))
     assert kinds <= set(log.kind)
+    totals = s.statistics  # no time is lost, and what moves gets there: a sequence of impacts, too
+    lasted = totals.stick_time + totals.slip_time + totals.flight_time
+    assert float(lasted) == pytest.approx(duration, rel=1e-12)
+    way = float(s.final_position[0] - start[0])
+    assert float(totals.output_integral) == pytest.approx(way, abs=1e-9 * LENGTH)
 
     y = start - [0, 0, speed, 0]  # the system computes with velocities over the glass
     switch = blade(given).switches(0.0, (y[0], y[1]), (y[2], y[3]))[0]

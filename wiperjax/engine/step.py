@@ -18,7 +18,7 @@ from ..vocabulary.codes import RUNNING, Regime, Result
 from .carry.problem import Problem
 from .carry.recall import remember
 from .carry.state import BREAK, State
-from .event.event_time import time_to_event
+from .event.event_time import drift, time_to_event
 from .event.plan import Plan, locate
 from .event.transition import Outcome, transition
 from .observers.base import Happening, Stretch
@@ -102,7 +102,11 @@ def jump(problem: Problem, state: State) -> State:
     memory, step = remember(state, after.regime, after.time, after.bounce, happens, fires)
     result = _result_after(problem, state, after, happens, fires)
     # the observer and the log see the event on the piece of the motion that it ends
-    happening = Happening(before, state.time, after.kind, state.regime, after.regime, after.impulse)
+    output = before.output(after.time, after.position, after.velocity)
+    happening = Happening(
+        *(before, state.time, after.kind, state.regime, after.regime),
+        *(after.impulse, after.time - state.time, output),
+    )
     observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
     log = state.log
     if problem.log_capacity:
@@ -180,22 +184,6 @@ def _rest_after(state: State, happens, after):
     )
 
 
-def drift(state: State, h, q, v, rate, d):
-    """Return the state a time ``d``, far shorter than the step ``h`` from ``state`` to (q, v) with
-    ``rate``, past its end: a Taylor step.
-
-    It goes to the change of the acceleration (of the cubic through the velocities): the derivative
-    of an event's state then holds as well as the state, whatever the length of the last correction.
-    """
-    speeds, a = rate
-    h = h.astype(d.dtype)
-    u = d / jnp.where(h > 0, h, 1.0)
-    ends = zip(state.velocity, v, state.rate[1], a, strict=True)
-    bends = [h * (2 * y + 4 * z) - 6 * (x1 - x0) for x0, x1, y, z in ends]
-    q = tuple(x + d * (s + 0.5 * d * y) for x, s, y in zip(q, speeds, a, strict=True))
-    return q, tuple(x + d * y + 0.5 * u * u * z for x, y, z in zip(v, a, bends, strict=True))
-
-
 def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> State:
     """Commit the trial step where ``moves``, and the rest of the time to an event."""
     system = problem.system.on_piece(state.piece)
@@ -228,6 +216,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
         trial.nodes,
         tuple(g.nodes for g in trial.guards),
         tuple(g.size for g in trial.guards),
+        (system.on_sides(state.sides), state.time + length, q, v),
     )
     observed = problem.observer.stretch(state.observed, stretch)
     index, full = state.sample_index, state.full

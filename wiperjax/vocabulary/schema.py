@@ -105,7 +105,10 @@ _TABLE = (
     Column(
         "belt_speed_rms", "float64", "m/s", "root mean square of the belt speed", each_start=False
     ),
-    Column("normal_force_mean", "float64", "N/m", "mean normal force"),
+    Column(
+        *("normal_force_mean", "float64", "N/m", "mean normal force"),
+        comment="of contact that lasts: impulses of impacts are not in it",
+    ),
     Column("normal_force_max", "float64", "N/m", "largest normal force"),
     Column("normal_force_mean_stroke", "float64", "N/m", "mean normal force away from reversal"),
     Column("normal_force_max_reversal", "float64", "N/m", "largest normal force around reversal"),

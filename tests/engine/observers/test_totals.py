@@ -6,7 +6,7 @@ import pytest
 from systems import Block, times, trajectory
 
 import wiperjax
-from wiperjax import Regime, SteadyBelt, Wiper
+from wiperjax import Regime, SteadyBelt, Wiper, WipingBelt
 from wiperjax.engine.observers.totals import steepest
 
 
@@ -68,3 +68,72 @@ def test_the_steepest_place_of_a_step_is_found_wherever_it_lies():
     nodes = [np.sin(phase + length * share) for share in np.linspace(0, 1, 5)]
     true = np.abs(np.cos(phase + length * np.linspace(0, 1, 1001)[:, None])).max(axis=0)
     np.testing.assert_allclose(steepest(nodes) / length, true, rtol=2e-3)
+
+
+@pytest.mark.slow
+def test_a_largest_force_at_an_event_has_the_derivative_of_the_force_there():
+    """The slip that ends in a capture presses hardest as it ends. The slope of a step's quartic,
+    times that of the event's time, made 8 % of it (rtol 1e-9), and more the finer the tolerance."""
+    blade = {
+        **{"tip_mass": 5.148e-3, "lip_length": 8.572e-3, "hinge_mass": 4.106e-4},
+        **{"support_stiffness": 349.6, "support_damping": 2.138, "normal_load": 22.04},
+        **{"neck_stiffness": 0.7117, "shoulder_stiffness": 0.351, "shoulder_angle": 0.7567},
+        **{"mu_static": 1.682, "mu_minimum": 0.1903, "stribeck_speed": 0.1164, "gravity": 9.81},
+        **{"attack_angle": -0.4209, "hinge_damping": 8.824e-5, "viscous_slope": 7.123e-3},
+    }
+    belt = WipingBelt(1.4523, 28.048, 5.8408)
+
+    def largest(given):
+        restitution, height = given
+        start = (-1.5824e-3, height), (-0.47626, -0.49029)
+        wiper = Wiper(belt=belt, restitution=restitution, **blade)
+        found = wiperjax.solve(wiper, 2.3e-3, initial_state=start, rtol=1e-9, max_events=64)
+        return found.statistics.normal_force_max, found.events
+
+    program = jax.jit(lambda given, along: jax.jvp(largest, (given,), (along,), has_aux=True))
+    given = np.array([0.6461, 3.628e-4])
+    for along in np.eye(2):
+        _, slope, events = program(given, along)
+        step = 1e-5 * given @ along
+        apart = [program(given + k * step * along, along) for k in (-2, -1, 1, 2)]
+        assert all(np.array_equal(x[2].kind, events.kind) for x in apart)
+        low, below, above, high = (float(x[0]) for x in apart)
+        difference = (8 * (above - below) - (high - low)) / (12 * step)
+        np.testing.assert_allclose(slope, difference, rtol=1e-4)
+
+
+def test_an_observer_of_its_own_start_gathers_all_from_there_on():
+    """The step that its start lay in was left out, a fifth of a stick time."""
+    block, start = Block(0.4, 0.25, 1.0, 100.0, belt=0.05), ((0.0,), (0.05,))
+
+    @jax.jit
+    def gathered(begin):
+        options = {"initial_state": start, "max_events": 0}
+        own = wiperjax.solve(block, 3.0, observer=wiperjax.RegimeTotals(begin), **options)
+        return own.statistics, wiperjax.solve(
+            block, 3.0, statistics_start=begin, **options
+        ).statistics
+
+    own, usual = gathered(1.234)
+    lasted = own.stick_time + own.slip_time + own.flight_time
+    assert float(lasted) == pytest.approx(3.0 - 1.234, rel=1e-12)
+    assert all(np.array_equal(a, b) for a, b in zip(own, usual, strict=True))
+
+
+def test_work_done_on_friction_has_its_derivative():
+    """A part of it carried none: it came out small, and of the wrong sign."""
+
+    @jax.jit
+    def work(belt):
+        options = {"initial_state": ((0.0,), (0.0,)), "rtol": 1e-10, "max_events": 0}
+
+        def of(belt):
+            block = Block(0.4, 0.25, 1.0, 100.0, belt=belt)
+            return wiperjax.solve(block, 1.0, **options).statistics.friction_work
+
+        return jax.jvp(of, (belt,), (1.0,))
+
+    value, slope = work(0.05)
+    assert float(value) > 0
+    low, high = (float(work(0.05 + step)[0]) for step in (-1e-5, 1e-5))
+    assert float(slope) == pytest.approx((high - low) / 2e-5, rel=1e-6)

@@ -168,7 +168,7 @@ def test_a_peak_is_that_of_a_quartic_and_so_is_its_derivative(correction):
     def peak(shape, correction):
         nodes = tuple((0.25 * k) ** powers @ shape for k in range(5))
         step = jnp.ones(())
-        stretch = Stretch(None, 0.0, step, jnp.asarray(correction), 0, (), (), ())
+        stretch = Stretch(None, 0.0, step, jnp.asarray(correction), 0, (), (), (), ())
         return stretch.peak(nodes)
 
     grid = np.linspace(0, 1 + correction, 20001)[:, None] ** powers

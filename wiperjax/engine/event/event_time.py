@@ -1,4 +1,4 @@
-"""Derivative of an event's time: the implicit function theorem.
+"""The last correction of an event's time, and its derivative: the implicit function theorem.
 
 Steps carry no derivative, so the last correction of the time has to carry all of it: dt = -dg / g',
 with dg the change of the guard at the event's time and g' its slope along the motion. The value of
@@ -14,6 +14,23 @@ from ...contact.guards import guard_values
 from ...contact.regimes import acceleration, forces
 from ...contact.space import contact
 from ...contact.system import rates
+from ..carry.state import State
+
+
+def drift(state: State, h, q, v, rate, d):
+    """Return the state a time ``d``, far shorter than the step ``h`` from ``state`` to (q, v) with
+    ``rate``, past its end: a Taylor step.
+
+    It goes to the change of the acceleration (of the cubic through the velocities): the derivative
+    of an event's state then holds as well as the state, whatever the length of the last correction.
+    """
+    speeds, a = rate
+    h = h.astype(d.dtype)
+    u = d / jnp.where(h > 0, h, 1.0)
+    ends = zip(state.velocity, v, state.rate[1], a, strict=True)
+    bends = [h * (2 * y + 4 * z) - 6 * (x1 - x0) for x0, x1, y, z in ends]
+    q = tuple(x + d * (s + 0.5 * d * y) for x, s, y in zip(q, speeds, a, strict=True))
+    return q, tuple(x + d * y + 0.5 * u * u * z for x, y, z in zip(v, a, bends, strict=True))
 
 
 @eqx.filter_custom_jvp

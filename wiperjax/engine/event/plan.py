@@ -7,7 +7,7 @@ that is nearly every event), or found in a step that ran over the event and is t
 its length (a re-step each time) goes on until the rest, in units of the step, is below sqrt(rtol)
 and 1e3 rtol: its square is what a linear estimate of it is off, if its slope is known well enough
 (`approach`).
-That last correction is a Taylor step (`step.drift`) and carries the derivative of the event time
+That last correction is a Taylor step (`event_time.drift`) and carries the derivative of the time
 (implicit function theorem), since step sizes themselves carry none.
 """
 

@@ -18,7 +18,11 @@ SHORTEST = 1e-9  # s: of a shorter step differences of velocities are rounding
 
 
 class Totals(NamedTuple):
-    """Record of `RegimeTotals`. Times in s, output in the system's own unit (m/s for the wiper)."""
+    """Record of `RegimeTotals`. Times in s, output in the system's own unit (m/s for the wiper).
+
+    `stick_force_max`, `slip_force_min` and `acceleration_max` are of the nodes of steps, and carry
+    no derivative: JAX's is 0.
+    """
 
     stick_time: Scalar
     slip_time: Scalar
@@ -123,7 +127,12 @@ class RegimeTotals(AbstractObserver):
         def count(condition):
             return (on & condition).astype(jnp.int32)
 
+        # a sequence of impacts is flight, in which the output hardly changes
+        flown = jnp.where(on, e.duration, 0.0).astype(record.flight_time.dtype)
         return record._replace(
+            flight_time=record.flight_time + flown,
+            output_integral=record.output_integral + flown * e.output,
+            output_square_integral=record.output_square_integral + flown * e.output * e.output,
             impact_count=record.impact_count + hit.astype(jnp.int32),
             stick_count=record.stick_count
             + count((e.after == Regime.STICK) & (e.before != Regime.STICK)),
@@ -139,9 +148,7 @@ class RegimeTotals(AbstractObserver):
 def _powers(stretch) -> list[Scalar]:
     """Power that friction takes at the nodes of a stretch; none where there is no slip speed."""
     return [
-        -stop_gradient(
-            n.forces.tangential * stretch.system.slip_speed(n.time, n.position, n.velocity)
-        )
+        -n.forces.tangential * stretch.system.slip_speed(n.time, n.position, n.velocity)
         for n in stretch.nodes
     ]
 
