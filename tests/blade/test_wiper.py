@@ -1,6 +1,7 @@
 """The lip at the ends of its shoulders."""
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -49,3 +50,9 @@ def test_an_attack_angle_behind_the_collapse_does_not_move_it():
     with pytest.raises(ValueError, match="must lie where the model holds"):
         edge = 6e-3 * np.sin(np.pi / 3)
         wiperjax.simulate(wiper, 0.05, initial_state=((edge * 1.001, 0.0), (0.0, 0.0)))
+
+
+@pytest.mark.parametrize("speed", [1, np.int64(1), np.array(1)])
+def test_a_belt_of_whole_metres_a_second_moves_like_any_other(speed):
+    found = SteadyBelt(speed).motion(jnp.zeros(()), 0)
+    assert [float(x) for x in found] == [1.0, 0.0]

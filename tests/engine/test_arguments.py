@@ -74,8 +74,9 @@ def samples():
     return {"run": run, "map": found}
 
 
-RTOL = [*NO_NUMBER, -1, 0, 1e3]
-LENGTH = [*NO_NUMBER, -1, 0]  # of time
+SEVERAL = np.array([1e-9, 1e-9])  # of what a motion has one
+RTOL = [*NO_NUMBER, -1, 0, 1e3, SEVERAL]
+LENGTH = [*NO_NUMBER, -1, 0, SEVERAL]  # of time
 MOTION = {
     "system": ["wiper", None, wiperjax.Wiper, wiperjax.SteadyBelt(0.3)],
     "duration": LENGTH,
@@ -99,20 +100,33 @@ CASES = {
         {"system": BLADE, "duration": 0.01},
         MOTION
         | {
-            "sample_times": ["a", 3.0, [], [0.0, NAN], [0.1, 0.1], [0.2, 0.1], [[0.1]], Odd()],
+            "atol": [*MOTION["atol"], SEVERAL, (SEVERAL, SEVERAL)],
+            "max_steps": [*MOTION["max_steps"], None, SEVERAL],
+            "sample_times": [
+                "a",
+                3.0,
+                [],
+                [0.0, NAN],
+                [0.1, 0.1],
+                [0.2, 0.1],
+                [[0.1]],
+                Odd(),
+                [-1e-9, 0.1],
+            ],
             "max_events": NO_COUNT,
-            "max_step": [*STRANGE, True, NAN, -1, 0],
+            "max_step": [*STRANGE, True, NAN, -1, 0, SEVERAL],
             "observer": ["totals", wiperjax.RegimeTotals, 3],
-            "statistics_start": NO_NUMBER[:-1],
-            "start": NO_NUMBER[:-1],
+            "statistics_start": [*NO_NUMBER[:-1], SEVERAL],
+            "start": [*NO_NUMBER[:-1], SEVERAL],
             "reverse": NO_FLAG,
-        },
+        },  # fmt: skip
     ),
     "simulate": (
         wiperjax.simulate,
         {"system": BLADE, "duration": 0.01},
         MOTION
         | {
+            "system": [*MOTION["system"], wiperjax.Wiper(attack_angle=SEVERAL)],
             "zeno_time": LENGTH,
             "sample_interval": [*LENGTH, 0.02, 1e-12],
             "observer": [3, "a", Odd(), wiperjax.RegimeTotals(0.02), wiperjax.RegimeTotals(-1.0)],

@@ -90,6 +90,25 @@ def test_result_codes():
     assert s.event_overflow == (s.events.count > 256)
 
 
+@pytest.mark.slow
+def test_samples_outside_of_the_motion_are_not_known():
+    """Before its start they were the first step's polynomial, continued: 1e23 m."""
+
+    @jax.jit
+    def fall(times):
+        start = ((1.0,), (0.0,))
+        return wiperjax.solve(
+            Ball(9.81, 0.5), 0.4, initial_state=start, start=0.5, sample_times=times
+        ).samples
+
+    found = fall(np.array([0.0, 0.4, 0.5, 0.6, 0.9, 1.0]))
+    known = np.array([False, False, True, True, True, False])
+    np.testing.assert_array_equal(np.isfinite(found.position[0]), known)
+    np.testing.assert_array_equal(found.regime >= 0, known)
+    fallen = np.array([0.0, 0.1, 0.4])
+    np.testing.assert_allclose(found.position[0][2:5], 1.0 - 0.5 * 9.81 * fallen**2, rtol=1e-9)
+
+
 def test_elastic_ball_never_rests_and_keeps_its_energy():
     s = trajectory(Ball(9.81, 1.0), 40.0, ((1.0,), (0.0,)))
     fall = math.sqrt(2 / 9.81)

@@ -55,6 +55,13 @@ def numbers(system: AbstractSystem) -> set[str]:
     return declared | {".".join(route) for route in _floats(system)}
 
 
+def check_single(system: AbstractSystem) -> None:
+    """Raises ValueError for a system with an array in place of a number, which is a batch."""
+    for name in sorted(numbers(system)):
+        if np.ndim(found := at(tuple(name.split(".")))(system)):
+            raise ValueError(f"system must have one number as {name}, but had {shown(found)}")
+
+
 def known(system: AbstractSystem, name: str) -> Parameter | None:
     """Return what is known of the parameter of files ``name`` of ``system``, if anything is."""
     law = getattr(system, "friction", None)

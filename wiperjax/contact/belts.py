@@ -38,7 +38,10 @@ class AbstractBelt(eqx.Module):
         """V [m/s] and V' [m/s^2] at ``time`` [s] by the formula of piece ``piece``."""
 
         def velocity(t):
-            return jnp.broadcast_to(jnp.asarray(self.velocity(t, piece)), jnp.shape(t))
+            found = jnp.asarray(self.velocity(t, piece))
+            if not jnp.issubdtype(found.dtype, jnp.floating):  # a whole number has no derivative
+                found = found.astype(float)
+            return jnp.broadcast_to(found, jnp.shape(t))
 
         return jax.jvp(velocity, (time,), (jnp.ones_like(time),))
 

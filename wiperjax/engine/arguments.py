@@ -23,13 +23,12 @@ def check_system(system: Any) -> None:
 
 
 def check_integration(solver, rtol, zeno_time, max_steps) -> None:
-    """Raises ValueError for how a motion cannot be integrated; None leaves a choice open."""
+    """Raises ValueError for how a motion cannot be integrated; no solver leaves the choice open."""
     if solver is not None:
         check_solver(solver)
-    checks.numbers("rtol", rtol, SETTINGS["rtol"])
-    checks.numbers("zeno_time", zeno_time, NON_NEGATIVE)
-    if max_steps is not None:
-        checks.numbers("max_steps", max_steps, COUNT)
+    checks.numbers("rtol", rtol, SETTINGS["rtol"], arrays=False)
+    checks.numbers("zeno_time", zeno_time, NON_NEGATIVE, arrays=False)
+    checks.numbers("max_steps", max_steps, COUNT, arrays=False)
 
 
 def check_observation(
@@ -39,16 +38,24 @@ def check_observation(
     checks.flag("reverse", reverse)
     if reverse and sample_times is not None:
         raise ValueError("sample_times must be left out with reverse=True, but was given")
+    checks.numbers("start", start, FINITE, arrays=False)
     if sample_times is not None and not checks.is_traced(sample_times):
-        checks.increasing("sample_times", sample_times)
+        first = checks.increasing("sample_times", sample_times)[0]
+        if not checks.is_traced(start) and first < start:
+            begin = f"must begin at start ({float(start):g} s) or later"
+            raise ValueError(f"sample_times {begin}, but began at {first:g}")
     checks.whole("max_events", max_events, Range(0, MOST_EVENTS, whole=True))
     if max_step is not None:
-        checks.numbers("max_step", max_step, Range(0, low_open=True, infinite=True))
+        checks.numbers("max_step", max_step, Range(0, low_open=True, infinite=True), arrays=False)
     if observer is not None:
         checks.instance("observer", observer, AbstractObserver, "one such as RegimeTotals(0.0)")
     if statistics_start is not None:
-        checks.numbers("statistics_start", statistics_start, FINITE)
-    checks.numbers("start", start, FINITE)
+        if hasattr(observer, "start"):
+            raise ValueError(
+                "statistics_start must be left out with an observer that has a start of its own, "
+                f"but was {checks.shown(statistics_start)}"
+            )
+        checks.numbers("statistics_start", statistics_start, FINITE, arrays=False)
 
 
 def regular_times(duration: float, interval: float) -> np.ndarray:
@@ -111,7 +118,7 @@ def check_tolerances(atol, n: int) -> None:
     else:
         fits, leaves = True, [] if atol is None else [atol]
     known = [leaf for leaf in leaves if not checks.is_traced(leaf)]
-    fits = fits and all(checks.is_number(leaf) for leaf in known)
+    fits = fits and all(checks.is_number(leaf, arrays=False) for leaf in known)
     if not fits or any(POSITIVE.outside(leaf) is not None for leaf in known):
         raise ValueError(f"{must}, but was {checks.shown(atol)}")
 

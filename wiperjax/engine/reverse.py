@@ -40,13 +40,13 @@ def run_reversible(problem_state: tuple[Problem, State], active: Callable, most_
 
 @run_reversible.def_fwd
 def _run_fwd(perturbed, problem_state, active, most_turns):
-    return _forwards(problem_state, active, most_turns)
+    return _forwards(_as_arrays(problem_state, perturbed), active, most_turns)
 
 
 @run_reversible.def_bwd
 def _run_bwd(kept_stretches, cotangent, perturbed, problem_state, active, most_turns):
     kept, stretches = kept_stretches
-    problem, state = problem_state
+    problem, state = _as_arrays(problem_state, perturbed)
     length = _length(most_turns)
     moving, fixed = eqx.partition(problem, eqx.is_inexact_array)
 
@@ -79,6 +79,12 @@ def _run_bwd(kept_stretches, cotangent, perturbed, problem_state, active, most_t
     )
     start = (stretches - 1, _ends(kept, stretches), (jax.tree.map(jnp.zeros_like, moving), filled))
     return jax.lax.while_loop(lambda c: c[0] >= 0, stretch_back, start)[2]
+
+
+def _as_arrays(tree, perturbed):
+    """Return ``tree`` with arrays for what is differentiated: outside of `jax.jit` a Python number
+    comes here as one, in whose place no derivative would be gathered."""
+    return jax.tree.map(lambda x, p: jnp.asarray(x) if p else x, tree, perturbed)
 
 
 def _length(most_turns: int) -> int:

@@ -80,9 +80,13 @@ def begin(case: Case) -> State:
     except (IndexError, ValueError) as error:  # of a tuple that is too short, or too long
         raise ValueError(
             f"initial_state must have the coordinates of {type(case.problem.system).__name__}, "
-            f"but had {len(case.position)}: {error}"
+            f"but had {len(case.position)}; or a function or number of the system is wrong: {error}"
         ) from error
-    return state._replace(samples=empty_samples(case.problem, state))
+    times, index = case.problem.sample_times, state.sample_index
+    if times is not None:  # no motion is known before it begins
+        index = index + jnp.sum(times < state.time).astype(index.dtype)
+    samples = empty_samples(case.problem, state)
+    return state._replace(samples=samples, sample_index=index)
 
 
 def solve(
@@ -114,7 +118,8 @@ def solve(
 
     **Other arguments:** ``solver``, an explicit diffrax Runge-Kutta solver with error estimate
     and dense output (default `diffrax.Tsit5`); ``rtol``; ``atol``, one number or (positions,
-    velocities) (default: rtol times the system's scales); ``sample_times``, increasing, (m,);
+    velocities) (default: rtol times the system's scales); ``sample_times``, increasing, (m,), of
+    which those outside the motion have NaN, and -1 for the regime;
     ``max_events``, capacity of the event log (more are counted, flagged, and not stored);
     ``max_steps``, trial steps; ``max_step`` [s]; ``zeno_time`` [s], flights shorter than this are
     completed by the limit of their sequence; ``observer``, online statistics (default
@@ -127,7 +132,7 @@ def solve(
     looked at: a tolerance that is no number > 0 then ends as ``non_finite``.
     """
     check_system(system)
-    checks.numbers("duration", duration, POSITIVE)
+    checks.numbers("duration", duration, POSITIVE, arrays=False)
     check_integration(solver, rtol, zeno_time, max_steps)
     if initial_state is None:
         initial_state = system.default_state()
@@ -137,12 +142,13 @@ def solve(
     )
     if observer is None:
         observer = RegimeTotals(start if statistics_start is None else statistics_start)
+    mark = getattr(observer, "start", statistics_start)  # a step ends where it begins to gather
     case = make_case(
         system,
         duration,
         initial_state,
         Integration(solver, rtol, atol, max_steps, max_step, zeno_time),
-        Recording(sample_times, max_events=max_events, observer=observer, mark=statistics_start),
+        Recording(sample_times, max_events=max_events, observer=observer, mark=mark),
         start,
     )
     state = run(case.problem, begin(case), int(max_steps) if reverse else None)

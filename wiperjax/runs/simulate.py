@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade.numbers import traceable
+from ..blade.numbers import check_single, traceable
 from ..contact.guards import starting_sides
 from ..contact.regimes import forces
 from ..contact.space import contact
@@ -88,10 +88,11 @@ def simulate(
     impossible (the contact point inside its partner; no finite force that could hold it).
     """
     check_system(system)
+    check_single(system)
     duration = checks.number("duration", duration, POSITIVE)
-    check_integration(solver, rtol, zeno_time, max_steps)
-    zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
     most = int(COUNT.high) if max_steps is None else checks.whole("max_steps", max_steps, COUNT)
+    check_integration(solver, rtol, zeno_time, most)
+    zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
     if sample_interval is None:
         sample_interval = duration / SAMPLES
     within = Range(0, duration, low_open=True)

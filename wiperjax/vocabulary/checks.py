@@ -34,11 +34,13 @@ def is_number(value: Any, arrays: bool = True) -> bool:
     return kind in "iuf" and (arrays or np.ndim(value) == 0)
 
 
-def numbers(name: str, value: Any, allowed: Range) -> None:
-    """Raises `ValueError` unless `value` is a number or an array of numbers in a range."""
+def numbers(name: str, value: Any, allowed: Range, arrays: bool = True) -> None:
+    """Raises `ValueError` unless `value` is a number, or with `arrays` an array of numbers, in a
+    range.
+    """
     if is_traced(value):
         return
-    if not is_number(value):
+    if not is_number(value, arrays):
         raise ValueError(f"{name} {allowed.must}, but was {shown(value)}")
     if (wrong := allowed.outside(value)) is not None:
         raise ValueError(f"{name} {allowed.must}, but was {digits(wrong)}")
