@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wiperjax.cli import main
+from wiperjax.cli import main, tables
 from wiperjax.machine import files as storage
+from wiperjax.noise import run_class
 from wiperjax.store import whole
+from wiperjax.vocabulary import codes
 
 SWEEP = """
 title = "two cells"
@@ -505,3 +507,21 @@ def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert any(re.match(r"label +squeal$", line) for line in lines[:4])
     assert any(line.startswith("tip_mass") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("band", "frequency", "told", "word"),
+    [
+        ("none", 1.9e6, "yes", "none: no tone"),  # of what is carried, rounding has a line, too
+        ("none", np.nan, "no", "not known: too fast for run.sample_interval"),
+        ("squeal", 780.8, "yes", "780.8 Hz"),
+    ],
+)
+def test_the_frequency_of_a_run_is_told_where_it_has_one(
+    band, frequency, told, word, monkeypatch, capsys
+):
+    known = {"dominant_frequency": frequency, "frequency_told": codes.TOLD[told]}
+    found = xr.Dataset({name: ((), x) for name, x in known.items()} | {"band": codes.BANDS[band]})
+    monkeypatch.setattr(run_class, "assess", lambda run: found)
+    tables.print_class(None)
+    assert f"frequency   {word}" in capsys.readouterr().out

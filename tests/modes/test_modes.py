@@ -73,6 +73,13 @@ def test_modes_of_the_rigid_lip_are_its_steady_slip():
     np.testing.assert_allclose(found.damping_ratio, ratio, rtol=1e-12)
 
 
+def test_a_belt_that_turns_is_judged_at_its_peak_as_in_a_map():
+    """At t = 0 it rests: no steady sliding was found, where a map has its growth rate."""
+    turning = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 5.0), attack_angle=math.radians(5))
+    steady = wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.3), attack_angle=math.radians(5))
+    assert wiperjax.modes(turning).equals(wiperjax.modes(steady))
+
+
 class SameWiper(wiperjax.Wiper):
     """A class of one's own that changes nothing."""
 
@@ -294,6 +301,10 @@ def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses
     assert main(["modes", str(tmp_path / "map.h5"), "-o", str(tmp_path / "modes.h5")]) == 0
     said = capsys.readouterr().out
     assert "stable yet noisy: the test misses" in said and (tmp_path / "modes.png").exists()
+    (tmp_path / "other.png").write_bytes(b"precious")
+    assert main(["modes", str(tmp_path / "map.h5"), "-o", str(tmp_path / "other.h5")]) == 1
+    assert "other.png: exists already" in capsys.readouterr().err
+    assert not (tmp_path / "other.h5").exists()
 
 
 def test_what_has_no_modes_is_one_line():

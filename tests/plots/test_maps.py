@@ -350,6 +350,7 @@ def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
     assert drawn.shape[0] == loud.sum() > 0
     expected = cells["dominant_frequency"].values[loud]
     np.testing.assert_allclose(sorted(drawn[:, 1]), sorted(expected))
+    assert axes[1].get_ylim()[1] > 1.05 * cells["velocity_rms"].max()  # marks are whole
     assert axes[2].get_ylim() == (0, 1) and axes[2].get_xlabel() == "belt speed (m/s)"
     title = axes[0].figure.get_suptitle()
     assert "attack angle 5°" in title and "normal load 17.5 N/m" in title

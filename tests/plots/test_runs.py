@@ -18,7 +18,7 @@ from wiperjax.machine.files import StoreError
 from wiperjax.plots import files
 from wiperjax.plots.runs import animation, bands, friction, history, spectra
 from wiperjax.plots.style import caption, palette
-from wiperjax.store.whole import write_dataset  # noqa: E402
+from wiperjax.store.whole import open_map, write_dataset  # noqa: E402
 from wiperjax.vocabulary.codes import Event, Regime  # noqa: E402
 
 
@@ -313,6 +313,19 @@ def test_spectrogram_has_the_level_of_a_sine_and_ticks_of_events():
     assert {"impact (4)", "lift-off (4)", "stick to slip (4)", "slip to stick (3)"} <= rows
 
 
+def test_short_runs_have_the_spectra_that_they_can_have():
+    """4 ms and 50 us of samples a tenth of a microsecond apart."""
+    for short in (tone(amplitude=1e-9, seconds=4e-3, rate=1e7), tone(seconds=5e-5, rate=1e7)):
+        mesh = plots.spectrogram(short)[0].collections[0]
+        assert mesh.get_array().shape[0] >= 8
+    with pytest.raises(ValueError, match=r"must be of 0.0002 s or more, was of 5e-05 s$"):
+        plots.spectrum(short)
+    with pytest.raises(ValueError, match=r"^highest must be \S+ Hz or more where a window is"):
+        plots.spectrogram(short, highest=500.0)
+    texts = [text.get_text() for ax in plots.run_overview(short).axes for text in ax.texts]
+    assert any("0.0002 s" in text for text in texts)
+
+
 def test_friction_force_lies_on_the_stribeck_curve(squeal):
     speed = np.linspace(0.01, 2.0, 50)
     law = Stribeck(1.0, 0.3, 0.1, 1.0, 0.02)
@@ -464,6 +477,10 @@ def test_all_pictures_of_a_file(folder, squeal, tmp_path, monkeypatch):
     }  # fmt: skip
     made = plots.plot_all(folder / "map.h5", tmp_path / "m.png", dpi=30)
     assert {path.stem for path in made} == {"m-classes"}
+    with open_map(folder / "map.h5") as ds:
+        write_dataset(ds.isel({dim: [0] for dim in ds["label"].dims}), tmp_path / "one.h5")
+    with pytest.raises(ValueError, match=r"one.h5: has nothing to draw: a map needs at least two"):
+        plots.plot_all(tmp_path / "one.h5", tmp_path / "o.png")
 
 
 def test_existing_pictures_are_kept(folder):

@@ -99,3 +99,9 @@ def test_the_commands_take_a_start_by_name(tmp_path, capsys):
     assert cuts(["start=3", "belt_speed=2"]) == {"start": 3.0, "belt_speed": 2.0}
     with pytest.raises(ValueError, match="AXIS=NUMBER"):
         cuts(["belt_speed=down"])
+
+
+def test_numbers_say_which_start_they_are_of():
+    ds = a_map(names=["up", "down"])
+    ax = plots.value_map(ds, "velocity_rms", at={"start": "down"})
+    assert "start: down (" in ax.figure.get_suptitle()

@@ -110,8 +110,9 @@ def sweep(
     from ..maps.auto_model import CHOICE, on_chosen_model
     from ..maps.driver import sweep as sweep_map
 
-    if drawing is not None:
-        load_beside("wiperjax.plots.files")
+    later = ["wiperjax.plots.files"] if drawing is not None else []
+    later += ["scipy.signal"] if spec.belt_kind not in (None, "steady") else []
+    load_beside(later)
     words = typed(
         file, output, sensitivities, picture, workers=workers, scheduler=scheduler,
         local_cluster=local_cluster, model=model, target_error=target_error, refine=refine,
@@ -142,13 +143,14 @@ def sweep(
         print(f"picture  {drawing}")
 
 
-def load_beside(module: str) -> None:
-    """Imports a module in a thread, while others compile and compute: no part of a second then, for
-    who needs it later."""
+def load_beside(modules: list[str]) -> None:
+    """Imports modules in a thread, while others compile and compute: no part of a second then, for
+    who needs them later."""
 
     def load() -> None:
-        with contextlib.suppress(ImportError):  # who needs it says so
-            importlib.import_module(module)
+        for module in modules:
+            with contextlib.suppress(ImportError):  # who needs it says so
+                importlib.import_module(module)
 
     threading.Thread(target=load, daemon=True).start()
 

@@ -1,5 +1,6 @@
 """The command `modes`: complex eigenvalues of steady sliding."""
 
+import contextlib
 import math
 import tomllib
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import MAP_SUFFIXES, Force, Model, check_output, configure
+from .options import MAP_SUFFIXES, STILL_SUFFIXES, Force, Model, check_output, configure
 
 VERDICT_WORDS = {
     "noisy": "unstable and noisy",
@@ -31,6 +32,10 @@ def modes(
         check_output(output, MAP_SUFFIXES, force, file)
     configure(1)
     found = _found(file, model)
+    over = found["growth_rate"].shape if "growth_rate" in found else ()
+    picture = None if output is None or max(over, default=1) < 2 else output.with_suffix(".png")
+    if picture is not None:
+        check_output(picture, STILL_SUFFIXES, force, file)
     if "growth_rate" in found:
         _tell_map(found)
     else:
@@ -41,10 +46,9 @@ def modes(
 
     write_dataset(found, output, force)
     print(f"modes    {output}")
-    if "growth_rate" in found:
+    if picture is not None:
         from ..plots import plot_file
 
-        picture = output.with_suffix(".png")
         plot_file(output, picture, force=force)
         print(f"picture  {picture}")
 
@@ -54,10 +58,12 @@ def _found(file: Path, model: str | None) -> Any:
     from ..modes.over import beside, modes_over, spec_of
     from ..modes.table import modes as modes_at
 
+    if file.is_dir():
+        raise ValueError(f"{file}: is not a finished map; finish it with --resume first")
     if file.suffix in MAP_SUFFIXES:
         from ..store.whole import open_map
 
-        with open_map(file) as simulated:
+        with open_map(file) as simulated, told_of(file):
             return beside(modes_over(spec_of(simulated)), simulated)
     from ..specs.load import load_scene, load_sweep
 
@@ -66,7 +72,17 @@ def _found(file: Path, model: str | None) -> Any:
     from ..systems.build import build
 
     spec = load_scene(file, model)
-    return modes_at(build(spec, spec.parameters()).system)
+    with told_of(file):
+        return modes_at(build(spec, spec.parameters()).system)
+
+
+@contextlib.contextmanager
+def told_of(file: Path):
+    """Has what is wrong name the file."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
 
 
 def _is_sweep(file: Path) -> bool:
@@ -106,7 +122,10 @@ def _tell_map(found: Any) -> None:
     print(f"steady sliding in {count} of {exists.size} cells, unstable in {grows}")
     flutter = int(((found["growth_rate"] > 0) & (found["frequency"].isel(mode=0) > 0)).sum())
     print(f"of these {flutter} oscillate, {grows - flutter} creep away")
-    if "verdict" in found:
-        part = shares(found)
-        for name, words in VERDICT_WORDS.items():
-            print(f"{words:<46}{part[name]:>8.1%}")
+    if "verdict" not in found:
+        return
+    part, untold = shares(found), int((found["verdict"] < 0).sum())
+    for name, words in VERDICT_WORDS.items() if untold < exists.size else ():
+        print(f"{words:<46}{part[name]:>8.1%}")
+    if untold:
+        print(f"not told: {untold} cells without steady sliding, or that failed or collapsed")

@@ -20,12 +20,14 @@ from .options import (
     cuts,
 )
 from .tables import (
+    counted,
     print_attributes,
     print_borders,
     print_class,
     print_classes,
     print_curves,
     print_events,
+    print_sensitivities,
     print_special,
 )
 
@@ -210,13 +212,15 @@ def info(
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
         if "label" in dataset:
             print_classes(dataset)
+            of = counted(dataset)
             if fast := untold(dataset):
-                print(f"not told     {fast} cells: faster than the finest samples (frequency: NaN)")
+                print(f"not told     {fast} {of}: faster than the finest samples (frequency: NaN)")
             if lost := unsettled(dataset):
-                print(f"not settled  {lost} cells: growing, dying or irregular (docs/classes.md)")
+                print(f"not settled  {lost} {of}: growing, dying or irregular (docs/classes.md)")
             if "mechanism" in dataset:
                 for mechanism, band, count in anatomy(dataset):
-                    print(f"other: {count} cells of {mechanism}, band {band}")
+                    print(f"other: {count} {of} of {mechanism}, band {band}")
+            print_sensitivities(dataset)
         elif "cells_done" in dataset.attrs:
             print("no cell is computed yet")
         elif "special_kind" in dataset:

@@ -34,7 +34,7 @@ def print_classes(dataset: Any) -> None:
     from ..datasets.map_starts import hangs_on_start
     from ..noise.class_counts import class_table
 
-    print(f"{'class':<12}{'runs' if 'start' in dataset.sizes else 'cells':>9}{'share':>9}")
+    print(f"{'class':<12}{counted(dataset):>9}{'share':>9}")
     for name, count, share in class_table(dataset):
         if name == "not_computed":  # of an unfinished sweep: has no share
             continue
@@ -50,20 +50,28 @@ def print_classes(dataset: Any) -> None:
     print(f"the class depends on the start in {int(several.sum())} of {done} cells")
 
 
+def counted(dataset: Any) -> str:
+    """What is counted in a map: its runs, where each cell has several."""
+    return "runs" if "start" in dataset.sizes else "cells"
+
+
 def print_class(run: Any) -> None:
     """Class and frequency of a run."""
     import numpy as np
 
     from ..noise.run_class import assess, words
+    from ..vocabulary.codes import BANDS, TOLD
 
     found = assess(run)
     for name, word in words(found).items():
         print(f"{name:<12}{word}")
-    known = bool(np.isfinite(found["dominant_frequency"]))
-    pitch = f"{float(found['dominant_frequency']):.1f} Hz" if known else "not known: "
-    if not known:
-        fast = found.get("frequency_told", 1) == 0
-        pitch += "too fast for run.sample_interval" if fast else "no line"
+    frequency = float(found["dominant_frequency"])
+    told = int(found.get("frequency_told", TOLD["unknown"]))
+    pitch = f"{frequency:.1f} Hz"
+    if int(found["band"]) == BANDS["none"]:  # rounding has a strongest line, too
+        pitch = "none: no tone"
+    if np.isnan(frequency) and told == TOLD["no"]:
+        pitch = "not known: too fast for run.sample_interval"
     print(f"{'frequency':<12}{pitch}")
 
 
@@ -111,7 +119,8 @@ def print_events(dataset: Any) -> None:
         return
     cut = int((dataset["event_overflow"].values == 1).sum())
     print(f"events: {count.sum(dtype=int)} in the settled windows, {count.max()} in the fullest;")
-    print(f"    the log has room for {room} of a cell, {cut} of {count.size} cells had more")
+    of = counted(dataset)
+    print(f"    the log has room for {room} of each, {cut} of {count.size} {of} had more")
 
 
 def print_special(branch: Any) -> None:
@@ -199,7 +208,9 @@ def print_borders(borders: Any) -> None:
             f"({said['wide_cubes_volume_share']:.2%} of the volume) the bracket is the cube: "
             f"{', '.join(reasons)}"
         )
-        print(f"    {said['wide_points']} points have such a cube, at most {_shares(said, WIDEST)}")
+        if said["wide_points"]:
+            widest = _shares(said, WIDEST)
+            print(f"    {said['wide_points']} points have such a cube, at most {widest}")
     every = said["simulations"] + said["map_cells"]
     full = said["full_grid_cells"]
     print(

@@ -13,6 +13,7 @@ from ..engine.arguments import check_coordinates, check_integration, check_syste
 from ..engine.carry.problem import Integration, Recording, make_case
 from ..engine.lanes import Outcome, Pool, run_pool
 from ..engine.observers.totals import RegimeTotals
+from ..numerics.arrays import fields_of
 from ..numerics.kept import Kept
 from ..vocabulary import cf, checks
 from ..vocabulary.codes import REGIMES, RESULTS, Result
@@ -96,7 +97,7 @@ def _dealt(system: AbstractSystem, count: int) -> Any:
 
     def each(keys, leaf) -> bool:
         length = np.shape(leaf)[-1] if np.ndim(leaf) else None
-        name = jax.tree_util.keystr(keys).removeprefix(".")
+        name = ".".join(fields_of(keys))
         if name in known and length not in (None, count):
             one = f"a number or have one entry a start ({count})"
             raise ValueError(f"system: {name} must be {one}, but had {length}")

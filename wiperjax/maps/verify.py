@@ -85,8 +85,8 @@ def verify(
     if Path(path).is_dir():
         raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
     with open_map(path, check=True) as ds:
-        if "specification_digest" not in ds.attrs:
-            raise StoreError(f"{path}: is not a map (it holds no specification)")
+        if "specification_digest" not in ds.attrs or "label" not in ds:
+            raise StoreError(f"{path}: is not a map that a sweep made")
         if spec is None:
             spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
         if spec.digest() != ds.attrs["specification_digest"]:

@@ -5,6 +5,7 @@ linearisation its exact derivative by places and velocities. A contact that may 
 what is left are the coordinates along it.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import optimistix as optx
 
+from ..contact.belts import AbstractBelt, SteadyBelt, operating_speed
 from ..contact.guards import starting_sides
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces
 from ..contact.space import contact
@@ -36,6 +38,16 @@ class Linear(NamedTuple):
     matrix: jax.Array  # (2 m, 2 m)
     basis: jax.Array  # (n, m): the coordinates that z stands for
     exists: jax.Array
+
+
+def steadied(system: AbstractSystem) -> AbstractSystem:
+    """Return ``system`` on a belt of constant speed, that at which motions on its own belt are
+    linearised (`operating_speed`): one that turns may rest at t = 0.
+    """
+    belt = getattr(system, "belt", None)
+    if not isinstance(belt, AbstractBelt) or isinstance(belt, SteadyBelt):
+        return system
+    return replace(system, belt=SteadyBelt(operating_speed(belt)))
 
 
 def linear(system: AbstractSystem, near: Coordinates) -> Linear:

@@ -18,7 +18,7 @@ from ..systems.build import build
 from ..vocabulary import checks
 from ..vocabulary.cf import flags
 from ..vocabulary.codes import LABELS
-from .linear import linear_over
+from .linear import linear_over, steadied
 from .table import modes_of, place_near
 
 AT_ONCE = 2048  # cells
@@ -82,7 +82,8 @@ def beside(found: xr.Dataset, simulated: xr.Dataset) -> xr.Dataset:
     names = tuple(str(name) for name in found["growth_rate"].dims)
     label = simulated["label"]
     if set(label.dims) != set(names) or any(label.sizes[n] != found.sizes[n] for n in names):
-        raise ValueError(f"simulated must be a map over {', '.join(names)}, one start a cell")
+        must = f"must be over {', '.join(names)}, with one start a cell"
+        raise ValueError(f"the map {must}, was over {', '.join(map(str, label.dims))}")
     label = np.asarray(label.transpose(*names))
     grows, told = np.asarray(found["growth_rate"]) > 0, np.asarray(found["exists"]) > 0
     told &= ~np.isin(label, [LABELS["failed"], LABELS["collapsed"], -1])
@@ -103,14 +104,14 @@ def shares(found: xr.Dataset) -> dict[str, float]:
 
 def spec_of(simulated: xr.Dataset) -> SweepSpec:
     """Return the sweep that a map was made by. Raises ValueError for a dataset without one."""
-    if "specification" not in simulated.attrs:
-        raise ValueError("simulated must be a map of a sweep file")
+    if "specification" not in simulated.attrs or "label" not in simulated:
+        raise ValueError("the map must be one that a sweep made, was none")
     return parse_sweep(json.loads(str(simulated.attrs["specification"])), "the map's sweep")
 
 
 def _block(spec: SweepSpec, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return eigenvalues (cells, 2 m) and whether they exist (cells,), of some cells."""
-    system: AbstractSystem = build(spec, spec.cells(index)).system
+    system: AbstractSystem = steadied(build(spec, spec.cells(index)).system)
     if system.law is None:
         raise ValueError(f"system must have friction, but {type(system).__name__} has none")
     near = tuple(jnp.broadcast_to(jnp.asarray(x, float), index.shape) for x in place_near(system))

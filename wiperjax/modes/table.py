@@ -12,7 +12,7 @@ from ..blade.wiper import Wiper
 from ..contact.system import AbstractSystem
 from ..machine import provenance
 from ..vocabulary import cf, checks
-from .linear import Linear, linear_at
+from .linear import Linear, linear_at, steadied
 
 ROUNDING = 1e-11  # of an eigenvalue: a smaller real or imaginary part is none
 
@@ -46,7 +46,8 @@ def modes(system: AbstractSystem, near=None) -> xr.Dataset:
     """Return the complex eigenvalues of steady sliding of ``system``.
 
     Steady sliding is a place at which the system rests while its partner slides under it, as it
-    does at t = 0; the linearisation is the exact derivative of the engine's accelerations in slip.
+    does at t = 0; a belt that turns does so at its peak speed, as in the growth rate of a map. The
+    linearisation is the exact derivative of the engine's accelerations in slip.
 
     **Arguments:** ``near``, a place (one number a coordinate) from which it is sought (default:
     that of a wiper's steady slip, else the system's default start).
@@ -61,14 +62,15 @@ def modes(system: AbstractSystem, near=None) -> xr.Dataset:
     Raises ValueError for a system without friction, and where no steady sliding is found.
     """
     checks.instance("system", system, AbstractSystem, "a system such as Wiper()")
+    numbers.check_single(system)
     if system.law is None:
         raise ValueError(f"system must have friction, but {type(system).__name__} has none")
+    system = steadied(system)
     near = _place(system, near)
     found = linear_at(numbers.traceable(system), tuple(jnp.asarray(x) for x in near))
     if not bool(found.exists):
         raise ValueError(
-            f"{type(system).__name__} must have a steady sliding near {near}, but none was found; "
-            "another place may be given as near"
+            f"{type(system).__name__} must have a steady sliding near {near}, but none was found"
         )
     return _dataset(system, found)
 

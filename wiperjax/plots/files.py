@@ -83,12 +83,13 @@ def plot_all(
 
     Returns: the files made.
 
-    Raises: as `plot_file`; nothing is written if one of the files exists and `force` is not set.
+    Raises: as `plot_file`, and `ValueError` for a file that allows none; nothing is written if one
+        of the files exists and `force` is not set.
     """
     _check(path, output, force, dpi, options)
     output = Path(output)
     _check_ending(output, False)
-    made = []
+    made, why = [], ""
     with opened(path) as (ds, kind):
         targets = {
             name: output.with_name(
@@ -107,12 +108,15 @@ def plot_all(
             taken = {key: value for key, value in options.items() if key in chosen.options}
             try:
                 drawn = draw(ds, kind, name, chosen, path, taken)
-            except ValueError:
+            except ValueError as error:
                 if any(value is not None for value in taken.values()):
                     raise  # what was asked for does not fit
+                why = why or f": {error}"
                 continue
             _write(drawn, target, dpi)
             made.append(target)
+    if not made:
+        raise ValueError(f"{path}: has nothing to draw{why}")
     return made
 
 

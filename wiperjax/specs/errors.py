@@ -45,6 +45,10 @@ class Fault(ValueError):
         self.key = key
         self.problem = problem
 
+    def under(self, table: str) -> "Fault":
+        """The same, seen from the model that has the other as its `table`."""
+        return Fault(f"{table}.{self.key}" if self.key else table, self.problem)
+
 
 @contextmanager
 def as_error():

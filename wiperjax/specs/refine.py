@@ -133,16 +133,16 @@ def parse_refine(given: Mapping[str, Any], spec: Any) -> Refine:
     except ValidationError as error:
         raise SpecError(f"refine.{sentence(Refine, error)}") from None
     except Fault as fault:
-        raise SpecError(f"refine.{fault}") from None
+        raise SpecError(str(fault.under("refine"))) from None
     return found
 
 
 def check(refine: Refine, spec: Any) -> None:
     """Raises Fault where a table does not suit the sweep that it is for."""
     if spec.starts is not None:
-        raise Fault("on", "must be left out with [starts]: borders are those of one start")
+        raise Fault("", "must be left out with [starts]: borders are those of one start")
     axes = spec.axes_values()
     if all(len(values) == 1 for values in axes.values()):
-        raise Fault("levels", "must be left out: no axis of the map has two values")
+        raise Fault("", "must be left out: no axis of the map has two values")
     refine.check_box(axes)
     refine.depth({name: len(values) for name, values in axes.items()})

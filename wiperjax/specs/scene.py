@@ -2,7 +2,7 @@
 
 from pydantic import model_validator
 
-from .reversal import flip_time
+from .reversal import check_strokes, flip_time
 from .system import System
 from .tables import Classes, SceneRun
 
@@ -16,6 +16,8 @@ class SceneSpec(System):
     @model_validator(mode="after")
     def _is_consistent(self) -> "SceneSpec":
         self._check_system({})
+        if (frequency := self.parameters().get("belt_frequency")) is not None:
+            check_strokes(self.thresholds().reversal_window, frequency)
         return self
 
     def parameters(self) -> dict[str, float]:
@@ -30,15 +32,13 @@ class SceneSpec(System):
         if self.belt_kind in (None, "steady") or "reversal_window" in self.classes.model_fields_set:
             return self.classes
         known = self.parameters()
-        if "lip_length" not in known:
-            return self.classes
         frequency = known["belt_frequency"]
         time = flip_time(
             self.belt.kind,
             abs(known["belt_speed"]),
             frequency,
             known.get("belt_ramp", 0.0),
-            known["lip_length"],
+            known.get("lip_length", 0.0),
         )
         longest = 0.1 / frequency  # the rest is the stroke
         window = min(max(2 * time, self.classes.reversal_window), longest)

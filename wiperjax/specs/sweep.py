@@ -15,7 +15,7 @@ from ..vocabulary.wording import digits
 from .axis import Axis
 from .errors import Fault, as_error, unknown
 from .refine import Refine, check
-from .reversal import FLIP, flip_time
+from .reversal import FLIP, check_strokes, flip_time
 from .sensitivities import (
     SLOPE_RTOL,
     SLOPE_SOLVER,
@@ -137,17 +137,14 @@ class SweepSpec(System):
         try:
             check(refine, self)
         except Fault as fault:
-            raise Fault(f"refine.{fault.key}", fault.problem) from None
+            raise fault.under("refine") from None
 
     def _check_strokes(self) -> None:
-        """Raises Fault where the windows around V = 0 leave nothing of the strokes between."""
+        """Raises Fault as `check_strokes`."""
         if "belt_frequency" not in self.parameter_names:
             return
         axis, window = self.axes.get("belt_frequency"), self.classes.reversal_window
-        highest = axis.values().max() if axis else self.fixed()["belt_frequency"]
-        if window >= 0.25 / highest:
-            must = f"must be below a quarter of the belt's period ({0.25 / highest:g} s)"
-            raise Fault("classes.reversal_window", f"{must}, was {window:g}")
+        check_strokes(window, axis.values().max() if axis else self.fixed()["belt_frequency"])
 
     @property
     def shape(self) -> tuple[int, ...]:

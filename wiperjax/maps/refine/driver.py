@@ -108,7 +108,7 @@ def _opened(path: Path) -> tuple[Any, xr.Dataset]:
     ds = open_map(path, check=True)
     try:
         if "specification" not in ds.attrs or "label" not in ds:
-            raise StoreError(f"{path}: is not a map (it holds no specification)")
+            raise StoreError(f"{path}: is not a map that a sweep made")
         spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
         if spec.digest() != ds.attrs["specification_digest"]:
             raise StoreError(

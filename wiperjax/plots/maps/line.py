@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from ...vocabulary.cf import flag_names
 from ...vocabulary.codes import LABELS
 from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
-from ..style.caption import is_own, moving, set_caption
+from ..style.caption import is_own, moving, set_caption, start_text
 from ..style.palette import BOUNDARY, CLASSES, REGIMES, UNKNOWN, readable
 from .planes import At, check_dim, class_names, cut, map_dims
 
@@ -63,7 +63,7 @@ def along_axis(
         if unstable:
             handles.append(Patch(color="#000000", alpha=0.08, label="steady slip unstable"))
         legend_below(figure, handles + shares)
-        set_caption(figure, ds, where)
+        set_caption(figure, ds, where, start_text(ds))
     return rows
 
 
@@ -142,7 +142,7 @@ def _amplitudes(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarra
     speed = np.where(np.isin(line["label"], [LABELS["failed"], LABELS["collapsed"]]), np.nan, speed)
     _marks(ax, across, speed, names)
     ax.set_ylabel(f"{moving(line)},\nstd (m/s)")
-    ax.set_ylim(bottom=0)
+    ax.set_ylim(0, 1.08 * np.nanmax(speed, initial=0.0) or 1.0)
 
 
 def _shares(line: xr.Dataset, ax: Axes, across: np.ndarray) -> None:
@@ -243,7 +243,8 @@ def regime_raster(
         seen = [code for code in order if (codes == code).any()]
         handles = [Patch(color=REGIMES[names[c]], label=readable(names[c])) for c in seen]
         legend_below(ax.figure, handles)
-        set_caption(ax.figure, ds, where, _coarse(line, float(np.diff(time).mean())))
+        coarse = _coarse(line, float(np.diff(time).mean()))
+        set_caption(ax.figure, ds, where, start_text(ds), coarse)
     return ax
 
 

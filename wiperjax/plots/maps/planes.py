@@ -24,7 +24,7 @@ from ..style.axes import (
     shown_unit,
     value_text,
 )
-from ..style.caption import set_caption
+from ..style.caption import set_caption, start_text
 from ..style.palette import BOUNDARY, UNKNOWN
 
 At = Mapping[str, float]  # where a dimension that is not drawn is cut, in the units of the map
@@ -43,11 +43,12 @@ def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str
     """
     for name in (x, y):
         check_dim(ds, name)
-    x, y = usual_plane([dim for dim in map_dims(ds) if ds.sizes[dim] > 1], x, y)
+    long = [dim for dim in map_dims(ds) if ds.sizes[dim] > 1]
+    x, y = usual_plane(long, x, y)
     if x is None or y is None or x == y:
+        also = "; the picture 'line' draws one axis" if long else ""
         raise ValueError(
-            "a map needs at least two axes of more than one value to be drawn as a plane; "
-            "the picture 'line' draws one axis"
+            f"a map needs at least two axes of more than one value to be drawn as a plane{also}"
         )
     return x, y
 
@@ -173,7 +174,7 @@ def value_map(
         log_marks(bar.ax.yaxis)
     if whole:
         lacking = "grey: no number" if values.count() < values.size and "grey" not in words else ""
-        set_caption(ax.figure, ds, where, lacking)
+        set_caption(ax.figure, ds, where, start_text(ds), lacking)
     else:
         words = textwrap.fill(words, 36)
         ax.set_title(f"{words}\n{where}" if where else words, fontsize="medium")

@@ -10,6 +10,7 @@ from ...noise.classes import stored
 from ...noise.spectrum import dominant_frequency
 
 HIGHEST = 20_000.0  # Hz: what is heard
+FEWEST_LINES = 4  # of a spectrum: the first two are skirts of the mean
 TURNING = 0.02  # s, of the spectrogram's window: what happens around V = 0 lasts some tens of ms
 
 
@@ -51,13 +52,18 @@ class Levels(NamedTuple):
 
 def lines(ds: xr.Dataset, quantity: str = "velocity", component: int = 0) -> Lines:
     """Amplitude spectrum of one quantity of a run, from 20 Hz (or half of a lower tone) up to what
-    is heard. Raises: `ValueError` for a quantity that is not there, or samples that are not even.
+    is heard. Raises: `ValueError` for a quantity that is not there, samples that are not even, and
+    a run that is too short for two lines.
     """
     import scipy.signal  # most of a second, which pictures of maps do not need
 
     values = signal(ds, quantity, component)
     step = sample_interval(ds)
     numbers = np.asarray(values, dtype=float)
+    if (span := step * numbers.size) * HIGHEST < FEWEST_LINES:
+        shortest = FEWEST_LINES / HIGHEST
+        must = f"must be of {shortest:g} s or more, was of {span:.2g} s"
+        raise ValueError(f"a spectrum up to {HIGHEST:g} Hz {must}")
     frequency, power = scipy.signal.periodogram(
         numbers, 1 / step, window="hann", detrend="constant", scaling="spectrum"
     )
@@ -105,8 +111,9 @@ def levels(
         window = min(max(span / 25, 4 / tone if fast else 0.0), span / 4)
         window = window if is_steady(ds) else min(window, TURNING)
     samples = int(np.clip(round(window / step), 8, numbers.size))
-    top = highest or max(2000.0, 8 * tone if np.isfinite(tone) else 0.0)
-    top = min(top, 0.5 / step)
+    if highest is None:  # a short window tells no low frequencies apart
+        highest = max(2000.0, 8 * tone if np.isfinite(tone) else 0.0, 4 / (samples * step))
+    top = min(highest, 0.5 / step)
     # One column for each two pixels at most: a long run is no reason for a large image.
     hop = max(1, min(samples // 8, numbers.size // 100), numbers.size // 1000)
     from scipy.signal import ShortTimeFFT, windows  # as in `lines`
@@ -115,6 +122,9 @@ def levels(
     transform = ShortTimeFFT(
         weights, hop, 1 / step, mfft=max(256, 2 * samples), scale_to="magnitude"
     )
+    if transform.f[1] > top:
+        least = f"must be {transform.f[1]:.3g} Hz or more where a window is {samples * step:.2g} s"
+        raise ValueError(f"highest {least}, was {highest:g} Hz")
     # Only windows that lie inside: the ends of a signal are clicks.
     first, last = transform.lower_border_end[1], transform.upper_border_begin(numbers.size)[1]
     last = max(last, first + 1)

@@ -1,5 +1,7 @@
 """One page that says most about a run."""
 
+import textwrap
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -89,11 +91,20 @@ def run_overview(ds: xr.Dataset, whole: xr.Dataset | None = None) -> Figure:
     wiper = has_law(ds)
     if wiper:
         friction_curve(part, figure.add_subplot(right[1]), legend=False)
-    spectrum(settled(whole), figure.add_subplot(right[2] if wiper else right[1:]))
+    _spectrum(settled(whole), figure.add_subplot(right[2] if wiper else right[1:]))
     legend_below(figure, _handles(part, whole))
     span = 1e3 * float(part["time"][-1] - part["time"][0])
     set_caption(figure, whole, f"lower rows: the {span:.3g} ms in the frame" if framed else "")
     return figure
+
+
+def _spectrum(ds: xr.Dataset, ax: Axes) -> None:
+    """The spectrum of a run, or why it has none."""
+    try:
+        spectrum(ds, ax)
+    except ValueError as error:
+        ax.set_axis_off()
+        ax.text(0.5, 0.5, textwrap.fill(str(error), 40), ha="center", va="center")
 
 
 def _row(ds: xr.Dataset, ax: Axes, name: str, component: int | None, marks: bool) -> None:

@@ -105,7 +105,8 @@ def spectrogram(
     - `quantity`, `component`: `velocity` along the glass (component 0) by default.
     - `window`: length of the Hann window (s); 1/25 of the run by default, but at least four
         periods of a tone above the band of chattering, and at most `TURNING` on a belt that turns.
-    - `highest`: frequency (Hz) at the top; eight times the dominant one by default, 2000 at least.
+    - `highest`: frequency (Hz) at the top; eight times the dominant one by default, 2000 and what
+        four periods fill a window of at least.
 
     Levels are in dB relative to one unit of the quantity (1 m/s rms), not a sound pressure. Within
     half a window of the ends they are those of the first and the last whole window. The scale

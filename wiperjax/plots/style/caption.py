@@ -140,6 +140,11 @@ def _fault(ds: xr.Dataset) -> str:
     return ""
 
 
+def start_text(ds: xr.Dataset) -> str:
+    """Which of several starts is shown; empty where each cell has but one."""
+    return f"start: {ds.attrs['start']}" if "class_set" in ds and "start" in ds.attrs else ""
+
+
 def footnote(ds: xr.Dataset) -> str:
     """How a map was made: its start, the borders of its classes, its settled window."""
     attrs = ds.attrs
