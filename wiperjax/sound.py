@@ -166,6 +166,9 @@ def resample(values: np.ndarray, interval: float) -> np.ndarray:
 
     Its length in time is that of the signal to within one sample.
     """
+    while RATE * interval < 1 / 8 and values.size > 1:  # ratios of small numbers: halves first
+        values = scipy.signal.resample_poly(values, 1, 2, padtype="line")
+        interval *= 2
     ratio = Fraction(RATE * interval).limit_denominator(4000)
     return scipy.signal.resample_poly(values, ratio.numerator, ratio.denominator, padtype="line")
 

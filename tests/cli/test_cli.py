@@ -514,6 +514,7 @@ def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
     [
         ("none", 1.9e6, "yes", "none: no tone"),  # of what is carried, rounding has a line, too
         ("none", np.nan, "no", "not known: too fast for run.sample_interval"),
+        ("none", np.nan, "unknown", "not known: no line"),  # of a run that failed
         ("squeal", 780.8, "yes", "780.8 Hz"),
     ],
 )

@@ -6,7 +6,8 @@ import pytest
 
 import wiperjax
 from wiperjax import Result, TrapezoidBelt, Wiper, WipingBelt
-from wiperjax.engine.observers.reversal import ReversalTotals
+from wiperjax.engine.observers.reversal import ReversalTotals, _integral
+from wiperjax.numerics import quartic
 
 DURATION, WINDOW, FREQUENCY = 0.4, 0.02, 4.0  # V = 0 at 0.125 s, 0.25 s, ...
 BELTS = {
@@ -83,3 +84,28 @@ def test_what_lies_within_the_window_is_not_of_the_strokes_by_rounding(both, whi
     r = both[which]
     for time in (r.stick_time_stroke, r.flight_time_stroke):
         assert float(time) == 0 or float(time) > 1e-9
+
+
+@pytest.mark.slow
+def test_what_is_carried_by_a_turning_belt_moves_as_the_belt():
+    """In stick there is no error to limit a step: one of half a period was 1 % off in the whole and
+    14 % around V = 0."""
+    amplitude, turn = 2e-3, 2 * np.pi * FREQUENCY
+    record = totals(WipingBelt(amplitude, FREQUENCY), np.inf).statistics
+    assert float(record.totals.stick_time) == pytest.approx(DURATION, rel=1e-12)
+
+    def square(end):  # integral of the velocity's from V = 0 on
+        return amplitude**2 * (end / 2 - np.sin(2 * turn * end) / (4 * turn))
+
+    whole = float(record.totals.output_square_integral)
+    assert whole == pytest.approx(square(DURATION), rel=1e-6)
+    assert float(record.vibration_integral) == pytest.approx(4 * square(WINDOW), rel=1e-5)
+
+
+def test_behind_a_step_of_no_length_nothing_is_blown_up():
+    """Rounding of the nodes, to the fifth power of how many times as long the correction is, made
+    1e5 m/s of 0.04."""
+    nodes = 0.04 + 1e-17 * np.array([1.0, -1.0, 1.0, -1.0, 1.0])
+    coefficients = quartic.powers(nodes)
+    assert float(_integral(coefficients, 1e6)) == pytest.approx(0.04 * 1e6, rel=1e-9)
+    assert float(_integral(coefficients, 0.3)) == pytest.approx(0.04 * 0.3, rel=1e-9)

@@ -4,6 +4,7 @@ import math
 
 import diffrax
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from blades import draw, lane
@@ -12,6 +13,8 @@ from systems import Ball, Puck, StopOscillator, events, times, trajectory
 
 import wiperjax
 from wiperjax import Event, Result, SteadyBelt, Wiper
+from wiperjax.engine.carry.problem import make_case
+from wiperjax.engine.solve import begin, run
 
 
 @jax.jit
@@ -107,6 +110,54 @@ def test_samples_outside_of_the_motion_are_not_known():
     np.testing.assert_array_equal(found.regime >= 0, known)
     fallen = np.array([0.0, 0.1, 0.4])
     np.testing.assert_allclose(found.position[0][2:5], 1.0 - 0.5 * 9.81 * fallen**2, rtol=1e-9)
+
+
+class Thrown(Ball):
+    """It swings to and fro as it bounces; its output is seen from a clock."""
+
+    def free_acceleration(self, t, q, v):
+        return (-400.0 * q[0], -self.gravity)
+
+    def directions(self, t, q):
+        return (0.0, 0.0), (0.0, 1.0)
+
+    def gap(self, t, q):
+        return q[1]
+
+    def output(self, t, q, v):
+        return v[0] - jnp.sin(t)
+
+
+@pytest.mark.slow
+def test_samples_within_a_sequence_of_impacts_and_statistics_that_begin_there():
+    """Samples were the next step's polynomial, continued backwards (1e6 m); of a sequence in which
+    the statistics begin, all was lost."""
+    last, begin = 3 * np.sqrt(2 / 9.81), 1.34  # e = 1/2: the sequence ends there
+
+    @jax.jit
+    def thrown(times):
+        return wiperjax.solve(
+            Thrown(9.81, 0.5),
+            3.0,
+            initial_state=((1.0, 1.0), (0.0, 0.0)),
+            zeno_time=0.02,
+            sample_times=times,
+            statistics_start=begin,
+        )
+
+    found = thrown(np.linspace(last - 0.03, last - 1e-3, 12))
+    assert Event.ZENO in np.asarray(found.events.kind)
+    assert np.max(np.abs(found.samples.position[0])) <= 1.0 + 1e-6
+    lasted = found.statistics.stick_time + found.statistics.slip_time + found.statistics.flight_time
+    assert float(lasted) == pytest.approx(3.0 - begin, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_single_precision_goes_with_an_output_that_knows_the_time():
+    case = make_case(Thrown(9.81, 0.5), 1.0, ((1.0, 1.0), (0.0, 0.0)), dtype=jnp.float32)
+    found = jax.jit(lambda case: run(case.problem, begin(case)))(case)
+    assert Result(int(found.result)) == Result.FINISHED
+    assert found.observed.output_integral.dtype == jnp.float32
 
 
 def test_elastic_ball_never_rests_and_keeps_its_energy():

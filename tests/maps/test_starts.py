@@ -160,6 +160,13 @@ def test_the_swept_axis_is_made_the_last(tmp_path):
     index = np.array([0, 4, 5, 9])
     assert list(starts.before(spec, index, "up")) == [-1, 3, -1, 8]
     assert list(starts.before(spec, index, "down")) == [1, -1, 6, -1]
+    # up is to larger values, however they are listed
+    document = spec.document()
+    load = document["axes"]["normal_load"]
+    document["axes"]["normal_load"] = load | {"start": load["stop"], "stop": load["start"]}
+    falling = parse_sweep(document)
+    assert list(starts.before(falling, index, "down")) == [-1, 3, -1, 8]
+    assert list(starts.before(falling, index, "up")) == [1, -1, 6, -1]
 
 
 def random_spec(count=50, **more):

@@ -139,3 +139,9 @@ def test_command_line_refuses_what_is_no_run(tmp_path, capsys):
         printed = capsys.readouterr()
         assert line in printed.err and printed.err.count("\n") == 1
     assert not (tmp_path / "a.wav").exists()
+
+
+@pytest.mark.parametrize("interval", [2e-9, 5e-9, 1e-6, 1e-4 / 3])
+def test_a_finely_sampled_run_sounds_as_long_as_it_is(interval):
+    samples = np.zeros(round(2e-3 / interval))
+    assert len(sound.resample(samples, interval)) == pytest.approx(2e-3 * sound.RATE, abs=1)

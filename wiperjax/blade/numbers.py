@@ -59,7 +59,9 @@ def check_single(system: AbstractSystem) -> None:
     """Raises ValueError for a system with an array in place of a number, which is a batch."""
     for name in sorted(numbers(system)):
         if np.ndim(found := at(tuple(name.split(".")))(system)):
-            raise ValueError(f"system must have one number as {name}, but had {shown(found)}")
+            raise ValueError(
+                f"system must have one number as {name}, a float, but had {shown(found)}"
+            )
 
 
 def known(system: AbstractSystem, name: str) -> Parameter | None:

@@ -68,10 +68,11 @@ def print_class(run: Any) -> None:
     frequency = float(found["dominant_frequency"])
     told = int(found.get("frequency_told", TOLD["unknown"]))
     pitch = f"{frequency:.1f} Hz"
-    if int(found["band"]) == BANDS["none"]:  # rounding has a strongest line, too
+    if np.isnan(frequency):
+        fast = told == TOLD["no"]
+        pitch = f"not known: {'too fast for run.sample_interval' if fast else 'no line'}"
+    elif int(found["band"]) == BANDS["none"]:  # rounding has a strongest line, too
         pitch = "none: no tone"
-    if np.isnan(frequency) and told == TOLD["no"]:
-        pitch = "not known: too fast for run.sample_interval"
     print(f"{'frequency':<12}{pitch}")
 
 

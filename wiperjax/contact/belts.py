@@ -67,6 +67,11 @@ class AbstractBelt(eqx.Module):
         return 0.0
 
     @property
+    def judged_at(self) -> Any:
+        """Time [s] at which a motion on it is linearised: of a belt that turns, at its peak."""
+        return 0.0
+
+    @property
     @abstractmethod
     def peak(self) -> Any:
         """Largest belt speed [m/s]: the scale of velocities."""
@@ -116,6 +121,10 @@ class WipingBelt(AbstractBelt):
     def wiping_frequency(self):
         return self.frequency
 
+    @property
+    def judged_at(self):
+        return _peak_time(self.amplitude, self.frequency, self.phase)
+
     def velocity(self, time, piece):
         return self.amplitude * jnp.sin(TURN * self.frequency * time + self.phase)
 
@@ -141,6 +150,11 @@ class WipingBelt(AbstractBelt):
         return kinds.wiping_rms(self.amplitude, jnp)
 
 
+def _peak_time(speed, frequency, phase):
+    """Time [s] at which a belt is in the middle of a stroke of positive velocity."""
+    return (0.5 - 0.25 * jnp.sign(speed) - phase / TURN) / frequency
+
+
 class TrapezoidBelt(AbstractBelt):
     """Plateaus of +-``speed`` joined by linear ramps of duration ``ramp`` [s] centred on V = 0.
 
@@ -162,6 +176,10 @@ class TrapezoidBelt(AbstractBelt):
     @property
     def wiping_frequency(self):
         return self.frequency
+
+    @property
+    def judged_at(self):
+        return _peak_time(self.speed, self.frequency, self.phase)
 
     def _zero(self, half):
         return (0.5 * half - self.phase / TURN) / self.frequency

@@ -41,7 +41,7 @@ def check_observation(
     checks.numbers("start", start, FINITE, arrays=False)
     if sample_times is not None and not checks.is_traced(sample_times):
         first = checks.increasing("sample_times", sample_times)[0]
-        if not checks.is_traced(start) and first < start:
+        if not checks.is_traced(start) and first < begun(start):
             begin = f"must begin at start ({float(start):g} s) or later"
             raise ValueError(f"sample_times {begin}, but began at {first:g}")
     checks.whole("max_events", max_events, Range(0, MOST_EVENTS, whole=True))
@@ -50,12 +50,18 @@ def check_observation(
     if observer is not None:
         checks.instance("observer", observer, AbstractObserver, "one such as RegimeTotals(0.0)")
     if statistics_start is not None:
-        if hasattr(observer, "start"):
-            raise ValueError(
-                "statistics_start must be left out with an observer that has a start of its own, "
-                f"but was {checks.shown(statistics_start)}"
-            )
         checks.numbers("statistics_start", statistics_start, FINITE, arrays=False)
+        begin = getattr(observer, "begin", None)
+        known = not (checks.is_traced(begin) or checks.is_traced(statistics_start))
+        if begin is not None and known and begin != statistics_start:
+            must = f"must be where the observer begins ({float(begin):g} s), or left out"
+            raise ValueError(f"statistics_start {must}, but was {statistics_start:g}")
+
+
+def begun(start: Any) -> Any:
+    """Return the time [s] from which a motion that begins at ``start`` is known, but for rounding
+    of a time in single precision."""
+    return start - 1e-7 * abs(start)
 
 
 def regular_times(duration: float, interval: float) -> np.ndarray:

@@ -16,6 +16,7 @@ from ..vocabulary import checks
 from ..vocabulary.codes import RUNNING
 from ..vocabulary.ranges import POSITIVE
 from .arguments import (
+    begun,
     check_integration,
     check_observation,
     check_state,
@@ -84,7 +85,7 @@ def begin(case: Case) -> State:
         ) from error
     times, index = case.problem.sample_times, state.sample_index
     if times is not None:  # no motion is known before it begins
-        index = index + jnp.sum(times < state.time).astype(index.dtype)
+        index = index + jnp.sum(times < begun(state.time)).astype(index.dtype)
     samples = empty_samples(case.problem, state)
     return state._replace(samples=samples, sample_index=index)
 
@@ -118,8 +119,8 @@ def solve(
 
     **Other arguments:** ``solver``, an explicit diffrax Runge-Kutta solver with error estimate
     and dense output (default `diffrax.Tsit5`); ``rtol``; ``atol``, one number or (positions,
-    velocities) (default: rtol times the system's scales); ``sample_times``, increasing, (m,), of
-    which those outside the motion have NaN, and -1 for the regime;
+    velocities) (default: rtol times the system's scales); ``sample_times``, increasing, (m,), from
+    ``start`` on; of those that the motion does not reach samples are NaN, and -1 the regime;
     ``max_events``, capacity of the event log (more are counted, flagged, and not stored);
     ``max_steps``, trial steps; ``max_step`` [s]; ``zeno_time`` [s], flights shorter than this are
     completed by the limit of their sequence; ``observer``, online statistics (default
@@ -142,7 +143,7 @@ def solve(
     )
     if observer is None:
         observer = RegimeTotals(start if statistics_start is None else statistics_start)
-    mark = getattr(observer, "start", statistics_start)  # a step ends where it begins to gather
+    mark = statistics_start if observer.begin is None else observer.begin
     case = make_case(
         system,
         duration,

@@ -11,7 +11,7 @@ from jax.lax import stop_gradient
 
 from ..contact.guards import first_switch, stop_slots
 from ..contact.projection import project
-from ..contact.system import rates
+from ..contact.system import like, rates
 from ..numerics.arrays import put, where
 from ..numerics.fusion_barrier import keep
 from ..vocabulary.codes import RUNNING, Regime, Result
@@ -102,7 +102,7 @@ def jump(problem: Problem, state: State) -> State:
     memory, step = remember(state, after.regime, after.time, after.bounce, happens, fires)
     result = _result_after(problem, state, after, happens, fires)
     # the observer and the log see the event on the piece of the motion that it ends
-    output = before.output(after.time, after.position, after.velocity)
+    output = like(before.output(after.time, after.position, after.velocity), after.velocity[0])
     happening = Happening(
         *(before, state.time, after.kind, state.regime, after.regime),
         *(after.impulse, after.time - state.time, output),

@@ -105,9 +105,15 @@ def before(spec: Any, index: np.ndarray, way: str) -> np.ndarray:
     """The cell from which each of the cells `index` goes on, -1 where it is the first of its
     line.
     """
-    step, count = (1 if way == "up" else -1), spec.shape[-1]
+    step, count = (1 if _forwards(spec, way) else -1), spec.shape[-1]
     place = index % count - step
     return np.where((place >= 0) & (place < count), index - step, -1)
+
+
+def _forwards(spec: Any, way: str) -> bool:
+    """Whether this way goes along the last axis as its values are listed: up, to larger ones."""
+    *_, values = spec.axes_values().values()
+    return (way == "up") == bool(values[-1] >= values[0])
 
 
 def _beginning(spec: Any, name: str) -> Any:
@@ -150,7 +156,7 @@ def _walked(spec: Any, index: np.ndarray, look: Look) -> dict[str, Cells]:
     ended["result"] = np.full(at_once, NOT_COMPUTED)
     steps = []
     for step in range(count):
-        place = {"up": step, "down": count - 1 - step}
+        place = {way: step if _forwards(spec, way) else count - 1 - step for way in ways}
         cells = np.concatenate([lines[:, place[way]] for way in ways])
         ended = kicked(spec, cells, ended)
         steps.append(_look(spec, cells, look, ended))
@@ -160,7 +166,7 @@ def _walked(spec: Any, index: np.ndarray, look: Look) -> dict[str, Cells]:
     found = {}
     for number, way in enumerate(ways):
         mine = slice(number * len(lines), (number + 1) * len(lines))
-        order = steps if way == "up" else steps[::-1]
+        order = steps if _forwards(spec, way) else steps[::-1]
         columns = _in_order([step.columns for step in order], mine)
         begun = _in_order([step.ended or {} for step in order], mine)
         found[way] = Cells(spec, index, columns, begun, at_once, occupancy)

@@ -5,7 +5,6 @@ linearisation its exact derivative by places and velocities. A contact that may 
 what is left are the coordinates along it.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import optimistix as optx
 
-from ..contact.belts import AbstractBelt, SteadyBelt, operating_speed
+from ..contact.belts import AbstractBelt
 from ..contact.guards import starting_sides
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces
 from ..contact.space import contact
@@ -40,21 +39,18 @@ class Linear(NamedTuple):
     exists: jax.Array
 
 
-def steadied(system: AbstractSystem) -> AbstractSystem:
-    """Return ``system`` on a belt of constant speed, that at which motions on its own belt are
-    linearised (`operating_speed`): one that turns may rest at t = 0.
-    """
+def judged_at(system: AbstractSystem) -> jax.Array:
+    """Return the time [s] of steady sliding: 0, or when a belt that turns is fastest."""
     belt = getattr(system, "belt", None)
-    if not isinstance(belt, AbstractBelt) or isinstance(belt, SteadyBelt):
-        return system
-    return replace(system, belt=SteadyBelt(operating_speed(belt)))
+    return jnp.asarray(belt.judged_at if isinstance(belt, AbstractBelt) else 0.0, float)
 
 
 def linear(system: AbstractSystem, near: Coordinates) -> Linear:
     """Return the steady sliding that is found from the place ``near``, every coordinate at rest and
-    the belt as it moves at t = 0. A pure function of the system's numbers: it may be mapped.
+    the belt as it moves at the time of `judged_at`. A pure function of the system's numbers: it
+    may be mapped.
     """
-    t = jnp.zeros(())
+    t = judged_at(system)
     system = system.on_piece(system.first_piece(t))
     n = len(near)
     scale = jnp.stack([jnp.asarray(x, float) for x in system.scales(n)[0]])

@@ -18,7 +18,7 @@ from ..systems.build import build
 from ..vocabulary import checks
 from ..vocabulary.cf import flags
 from ..vocabulary.codes import LABELS
-from .linear import linear_over, steadied
+from .linear import linear_over
 from .table import modes_of, place_near
 
 AT_ONCE = 2048  # cells
@@ -111,7 +111,7 @@ def spec_of(simulated: xr.Dataset) -> SweepSpec:
 
 def _block(spec: SweepSpec, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return eigenvalues (cells, 2 m) and whether they exist (cells,), of some cells."""
-    system: AbstractSystem = steadied(build(spec, spec.cells(index)).system)
+    system: AbstractSystem = build(spec, spec.cells(index)).system
     if system.law is None:
         raise ValueError(f"system must have friction, but {type(system).__name__} has none")
     near = tuple(jnp.broadcast_to(jnp.asarray(x, float), index.shape) for x in place_near(system))

@@ -12,7 +12,7 @@ from ..blade.wiper import Wiper
 from ..contact.system import AbstractSystem
 from ..machine import provenance
 from ..vocabulary import cf, checks
-from .linear import Linear, linear_at, steadied
+from .linear import Linear, judged_at, linear_at
 
 ROUNDING = 1e-11  # of an eigenvalue: a smaller real or imaginary part is none
 
@@ -65,7 +65,6 @@ def modes(system: AbstractSystem, near=None) -> xr.Dataset:
     numbers.check_single(system)
     if system.law is None:
         raise ValueError(f"system must have friction, but {type(system).__name__} has none")
-    system = steadied(system)
     near = _place(system, near)
     found = linear_at(numbers.traceable(system), tuple(jnp.asarray(x) for x in near))
     if not bool(found.exists):
@@ -92,7 +91,9 @@ def place_near(system: AbstractSystem) -> tuple:
     says = type(system).sliding_near is not AbstractSystem.sliding_near
     if says or not isinstance(system, Wiper):
         return system.sliding_near()
-    x, (start, height) = steady_slip(system).x, system.default_state()[0]
+    t, belt = judged_at(system), system.belt
+    x = steady_slip(system, belt.velocity(t, belt.first_piece(t))).x
+    start, height = system.default_state()[0]
     return jnp.where(jnp.isfinite(x), x, start), height
 
 

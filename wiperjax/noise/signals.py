@@ -68,6 +68,8 @@ def signal_columns(
         floor = limits.chatter_band[1]  # slower motion is the flip itself
         inner = np.broadcast_to(inner, signal.shape)
         vibration = high_pass(signal, interval, floor)
+        if floor * interval < 0.5:  # what is slow has a slope, and so a variance inside a sample
+            inner = inner - np.gradient(signal - vibration, axis=-1) ** 2 / 12
         after = ((since >= 0) & (since <= limits.reversal_window)).astype(float)
         found["vibration_reversal"] = weighted_rms(vibration, inner, after)
         found |= tones(vibration, inner, interval, since, quiet_below)

@@ -18,7 +18,7 @@ def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: fl
     if kind == "trapezoid":
         time = math.sqrt(way * ramp / speed)  # V = 2 V0 t/ramp up to t = ramp/2
         time = time if time <= ramp / 2 else ramp / 4 + way / speed
-        return time if 2 * time * frequency <= 1 else math.inf
+        return time if way <= speed * (0.5 / frequency - 0.5 * ramp) else math.inf
     if kind != "wiping":
         raise ValueError(f"kind must be a belt that reverses, but was {kind!r}")
     turn = 2 * math.pi * frequency

@@ -185,6 +185,11 @@ class Happening(NamedTuple):
 class AbstractObserver(eqx.Module):
     """Online statistics: immutable rules over an explicit record."""
 
+    @property
+    def begin(self) -> Any:
+        """Time [s] from which it gathers: a step then ends there. None: from the start on."""
+        return None
+
     @abstractmethod
     def init(self, dtype, shape=()) -> Any:
         """Return the empty record of a batch of ``shape`` (lanes), or of one trajectory."""

@@ -49,6 +49,10 @@ class Margins(AbstractObserver):
     observer: RegimeTotals | ReversalTotals
     slots: tuple[int, ...]  # of guards that are watched: all but those of corners
 
+    @property
+    def begin(self):
+        return self.observer.begin
+
     def init(self, dtype, shape=()):
         no = (jnp.zeros(shape, bool),) * len(self.slots)
         margin, word = jnp.ones(shape, dtype), jnp.zeros(shape, jnp.int32)

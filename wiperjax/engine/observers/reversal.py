@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ...numerics import quartic
-from ...numerics.elementary import larger
+from ...numerics.elementary import larger, smaller
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
@@ -35,6 +35,10 @@ class ReversalTotals(AbstractObserver):
     window: Scalar
 
     @property
+    def begin(self):
+        return self.start
+
+    @property
     def _regimes(self) -> RegimeTotals:
         return RegimeTotals(self.start)
 
@@ -53,7 +57,7 @@ class ReversalTotals(AbstractObserver):
 
         def within(coefficients, parts):
             """Integral over parts of the step."""
-            ends = [(quartic.integral(coefficients, x) for x in part) for part in parts]
+            ends = [(_integral(coefficients, x) for x in part) for part in parts]
             return step * sum(high - low for low, high in ends)
 
         def counted(value):
@@ -105,7 +109,8 @@ class ReversalTotals(AbstractObserver):
         """Largest normal force in parts of the step. An empty part lies on a node and has none."""
         peaks = []
         for low, high in near:
-            nodes = [quartic.value(load, low + u * (high - low)) for u in NODES]
+            places = [smaller(low + u * (high - low), 1.0) for u in NODES]
+            nodes = [quartic.value(load, u) for u in places]
             peaks.append(jnp.where(high > low, highest(nodes, nodes[-1]), 0.0))
         return reduce(jnp.maximum, peaks)
 
@@ -115,7 +120,18 @@ class ReversalTotals(AbstractObserver):
         hit = is_hit(e.kind)
         counts = hit & near & (e.time >= self.start)
         largest = jnp.maximum(record.impulse_max_reversal, e.impulse)
+        flown = jnp.where(near, 0.0, self._regimes.flown(e)).astype(record.stroke_time.dtype)
         return record._replace(
             totals=self._regimes.event(record.totals, happening),
+            stroke_time=record.stroke_time + flown,
+            flight_time_stroke=record.flight_time_stroke + flown,
             impulse_max_reversal=jnp.where(counts, largest, record.impulse_max_reversal),
         )
+
+
+def _integral(coefficients, u) -> Scalar:
+    """Integral from 0 to ``u`` of what is a quartic up to the end of the step, u = 1, and keeps its
+    value behind it: the correction to an event may be many times as long as a step of no length.
+    """
+    inside = smaller(u, 1.0)
+    return quartic.integral(coefficients, inside) + (u - inside) * sum(coefficients)

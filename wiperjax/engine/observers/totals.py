@@ -72,6 +72,10 @@ class RegimeTotals(AbstractObserver):
     def __check_init__(self):
         checks.numbers("start", self.start, FINITE)
 
+    @property
+    def begin(self):
+        return self.start
+
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)
         n = jnp.zeros(shape, jnp.int32)
@@ -119,6 +123,11 @@ class RegimeTotals(AbstractObserver):
             ),
         )
 
+    def flown(self, happening) -> Scalar:
+        """Time [s] from `start` on that a completed sequence of impacts takes: of flight, in which
+        the output hardly changes."""
+        return larger(happening.duration - larger(self.start - happening.time, 0.0), 0.0)
+
     def event(self, record, happening):
         e = happening
         on = e.time >= self.start
@@ -127,8 +136,7 @@ class RegimeTotals(AbstractObserver):
         def count(condition):
             return (on & condition).astype(jnp.int32)
 
-        # a sequence of impacts is flight, in which the output hardly changes
-        flown = jnp.where(on, e.duration, 0.0).astype(record.flight_time.dtype)
+        flown = self.flown(e).astype(record.flight_time.dtype)
         return record._replace(
             flight_time=record.flight_time + flown,
             output_integral=record.output_integral + flown * e.output,
@@ -192,6 +200,10 @@ class Reach(AbstractObserver):
     vertices within the steps, without derivatives. Samples would miss a quick swing."""
 
     observer: RegimeTotals
+
+    @property
+    def begin(self):
+        return self.observer.begin
 
     def init(self, dtype, shape=()):
         none = jnp.full(shape, -jnp.inf, dtype)

@@ -70,7 +70,9 @@ def take_samples(problem: Problem, state: State, trial: Trial, moves, length):
         index, buffers = carry
         writes = due(index)
         t = times[jnp.minimum(index, n - 1)]
-        theta = ((t - state.time) / jnp.where(trial.h > 0, trial.h, 1.0)).astype(y0[0][0].dtype)
+        # what lies within a completed sequence of impacts is known as its end
+        passed = jnp.maximum(t - state.time, 0.0)
+        theta = (passed / jnp.where(trial.h > 0, trial.h, 1.0)).astype(y0[0][0].dtype)
         y = y0
         for stage, column in zip(trial.step.stages, polynomial.T, strict=True):
             weight = jnp.zeros_like(theta)

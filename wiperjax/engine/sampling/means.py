@@ -115,7 +115,8 @@ def segment_of(signal: Signal, stretch: Stretch) -> Segment:
     regime = stretch.regime if signal.regimes else None
     dtype = values[0].dtype
     step = stop_gradient(stretch.step)
-    end = stop_gradient(stretch.length) / jnp.where(step > 0, step, 1.0)
+    # behind a step of next to no length it would be far from where the quartic holds
+    end = smaller(stop_gradient(stretch.length) / jnp.where(step > 0, step, 1.0), 2.0)
     start = stop_gradient(stretch.start)
     last = start + stop_gradient(stretch.length)
     step, end = step.astype(dtype), end.astype(dtype)
