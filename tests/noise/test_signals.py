@@ -6,6 +6,7 @@ import pytest
 from wiperjax.noise import signals
 from wiperjax.noise.spectrum import interval_means
 from wiperjax.vocabulary.codes import SETTLED, TOLD
+from wiperjax.vocabulary.kinds import since_reversal
 from wiperjax.vocabulary.thresholds import Thresholds
 
 INTERVAL = 1 / 4096
@@ -178,3 +179,17 @@ def test_a_tip_that_rides_along_has_no_vibration_and_no_nan():
     found = signals.signal_columns(mean[None], interval, LIMITS, 4e-4, since, 4.0, inner[None])
     for name in ("vibration_reversal", "vibration_stroke", "velocity_rms_stroke"):
         assert 0 <= found[name][0] < 5e-3, name
+
+
+def test_slow_motion_is_no_vibration_however_long_the_samples():
+    """The slope of a stroke within a sample was counted as if it were faster than 100 Hz."""
+    interval, frequency = 5e-4, 4.0
+    time = interval * (np.arange(2000) + 0.5)
+    speed = 0.4 * np.sin(TURN * frequency * time)
+    slope = 0.4 * TURN * frequency * np.cos(TURN * frequency * time)
+    inner, since = (slope * interval) ** 2 / 12, since_reversal(time, frequency, 0.0)
+    given = LIMITS, 1e-4, since, frequency, inner[None]
+    found = signals.signal_columns(speed[None], interval, *given)
+    assert found["vibration_reversal"][0] < 0.05 * np.sqrt(inner.max())
+    lasting = max(found["tone_time_before"][0], found["tone_time_after"][0])
+    assert lasting < 0.5 * LIMITS.tone_time

@@ -68,14 +68,16 @@ def signal_columns(
         floor = limits.chatter_band[1]  # slower motion is the flip itself
         inner = np.broadcast_to(inner, signal.shape)
         vibration = high_pass(signal, interval, floor)
+        quick = inner
         if floor * interval < 0.5:  # what is slow has a slope, and so a variance inside a sample
-            inner = inner - np.gradient(signal - vibration, axis=-1) ** 2 / 12
+            quick = inner - np.gradient(signal - vibration, axis=-1) ** 2 / 12
         after = ((since >= 0) & (since <= limits.reversal_window)).astype(float)
-        found["vibration_reversal"] = weighted_rms(vibration, inner, after)
-        found |= tones(vibration, inner, interval, since, quiet_below)
-        signal, inner = _strokes(signal, weight, interval, wiping), inner * weight**4
+        found["vibration_reversal"] = weighted_rms(vibration, quick, after)
+        found |= tones(vibration, quick, interval, since, quiet_below)
+        signal = _strokes(signal, weight, interval, wiping)
+        inner, quick = (x * weight**4 for x in (inner, quick))
         found["velocity_rms_stroke"] = weighted_rms(signal, inner, weight)
-        found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), inner, weight)
+        found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), quick, weight)
         found["reversal_count"] = np.sum((since[:, :-1] < 0) & (since[:, 1:] >= 0), axis=1)
         # halves of a window compare if each holds whole periods
         periods = wiping * interval * signal.shape[1] / 2

@@ -141,7 +141,7 @@ def _longest(max_step, system: AbstractSystem, clock):
     belt = getattr(system, "belt", None)
     if not isinstance(belt, AbstractBelt) or isinstance(belt, SteadyBelt):
         return most
-    frequency = jnp.abs(jnp.asarray(belt.wiping_frequency, clock))
+    frequency = jax.lax.stop_gradient(jnp.abs(jnp.asarray(belt.wiping_frequency, clock)))
     part = 1 / (PERIOD_PARTS * jnp.where(frequency > 0, frequency, 1.0))
     return jnp.where(frequency > 0, jnp.minimum(most, part), most)
 
