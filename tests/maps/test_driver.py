@@ -158,7 +158,7 @@ def test_the_event_log_survives_like_all_else(tmp_path, capsys):
     said = capsys.readouterr().out
     counts = expected["event_count"]
     assert f"events: {counts.sum()} in the settled windows, 8 in the fullest" in said
-    assert f"room for 5 of a cell, {(counts > 5).sum()} of 385 cells had more" in said
+    assert f"room for 5 of each, {(counts > 5).sum()} of 385 cells had more" in said
 
 
 @pytest.mark.parametrize("blocks", [0, 1, 5, 8])
