@@ -112,6 +112,21 @@ def test_samples_outside_of_the_motion_are_not_known():
     np.testing.assert_allclose(found.position[0][2:5], 1.0 - 0.5 * 9.81 * fallen**2, rtol=1e-9)
 
 
+@pytest.mark.slow
+def test_a_sample_at_the_very_start_moves_with_its_time():
+    @jax.jit
+    def slope(first):
+        def place(first):
+            times = jnp.stack([first, 0.1])
+            start = ((1.0,), (0.5,))
+            s = wiperjax.solve(Ball(9.81, 0.5), 0.2, initial_state=start, sample_times=times)
+            return s.samples.position[0]
+
+        return jax.jacfwd(place)(first)
+
+    np.testing.assert_allclose(slope(0.0), [0.5, 0.0], rtol=1e-12)
+
+
 class Thrown(Ball):
     """It swings to and fro as it bounces; its output is seen from a clock."""
 

@@ -7,6 +7,7 @@ import numpy as np
 from ...contact.regimes import forces
 from ...contact.space import contact
 from ...numerics.arrays import put
+from ...numerics.elementary import larger
 from ...numerics.runge_kutta import dense_weights
 from ..carry.problem import Problem
 from ..carry.state import State
@@ -71,7 +72,7 @@ def take_samples(problem: Problem, state: State, trial: Trial, moves, length):
         writes = due(index)
         t = times[jnp.minimum(index, n - 1)]
         # what lies within a completed sequence of impacts is known as its end
-        passed = jnp.maximum(t - state.time, 0.0)
+        passed = larger(0.0, t - state.time)  # at 0, as a first sample has it, with its derivative
         theta = (passed / jnp.where(trial.h > 0, trial.h, 1.0)).astype(y0[0][0].dtype)
         y = y0
         for stage, column in zip(trial.step.stages, polynomial.T, strict=True):
