@@ -58,12 +58,11 @@ def _found(file: Path, model: str | None) -> Any:
     from ..modes.over import beside, modes_over, spec_of
     from ..modes.table import modes as modes_at
 
-    if file.is_dir():
-        raise ValueError(f"{file}: is not a finished map; finish it with --resume first")
-    if file.suffix in MAP_SUFFIXES:
-        from ..store.whole import open_map
+    if file.suffix in MAP_SUFFIXES or file.is_dir():
+        from ..store.whole import check_swept, open_finished
 
-        with open_map(file) as simulated, told_of(file):
+        with open_finished(file) as simulated, _told_of(file):
+            check_swept(simulated, file)
             return beside(modes_over(spec_of(simulated)), simulated)
     from ..specs.load import load_scene, load_sweep
 
@@ -72,12 +71,12 @@ def _found(file: Path, model: str | None) -> Any:
     from ..systems.build import build
 
     spec = load_scene(file, model)
-    with told_of(file):
+    with _told_of(file):
         return modes_at(build(spec, spec.parameters()).system)
 
 
 @contextlib.contextmanager
-def told_of(file: Path):
+def _told_of(file: Path):
     """Has what is wrong name the file."""
     try:
         yield

@@ -20,7 +20,7 @@ from ..plots.style.axes import long_name, number, shown
 from ..specs.imported import findable, is_path
 from ..specs.load import SpecError, parse_sweep
 from ..store.levels import is_refined
-from ..store.whole import borders, open_map
+from ..store.whole import borders, open_finished
 from ..vocabulary.cf import flag_names
 from ..vocabulary.wording import shorten
 from .unpacked import Unpacked
@@ -124,9 +124,7 @@ def open_explored(path: str | Path, trusted: bool = False) -> tuple[Explored, An
 
     Raises: `StoreError`, one line, for what cannot be read or is no map that can be shown.
     """
-    if Path(path).is_dir():
-        raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
-    ds = open_map(path)
+    ds = open_finished(path)
     try:
         if trusted:
             findable(Path(path).parent)

@@ -154,9 +154,10 @@ def _walked(spec: Any, index: np.ndarray, look: Look) -> dict[str, Cells]:
     names = ended_columns(spec)
     ended = {name: np.zeros(many if name in along else at_once) for name in names}
     ended["result"] = np.full(at_once, NOT_COMPUTED)
+    forwards = {way: _forwards(spec, way) for way in ways}
     steps = []
     for step in range(count):
-        place = {way: step if _forwards(spec, way) else count - 1 - step for way in ways}
+        place = {way: step if forwards[way] else count - 1 - step for way in ways}
         cells = np.concatenate([lines[:, place[way]] for way in ways])
         ended = kicked(spec, cells, ended)
         steps.append(_look(spec, cells, look, ended))
@@ -166,7 +167,7 @@ def _walked(spec: Any, index: np.ndarray, look: Look) -> dict[str, Cells]:
     found = {}
     for number, way in enumerate(ways):
         mine = slice(number * len(lines), (number + 1) * len(lines))
-        order = steps if _forwards(spec, way) else steps[::-1]
+        order = steps if forwards[way] else steps[::-1]
         columns = _in_order([step.columns for step in order], mine)
         begun = _in_order([step.ended or {} for step in order], mine)
         found[way] = Cells(spec, index, columns, begun, at_once, occupancy)

@@ -11,7 +11,7 @@ import numpy as np
 from ..machine import provenance
 from ..machine.files import StoreError
 from ..specs.load import parse_sweep
-from ..store.whole import open_map
+from ..store.whole import check_swept, open_finished
 from ..vocabulary import checks
 from ..vocabulary.codes import NOT_COMPUTED
 from ..vocabulary.ranges import NON_NEGATIVE, Range
@@ -82,11 +82,8 @@ def verify(
     cells = checks.whole("cells", cells, Range(1, MOST_CELLS, whole=True))
     seed = checks.whole("seed", seed, Range(0, whole=True))
     tolerance = checks.number("tolerance", tolerance, NON_NEGATIVE)
-    if Path(path).is_dir():
-        raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
-    with open_map(path, check=True) as ds:
-        if "specification_digest" not in ds.attrs or "label" not in ds:
-            raise StoreError(f"{path}: is not a map that a sweep made")
+    with open_finished(path, check=True) as ds:
+        check_swept(ds, path, read=spec is None)
         if spec is None:
             spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
         if spec.digest() != ds.attrs["specification_digest"]:

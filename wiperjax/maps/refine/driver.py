@@ -27,7 +27,7 @@ from ...store.blocks import BlockStore
 from ...store.folder import LOCK, clear
 from ...store.levels import is_refined, write_levels
 from ...store.partial import Reader
-from ...store.whole import borders, open_map
+from ...store.whole import borders, check_swept, open_finished
 from ...vocabulary import checks
 from ...vocabulary.wording import not_there
 from ..block import Evaluate, block_size
@@ -103,12 +103,9 @@ def refine(
 
 def _opened(path: Path) -> tuple[Any, xr.Dataset]:
     """Sweep and dataset of a finished, undamaged map."""
-    if path.is_dir():
-        raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
-    ds = open_map(path, check=True)
+    ds = open_finished(path, check=True)
     try:
-        if "specification" not in ds.attrs or "label" not in ds:
-            raise StoreError(f"{path}: is not a map that a sweep made")
+        check_swept(ds, path)
         spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
         if spec.digest() != ds.attrs["specification_digest"]:
             raise StoreError(
