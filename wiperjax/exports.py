@@ -16,8 +16,11 @@ from .datasets.run_dataset import is_run, sample_interval
 from .machine.files import check_output, replacing
 from .vocabulary import checks
 
-QUANTITIES = ("position", "velocity", "normal_force", "friction_force", "belt_velocity", "regime")
-UFF_TYPE = {"position": 8, "velocity": 11, "normal_force": 9, "friction_force": 9,
+QUANTITIES = (
+    *("position", "velocity", "output", "normal_force", "friction_force"),
+    *("belt_velocity", "regime"),
+)
+UFF_TYPE = {"position": 8, "velocity": 11, "output": 11, "normal_force": 9, "friction_force": 9,
             "belt_velocity": 11}  # fmt: skip
 """Specific data type of dataset 58: 8 displacement, 9 excitation force, 11 velocity."""
 

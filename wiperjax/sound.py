@@ -122,8 +122,8 @@ def sound(
     Arguments:
 
     - `run`: a run (`wiperjax.simulate`) with at least 8000 samples a second.
-    - `quantity`: `velocity` of the tip along the glass, or `normal_force`. The mean is taken off:
-        it cannot be heard.
+    - `quantity`: `velocity` of the tip along the glass (of a system of one's own its output), or
+        `normal_force`. The mean is taken off: it cannot be heard.
     - `reference`: value at full scale; 1 m/s or 20 N/m if None.
     - `start`, `stop`: part of the run (s).
     - `seconds`: length of the sound; whole periods of the settled half (on a wiping belt: of the
@@ -149,7 +149,7 @@ def sound(
     asked = start is not None or stop is not None
     if seconds is not None and not asked:
         part = settled(part)
-    values = signal(part, quantity)
+    values = signal(part, None if quantity == "velocity" else quantity)
     numbers = np.asarray(values, dtype=float)
     samples = resample(numbers - numbers.mean(), sample_interval(part)) / full
     if seconds is not None:

@@ -12,12 +12,13 @@ from PIL import Image
 
 matplotlib.use("Agg")
 
-from wiperjax import Stribeck, plots
+from wiperjax import Stribeck, exports, plots
 from wiperjax.datasets import run_dataset  # noqa: E402
 from wiperjax.machine.files import StoreError
 from wiperjax.plots import files
-from wiperjax.plots.runs import animation, bands, friction, history, spectra
+from wiperjax.plots.runs import animation, bands, friction, history, levels, spectra
 from wiperjax.plots.style import caption, palette
+from wiperjax.sound import sound
 from wiperjax.store.whole import open_map, write_dataset  # noqa: E402
 from wiperjax.vocabulary.codes import Event, Regime  # noqa: E402
 
@@ -134,6 +135,23 @@ def test_pitch_and_last_periods():
     )  # one regime: all is seen
     turning = run.assign(belt_velocity=0.5 * np.cos(4 * run.time))
     assert np.isnan(run_dataset.pitch(turning)) and run_dataset.settled(turning) is turning
+
+
+def test_a_system_of_ones_own_is_heard_and_seen_by_what_it_is_judged_by():
+    """Its output, here a tone of 300 Hz beside a first coordinate of 800."""
+    run, other = tone(800.0), tone(300.0, amplitude=0.1)
+    run["output"] = other["velocity"].isel(axis=0).assign_attrs(long_name="output", units="m/s")
+    assert run_dataset.pitch(run) == pytest.approx(300.0, abs=0.01)
+    assert levels.lines(run).strongest == pytest.approx(300.0, abs=0.01)
+    for component, pitch in ((0, 800.0), (1, np.nan)):  # what is asked for by name stays that
+        found = levels.lines(run, "velocity", component)
+        peak = found.frequency[np.argmax(found.amplitude)]
+        assert peak == pytest.approx(pitch, abs=2) or found.amplitude.max() == 0
+    slow = levels.lines(tone(1.5, seconds=2.0, rate=1000))  # 1.5 periods settled tell no tone,
+    assert np.isnan(slow.strongest) and slow.frequency[0] <= 1.5  # but are no silence
+    assert sound(run).rms == pytest.approx(0.1 / np.sqrt(2), rel=0.02)
+    held, unit = exports.columns(run)["output"]
+    assert np.array_equal(held, other["velocity"][:, 0]) and unit == "m/s"
 
 
 # --- pictures -------------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ def on_rung(wiper: Wiper, model: str) -> AbstractSystem:
 def start_on_rung(system: AbstractSystem, start, kind: str):
     """Return ((x, ...), (x', ...)) of a lip's start ((x, y), (x', y')) for ``system``.
 
-    ``kind`` is that of a `spec_tables.Start`. The default start is phi = alpha for lip and bar. A
+    ``kind`` is that of a `specs.tables.Start`. The default start is phi = alpha for lip and bar. A
     block has no such place (its spring is that of the steadily leaning lip, far from there, and
     would throw it off): it starts at rest where its spring is relaxed.
 

@@ -107,7 +107,6 @@ def sweep(
     )
     print_plan(spec, 1 if scheduler else local_cluster or workers or len(os.sched_getaffinity(0)))
 
-    from ..maps.auto_model import CHOICE, on_chosen_model
     from ..maps.driver import sweep as sweep_map
 
     later = ["wiperjax.plots.files"] if drawing is not None else []
@@ -121,9 +120,7 @@ def sweep(
     chosen |= {"resume": resume, "force": force, "command": shlex.join(words)}
     with who_computes(embedded, scheduler, local_cluster) as others:
         try:
-            spec = on_chosen_model(spec, workers=others.get("workers"))
-            if spec.choice:
-                print(f"model    {spec.choice[CHOICE]}", flush=True)
+            spec = chosen_model(spec, others.get("workers"))
             dataset = sweep_map(spec, output, **others, **chosen)
         except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
             print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
@@ -141,6 +138,19 @@ def sweep(
 
         plot_file(output, drawing, picture=name, force=redraw)
         print(f"picture  {drawing}")
+
+
+def chosen_model(spec: Any, workers: Any) -> Any:
+    """The sweep on the model that a probe chooses if it asks for one; says which, and what that
+    took, which is in no phase of the map.
+    """
+    from ..maps.auto_model import CHOICE, on_chosen_model
+
+    begun, chosen = time.monotonic(), on_chosen_model(spec, workers=workers)
+    if chosen.choice:
+        took = "" if chosen is spec else f"; took {time.monotonic() - begun:.1f} s"
+        print(f"model    {chosen.choice[CHOICE]}{took}", flush=True)
+    return chosen
 
 
 def load_beside(modules: list[str]) -> None:

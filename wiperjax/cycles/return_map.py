@@ -32,7 +32,7 @@ class Found(IntEnum):
 
     FOUND = 0
     AT_REST = 1  # the motion dies out: quiet
-    NOT_PERIODIC = 2  # no return (`settling.MOST_RETURNS`): settle for longer, or chaos
+    NOT_PERIODIC = 2  # no return (`first_guess.MOST_RETURNS`): settle for longer, or chaos
     NOT_CONVERGED = 3  # Newton's method did not close the orbit
     NOT_ISOLATED = 4  # closed, but with a multiplier 1 beside the trivial one: a fold, or a family
     TRAJECTORY_FAILED = 5  # the motion ended early (collapsed, or a failure of the engine)

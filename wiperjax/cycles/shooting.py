@@ -174,6 +174,3 @@ def _shoot(system, along, state, regime, period, phase, part, rtol) -> Any:
         overflow=s.event_overflow,
         result=s.result,
     )
-
-
-# --- coordinates of the states that a motion can pass --------------------------------------------

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ..noise.classes import stored
+from ..noise.run_class import judged
 from ..noise.spectrum import interval_means, strongest_lines
 from ..vocabulary.cf import flag_names
 from ..vocabulary.thresholds import silence
@@ -103,14 +104,21 @@ def sample_interval(ds: xr.Dataset) -> float:
     return float(steps.mean())
 
 
-def signal(ds: xr.Dataset, quantity: str = "velocity", component: int = 0) -> xr.DataArray:
-    """One number over time: a scalar quantity of a run, or one component of position or velocity.
+def signal(
+    ds: xr.Dataset, quantity: str | None = None, component: int | None = None
+) -> xr.DataArray:
+    """One number over time: a scalar quantity of a run, or one component of position or velocity
+    (the first, if None). Without either it is the velocity that the motion is judged by: that of
+    the tip along the glass, of a system of one's own its output.
 
     Raises: `ValueError` if the run has no such quantity or component.
     """
+    if quantity is None:
+        quantity = "output" if component is None and "output" in ds else "velocity"
     values = check_quantity(ds, quantity)
     if values.ndim == 1:
         return values
+    component = component or 0
     other = next(dim for dim in values.dims if dim != "time")
     if not 0 <= component < values.sizes[other]:
         raise ValueError(f"component must be 0 ... {values.sizes[other] - 1}, was {component}")
@@ -130,7 +138,7 @@ def settled(ds: xr.Dataset) -> xr.Dataset:
 
 
 def pitch(ds: xr.Dataset) -> float:
-    """Dominant frequency (Hz) of the tip velocity in the settled half.
+    """Dominant frequency (Hz) of what the motion is judged by, in the settled half.
 
     NaN if it is quiet or has no two periods there, or is too fast for its samples; and on a belt
     that is not steady: there the stroke itself is the strongest line.
@@ -138,13 +146,12 @@ def pitch(ds: xr.Dataset) -> float:
     if not is_steady(ds):
         return float("nan")
     part = settled(ds)
-    speed = np.asarray(signal(part), dtype=float)
+    place, speed = judged(part)
     if "belt_velocity" in part:
         scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
         if np.std(speed) <= silence(stored(ds.attrs), scale):
             return float("nan")
     step = sample_interval(part)
-    place = np.asarray(signal(part, "position"), dtype=float)
     mean, inner = interval_means(place, speed, step)
     # longer periods than are told are looked for too: else a side lobe stands in for them
     line = strongest_lines(mean, step, averaged=True, inner=[inner.mean()], minimum_cycles=1.0)

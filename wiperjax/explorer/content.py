@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..datasets.run_dataset import event_times, is_steady, last_periods, pitch, settled
+from ..datasets.run_dataset import event_times, is_steady, last_periods, pitch, settled, signal
 from ..noise.classes import stored
 from ..plots.runs.animation import lip_scene
 from ..plots.runs.bands import pieces
@@ -64,7 +64,8 @@ def content_of(run: xr.Dataset) -> Content:
     place, speed = (
         label(_words(run[name]), shown(run[name])[1]) for name in ("position", "velocity")
     )
-    strength = label(f"{_words(run['velocity'])}, rms of line", shown(run["velocity"])[1])
+    judged = signal(run)
+    strength = label(f"{_words(judged)}, rms of line", shown(judged)[1])
     content.labels = {
         "history": (f"time ({_clock(part)[1]})", speed),
         "portrait": (place, speed),

@@ -81,7 +81,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         columns |= dict.fromkeys(absent, np.nan)
         return _named(columns | classify(columns, limits))
 
-    place, velocity = _judged(kept)
+    place, velocity = judged(kept)
     force = np.asarray(kept["normal_force"], dtype=float)
     interval = float(run.attrs["sample_interval"])
     since = None if kind in ("", "steady") else _since_reversal(run, time)
@@ -112,12 +112,12 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     return _named(columns | classify(columns, limits))
 
 
-def _judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Place and velocity over time that tell the noise: of the tip along the glass, or the output
-    of another system with its integral.
+def judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Place and velocity over time that tell the noise: of the first coordinate (of the tip along
+    the glass), or the output of a system of one's own with its integral.
     """
     if "output" not in run:
-        tip = run.sel(axis="x")
+        tip = run.isel(axis=0) if "axis" in run.dims else run
         return np.asarray(tip["position"], float), np.asarray(tip["velocity"], float)
     from scipy.interpolate import CubicSpline  # half a second, which a map's picture does not need
 

@@ -6,8 +6,8 @@ within a window of V = 0: the samples of the reversal are faded out of the strok
 what is slower than `SLOW` times the wiping frequency is taken off it. On a steady belt all is
 stroke, and nothing is taken off.
 
-Samples are means over their intervals (`averaging`), with the variance inside beside them, so that
-levels are exact and a frequency that the samples cannot tell is known for what it is.
+Samples are means over their intervals (`interval_means`), with the variance inside beside them, so
+that levels are exact and a frequency that the samples cannot tell is known for what it is.
 """
 
 from typing import Any

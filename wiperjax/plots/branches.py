@@ -48,7 +48,7 @@ def bifurcation_diagram(
     Arguments:
 
     - `branch`: of `branch_dataset`; may be None.
-    - `brute`: of `updown.up_and_down`, drawn below it as dots, up and down in two colours.
+    - `brute`: of `cycles.up_and_down`, drawn below it as dots, up and down in two colours.
     - `quantity`: variable drawn, one that both datasets hold: `maximum`, `velocity_rms`,
       `stick_fraction`, ...
     - `rest`: (parameter, value, is stable) of an equilibrium, drawn as a line of its own.

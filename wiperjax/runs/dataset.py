@@ -111,7 +111,7 @@ def _output(system: AbstractSystem, samples: Any, times: np.ndarray) -> dict[str
         tuple(jnp.asarray(x) for x in part) for part in (samples.position, samples.velocity)
     )
     values = system.output(t, q, system.from_rates(t, q, rates))
-    attrs = {"long_name": "velocity that the motion is judged by", "units": "m/s"}
+    attrs = {"long_name": "output velocity", "units": "m/s"}
     return {"output": ("time", np.broadcast_to(np.asarray(values, float), times.shape), attrs)}
 
 

@@ -1,7 +1,7 @@
 """Sweep and scene files: what they mean, and one clear line when they are wrong.
 
 `load_sweep` and `load_scene` read a TOML file into a frozen specification. Each table is checked by
-itself in `spec_tables.py`; what concerns two tables at once is checked here. Every fault becomes a
+itself in `tables.py`; what concerns two tables at once is checked here. Every fault becomes a
 `SpecError` whose text names the file, the key, what it must be and what it was. Imports no jax.
 """
 

@@ -47,7 +47,7 @@ def open_map(
 ) -> xr.Dataset:
     """Dataset of a file that wiperjax wrote, read when used; close it, or use it in a `with`
     statement. Of the folder `MAP.h5.parts` of an unfinished sweep, what is done of these
-    `variables` (all if None): see `mapfile.open_partial`.
+    `variables` (all if None): see `partial.open_partial`.
 
     Arguments:
 

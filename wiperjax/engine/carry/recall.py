@@ -3,7 +3,7 @@
 Motion near a cycle repeats itself: where it has come into a regime as it did before, it is expected
 to leave it after the same time, by the same event. A bounce is expected to end as one in a constant
 acceleration does (`transition`). A trial step is then made to end there. As with an event foreseen
-from a polynomial (`obstacle`) this decides the length of a step and no more.
+from a polynomial (`first_zero`) this decides the length of a step and no more.
 """
 
 from typing import NamedTuple

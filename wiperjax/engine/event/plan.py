@@ -2,11 +2,11 @@
 
 An event is located by a step that ends on it, so that the state there is a full Runge-Kutta result
 and its guard is the true one. How long that step must be is foreseen, from the guard's polynomial
-over the step before it (`obstacle`) or from the last stay of the same kind (`recall`: near a cycle
-that is nearly every event), or found in a step that ran over the event and is taken back. Newton on
-its length (a re-step each time) goes on until the rest, in units of the step, is below sqrt(rtol)
-and 1e3 rtol: its square is what a linear estimate of it is off, if its slope is known well enough
-(`approach`).
+over the step before it (`first_zero`) or from the last stay of the same kind (`recall`: near a
+cycle that is nearly every event), or found in a step that ran over the event and is taken back.
+Newton on its length (a re-step each time) goes on until the rest, in units of the step, is below
+sqrt(rtol) and 1e3 rtol: its square is what a linear estimate of it is off, if its slope is known
+well enough (`approach`).
 That last correction is a Taylor step (`event_time.drift`) and carries the derivative of the time
 (implicit function theorem), since step sizes themselves carry none.
 """

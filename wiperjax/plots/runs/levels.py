@@ -11,6 +11,7 @@ from ...noise.spectrum import dominant_frequency
 
 HIGHEST = 20_000.0  # Hz: what is heard
 FEWEST_LINES = 4  # of a spectrum: the first two are skirts of the mean
+VELOCITIES = ("velocity", "output")
 TURNING = 0.02  # s, of the spectrogram's window: what happens around V = 0 lasts some tens of ms
 
 
@@ -50,10 +51,12 @@ class Levels(NamedTuple):
     window: float
 
 
-def lines(ds: xr.Dataset, quantity: str = "velocity", component: int = 0) -> Lines:
-    """Amplitude spectrum of one quantity of a run, from 20 Hz (or half of a lower tone) up to what
-    is heard. Raises: `ValueError` for a quantity that is not there, samples that are not even, and
-    a run that is too short for two lines.
+def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = None) -> Lines:
+    """Amplitude spectrum of one quantity of a run, from 20 Hz (or half of a lower tone, or of the
+    strongest line where none is told) up to what is heard.
+
+    Raises: `ValueError` for a quantity that is not there, samples that are not even, and a run that
+    is too short for two lines.
     """
     import scipy.signal  # most of a second, which pictures of maps do not need
 
@@ -70,7 +73,10 @@ def lines(ds: xr.Dataset, quantity: str = "velocity", component: int = 0) -> Lin
     top = min(HIGHEST, frequency[-1])
     heard = np.isfinite(pitch(ds))  # rounding noise has a strongest line too
     line = float(dominant_frequency(numbers, step)) if heard else float("nan")
-    low = max(frequency[2], min(20.0, 0.5 * line if line > 0 else 20.0))
+    slowest = line
+    if not heard and is_steady(ds):  # a slow system's motion is not to look like silence
+        slowest = float(frequency[2:][np.argmax(power[2:])])
+    low = max(frequency[2], min(20.0, 0.5 * slowest if slowest > 0 else 20.0))
     inside = (frequency >= low) & (frequency <= top)
     amplitude = np.sqrt(power[inside])
     return Lines(frequency[inside], amplitude, line, quiet_level(ds, values), 1.5 * frequency[1])
@@ -83,9 +89,9 @@ def quiet_level(ds: xr.Dataset, values: xr.DataArray) -> float:
     or the stored speed. Of other quantities it is that share of their own rms, mean included.
     """
     limits, scale = stored(ds.attrs), values
-    if str(values.name) == "velocity" and limits.quiet_velocity is not None:
+    if values.name in VELOCITIES and limits.quiet_velocity is not None:
         return limits.quiet_velocity
-    if str(values.name) == "velocity" and "belt_velocity" in ds:
+    if values.name in VELOCITIES and "belt_velocity" in ds:
         scale = ds["belt_velocity"]
     rms = float(np.sqrt(np.mean(np.square(np.asarray(scale, dtype=float)))))
     return limits.quiet_velocity_ratio * rms
@@ -93,8 +99,8 @@ def quiet_level(ds: xr.Dataset, values: xr.DataArray) -> float:
 
 def levels(
     ds: xr.Dataset,
-    quantity: str = "velocity",
-    component: int = 0,
+    quantity: str | None = None,
+    component: int | None = None,
     window: float | None = None,
     highest: float | None = None,
 ) -> Levels:

@@ -12,21 +12,26 @@ from ..style.axes import label, long_name, page, plain_log, shown_unit
 from ..style.caption import set_caption
 from ..style.palette import CLASSES, EVENT_NAMES
 from .history import shown_events
-from .levels import levels, lines
+from .levels import VELOCITIES, levels, lines
 
 DECADES = 5  # of amplitude that are shown
 LEVELS = 70.0  # dB that the spectrogram shows
 
 
 def spectrum(
-    ds: xr.Dataset, ax: Axes | None = None, *, quantity: str = "velocity", component: int = 0
+    ds: xr.Dataset,
+    ax: Axes | None = None,
+    *,
+    quantity: str | None = None,
+    component: int | None = None,
 ) -> Axes:
     """Amplitude spectrum (rms of each line, Hann window) of one quantity of a run.
 
     Arguments:
 
     - `ds`: a run, or its settled part (`runs.settled`).
-    - `quantity`, `component`: `velocity` along the glass (component 0) by default.
+    - `quantity`, `component`: by default the velocity that the motion is judged by, that of
+        the tip along the glass or the output of a system of one's own (`signal`).
 
     The bands of squeal and chattering (those stored with the run) have the colours of these
     classes; the strongest line is named, unless the run is quiet or its belt not steady: there it
@@ -65,7 +70,7 @@ def spectrum(
         if highest < peak * 10.0**-DECADES:
             words = f"all lines below {peak * 10.0**-DECADES:.0e} {unit}".strip()
             ax.text(0.5, 0.03, words, transform=ax.transAxes, ha="center", color="#444444")
-        if quantity == "velocity" and is_steady(ds):
+        if values.name in VELOCITIES and is_steady(ds):
             ax.axhline(quiet, color="#666666", linewidth=0.9, linestyle=":")
             ax.text(
                 0.99, quiet, "quiet below", transform=ax.get_yaxis_transform(), ha="right",
@@ -91,8 +96,8 @@ def spectrogram(
     ds: xr.Dataset,
     axes: np.ndarray | None = None,
     *,
-    quantity: str = "velocity",
-    component: int = 0,
+    quantity: str | None = None,
+    component: int | None = None,
     window: float | None = None,
     highest: float | None = None,
 ) -> np.ndarray:
@@ -102,7 +107,8 @@ def spectrogram(
 
     - `ds`: a run.
     - `axes`: two axes, below each other; a page of its own if None.
-    - `quantity`, `component`: `velocity` along the glass (component 0) by default.
+    - `quantity`, `component`: by default the velocity that the motion is judged by, that of
+        the tip along the glass or the output of a system of one's own (`signal`).
     - `window`: length of the Hann window (s); 1/25 of the run by default, but at least four
         periods of a tone above the band of chattering, and at most `TURNING` on a belt that turns.
     - `highest`: frequency (Hz) at the top; eight times the dominant one by default, 2000 and what
