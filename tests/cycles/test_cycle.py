@@ -11,13 +11,16 @@ from problems import CASES_V8, periodic_impacts
 from systems import Block, Ring, StopOscillator, turn
 
 import wiperjax
+from wiperjax import Coulomb
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import chart
 from wiperjax.cycles.branch.dataset import branch_dataset
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.branch.up_and_down import repeat_time, up_and_down
 from wiperjax.cycles.cycle import Found, find_cycle
+from wiperjax.cycles.shooting import shoot
 from wiperjax.remedy.gradient import sensitivities
+from wiperjax.systems.oscillator import Oscillator
 
 
 @pytest.fixture(scope="module")
@@ -339,3 +342,25 @@ def test_least_noise_from_several_starts():
         remedy.quieten(blade, {"mu_static": (1.0, 0.5)})
     with pytest.raises(ValueError, match=r"window must lie inside \(0, 0.1\] s, but was 1"):
         remedy.quieten(blade, bounds, duration=0.1, window=1.0)
+
+
+@pytest.mark.slow
+def test_derivatives_hold_where_a_recalled_stay_ends_on_its_other_side():
+    """On a belt that turns one stick lasts as long as the one before, but ends at the other edge of
+    the cone. The step that was made to end at the first ended at the second, was taken whole, and
+    the release behind it had no derivative of its time: a multiplier of 0.0068."""
+    system = Oscillator(
+        belt=wiperjax.WipingBelt(1.0, 0.06), friction=Coulomb(0.5, 0.4), damping=0.3, load=0.39271
+    )
+    cycle = find_cycle(system, settle=200.0, period=1 / 0.06, over="load")
+    along, state = cycle.shooting.along(), np.asarray(cycle.state)
+
+    def end(state):
+        moved = shoot(cycle.system, along, state, cycle.period, phase=cycle.phase,
+                      regime=cycle.regime)  # fmt: skip
+        return moved.state
+
+    steps = 1e-6 * np.eye(2)
+    slopes = np.stack([(end(state + d) - end(state - d)) / 2e-6 for d in steps], axis=1)
+    np.testing.assert_allclose(cycle.motion.by_state, slopes, atol=1e-6)
+    assert abs(cycle.multipliers[0]) == pytest.approx(0.0664606, abs=1e-6)

@@ -8,6 +8,7 @@ import pytest
 from wiperjax.engine.observers.base import Stretch
 from wiperjax.engine.sampling import means
 from wiperjax.engine.sampling.means import Signal, flush, take_means
+from wiperjax.vocabulary.codes import Regime
 
 
 @pytest.mark.parametrize("window", np.linspace(0.01, 0.9, 8))
@@ -42,6 +43,32 @@ def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
             moves = False
     np.testing.assert_array_equal(record.regime[:11], [2] * 9 + [1] * 2)
     np.testing.assert_allclose(record.output[:11], 0.1, rtol=1e-6)
+
+
+@pytest.mark.parametrize("step", [0.35, 1e-9])
+def test_a_sequence_of_impacts_before_a_step_keeps_the_output(step, monkeypatch):
+    """It took its time, and the samples in it were read off the polynomial of the step behind: of
+    a short one thousands of m/s."""
+    signal = Signal(0.0, 0.1, 6, room=10, ring=4, inner=True, regimes=True)
+    begin, none = jnp.zeros(1), jnp.zeros(1)
+    record, ring, case = signal.record(), signal.empty(none), jnp.zeros(1, jnp.int32)
+    after = 0.7 - step
+    parts = ((0.0, 0.15, [1.0] * 5, 2), (after, 0.7, [3.0, 4.0, 6.0, 5.0, 3.0], 1))
+    for start, end, values, regime in parts:
+        monkeypatch.setattr(means, "outputs", lambda _, v=values: [jnp.full(1, x) for x in v])
+        length = jnp.full(1, end - start)
+        stretch = Stretch(None, begin + start, length, none, jnp.full(1, regime), (), (), (), ())
+        moves, full = True, True
+        while full:
+            ring, full = take_means(signal, ring, stretch, moves)
+            record, ring = flush(signal, record, ring, case)
+            moves = False
+    flown = int(after / 0.1)  # whole intervals up to the end of the sequence
+    np.testing.assert_allclose(record.output[:flown], [1.0, 2.0, *[3.0] * 4][:flown], rtol=1e-6)
+    np.testing.assert_allclose(record.inner[:flown], [0.0, 1.0, *[0.0] * 4][:flown], atol=1e-6)
+    flight = int(Regime.FLIGHT)
+    starts = [2, 2, *[flight if 0.1 * k < after - 1e-6 else 1 for k in range(2, 6)]]
+    np.testing.assert_array_equal(record.regime[:6], starts)
 
 
 def test_samples_carry_no_derivative(monkeypatch):

@@ -10,6 +10,7 @@ from wiperjax.maps.cells import batch
 from wiperjax.maps.cells.linear import slips
 from wiperjax.numerics.kept import Kept
 from wiperjax.specs.load import load_scene
+from wiperjax.vocabulary.thresholds import Thresholds
 
 SCENES = sorted((noises.SWEEPS / "scenes").glob("*.toml"))
 
@@ -21,6 +22,7 @@ def test_blades_around_a_scene_are_like_it(path, model):
     spec = around_scene.around(scene)
     assert spec.model == model and spec.shape == (around_scene.SIDE,) * 2
     assert spec.run.transient + spec.run.window == scene.run.duration
+    assert Thresholds(**spec.classes.model_dump()) == Thresholds(**scene.thresholds().model_dump())
     cells, known = spec.cells(np.arange(spec.size)), scene.parameters()
     assert cells.keys() == known.keys()
     for name, values in cells.items():

@@ -36,6 +36,9 @@ def tone(frequency, size=1.0):
         ("yes", tone(700, 1e-4) * np.exp(-TIME)),  # dies out below what counts as quiet
         ("yes", np.full(TIME.size, 0.3)),
         ("no", np.where(TIME < 1, tone(700), 0.0)),
+        # three and a half periods in each half, pulses in one and gaps in the other
+        ("yes", np.where((3.52 * TIME + 0.3) % 1 < 0.12, 1.0, 0.0)),
+        ("no", np.where((0.8 * TIME + 0.3) % 1 < 0.12, 1.0, 0.0)),  # of hardly two periods
         ("unknown", np.full(TIME.size, np.nan)),
     ],
 )
@@ -69,6 +72,29 @@ def test_strokes_are_judged_without_the_reversal():
     assert rms[2] == pytest.approx(0.2 / np.sqrt(2), rel=0.07)
     assert found["dominant_frequency"][2] == pytest.approx(700, abs=0.5)
     assert found["settled"][2] == SETTLED["yes"]
+
+
+@pytest.mark.parametrize("samples", [4096, 32768])
+@pytest.mark.parametrize("wiping", [0.7, 4.0, 7.6])
+def test_the_level_of_strokes_is_that_of_their_tone(wiping, samples):
+    """However much of the period the window of the turn takes, wherever the signal ends, and
+    however fine its samples are."""
+    seconds = 1.63 / wiping  # ends in mid-stroke
+    step = seconds / samples
+    time = step * (0.5 + np.arange(samples))
+    tone = 0.3 * np.sin(TURN * 440 * time + 1.0)[None]
+    since = since_reversal(time, wiping, 0.0)
+    found = signals.signal_columns(tone, step, LIMITS, 1e-3, since, wiping)
+    for name in ("velocity_rms_stroke", "vibration_stroke", "vibration_reversal"):
+        assert found[name] == pytest.approx(0.3 / np.sqrt(2), rel=0.04), name
+    assert found["dominant_frequency"] == pytest.approx(440, rel=0.02)
+
+
+def test_every_passage_of_zero_is_counted_once():
+    step, period = 1e-3, 0.2  # a window of one period, wherever it begins, has two
+    for start in (0.0, 1e-4, 4.999e-4, 5e-4, 0.0999, 0.1 - 5e-4, 0.1, 0.1234):
+        middles = start + step * (0.5 + np.arange(round(period / step)))
+        assert signals.passages(since_reversal(middles, 1 / period, 0.0), step) == 2
 
 
 def test_vibration_of_a_reversal():
@@ -112,7 +138,7 @@ def test_a_tone_at_the_turn_is_what_lasts(before, after, signal):
     for k in (0, 1) if before else (0,):
         assert found["tone_time_before"][k] == pytest.approx(before, abs=5e-3)
     assert found["tone_time_after"][0] == pytest.approx(after, abs=5e-3)
-    assert found["reversal_count"].tolist() == [3, 3]  # V = 0 at the start is none within
+    assert found["reversal_count"].tolist() == [4, 4]  # V = 0 at the start is one, at the end none
 
 
 def test_a_tone_at_the_turn_has_a_pitch():

@@ -147,6 +147,19 @@ def test_agrees_with_a_zero_padded_periodogram():
     assert np.abs(found - grid[np.argmax(power, axis=1)]).max() < 0.15
 
 
+def test_what_falls_from_the_first_bin_on_has_no_line():
+    """The skirt of what is slower than can be told went on as a parabola, to -304 Hz."""
+    time = 0.025 / 128 * (0.5 + np.arange(128))
+    decaying = [
+        np.sin(2 * np.pi * f * time + phase) * np.exp(-100 * time)
+        for f in np.linspace(5, 70, 100)
+        for phase in range(7)
+    ]
+    found = strongest_lines(np.array(decaying), 0.025 / 128, averaged=True)
+    assert np.isnan(found.frequency).any() and not found.told[np.isnan(found.frequency)].any()
+    assert np.nanmin(found.frequency) * 0.025 > 1.0  # else no line of less than a period
+
+
 def test_constant_and_non_finite_signals_have_no_line():
     signals = np.stack(
         [np.full(SAMPLES, 0.3), np.zeros(SAMPLES), sine(TIME * 500 % 1), sine(TIME * 500 % 1)]

@@ -343,7 +343,7 @@ SEEN = {
     + " = 1\n": f"blade.{'k' * 37}...: unknown key; must be one of tip_mass",
     'title = "a\\u0000b"\n': "title: must be one line of at most 500 printable characters, was",
     '[belt]\nkind = "wiping"\nfrequency = 20\n': (
-        "classes.reversal_window: must be below a quarter of the belt's period (0.0125 s)"
+        "classes.reversal_window: must be at most a fifth of the belt's period (0.01 s)"
     ),
 }
 

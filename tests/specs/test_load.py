@@ -571,7 +571,7 @@ def test_thresholds_of_a_scene():
     assert turning.thresholds().reversal_window == pytest.approx(2 * time)
     stated = parse_scene(scene | {"belt": belt, "classes": {"reversal_window": 0.03}})
     assert stated.thresholds().reversal_window == 0.03
-    must = r"classes.reversal_window: must be below a quarter of the belt's period \(0.357143 s\)"
+    must = r"classes.reversal_window: must be at most a fifth of the belt's period \(0.285714 s\)"
     with pytest.raises(SpecError, match=f"{must}, was 0.4$"):
         parse_scene(scene | {"belt": belt, "classes": {"reversal_window": 0.4}})
     slow = parse_scene(scene | {"belt": belt | {"amplitude": 0.01}})  # the lip never flips

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..noise.run_class import usual_transient
 from ..specs.load import parse_sweep
 from ..specs.scene import SceneSpec
 from ..specs.sweep import SweepSpec
@@ -57,18 +58,20 @@ def costs(scenes: Mapping[str, SceneSpec]) -> dict[str, float]:
 
 def around(scene: SceneSpec) -> SweepSpec:
     """Return the sweep of `SIDE` x `SIDE` blades whose load and belt speed are within `SPREAD` of a
-    scene's, with the settings of a sweep; the second half of its duration is looked at.
+    scene's, with the settings of a sweep; looked at is what is of the scene (`usual_transient`), by
+    its thresholds.
     """
     data, known = scene.document(), scene.parameters()
     keys = {name: key for key, name in BELTS[scene.belt.kind].items()}
     data["blade"] = _without(data.get("blade", {}), "normal_load")
     data["belt"] = _without(data.get("belt", {}), keys["belt_speed"])
-    half = scene.run.duration / 2
+    transient = usual_transient(scene.run.duration, scene.belt_kind)
     return parse_sweep(
         _without(data, "title")
         | {
             "axes": {name: _near(known[name]) for name in ("normal_load", "belt_speed")},
-            "run": {"transient": half, "window": half},
+            "run": {"transient": transient, "window": scene.run.duration - transient},
+            "classes": scene.thresholds().model_dump(exclude_none=True),
         }
     )
 

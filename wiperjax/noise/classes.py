@@ -163,7 +163,7 @@ def _mechanism(seen: _Heard, limits: Any, unheard, reversal) -> np.ndarray:
     impulse = seen.of("impact_impulse_reversal")
     hit = (impulse > 0) & (impulse >= seen.of("impact_impulse_max"))  # the hardest hit of all
     # a tone that lasts for a part of the stroke: it sticks in every second period at least
-    cycles = seen.of("reversal_count") * seen.tone * seen.frequency
+    cycles = np.maximum(seen.of("reversal_count"), 1) * seen.tone * seen.frequency
     again = (seen.tone >= limits.tone_time) & (seen.of("stick_count") >= 0.5 * cycles)
     sticks = (seen.stick >= limits.stick_share) & ~seen.at_turn | seen.reverses & again
     found = (

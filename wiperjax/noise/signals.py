@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from ..vocabulary.codes import SETTLED, TOLD
-from ..vocabulary.thresholds import silence
+from ..vocabulary.thresholds import FADE, silence
 from .spectrum import dominant_frequency, strongest_lines
 from .tones import SIDES, tones
 
 SLOW = 10.0  # multiples of the wiping frequency that are the stroke's own motion, not vibration
-FADE = 0.25  # of the window: length of the fade beside it
 
 
 def signal_columns(
@@ -64,7 +63,7 @@ def signal_columns(
     if since is not None:
         since = np.broadcast_to(since, signal.shape)
         wiping = np.broadcast_to(np.asarray(wiping, dtype=float), signal.shape[:1])
-        weight = stroke_weight(since, limits.reversal_window)
+        weight = stroke_weight(since, limits.reversal_window, interval)
         floor = limits.chatter_band[1]  # slower motion is the flip itself
         inner = np.broadcast_to(inner, signal.shape)
         vibration = high_pass(signal, interval, floor)
@@ -72,13 +71,15 @@ def signal_columns(
         if floor * interval < 0.5:  # what is slow has a slope, and so a variance inside a sample
             quick = inner - np.gradient(signal - vibration, axis=-1) ** 2 / 12
         after = ((since >= 0) & (since <= limits.reversal_window)).astype(float)
-        found["vibration_reversal"] = weighted_rms(vibration, quick, after)
+        found["vibration_reversal"] = root_mean(after * (vibration**2 + quick), after)
         found |= tones(vibration, quick, interval, since, quiet_below)
         signal = _strokes(signal, weight, interval, wiping)
-        inner, quick = (x * weight**4 for x in (inner, quick))
-        found["velocity_rms_stroke"] = weighted_rms(signal, inner, weight)
-        found["vibration_stroke"] = weighted_rms(high_pass(signal, interval, floor), quick, weight)
-        found["reversal_count"] = np.sum((since[:, :-1] < 0) & (since[:, 1:] >= 0), axis=1)
+        fourth = weight**4  # of what was faded twice, the power
+        inner, quick = (x * fourth for x in (inner, quick))
+        found["velocity_rms_stroke"] = root_mean(signal**2 + inner, fourth)
+        vibration = high_pass(signal, interval, floor, faded=True)
+        found["vibration_stroke"] = root_mean(vibration**2 + quick, fourth)
+        found["reversal_count"] = passages(since, interval)
         # halves of a window compare if each holds whole periods
         periods = wiping * interval * signal.shape[1] / 2
         halves_agree = (np.round(periods) >= 1) & (np.abs(periods - np.round(periods)) < 1e-6)
@@ -127,12 +128,17 @@ def settled(
 
     They do if both are below `quiet_below` [m/s], or if neither the standard deviation nor the
     dominant frequency changes by more than the fraction `change` from one to the other. A motion
-    that is irregular for good is therefore "no" as well. Signals that are not finite are
-    "unknown".
+    that is irregular for good is therefore "no" as well, and so is one of hardly two periods.
+    Signals that are not finite are "unknown".
+
+    Standard deviations are weighted with a Hann window: a half holds no whole number of periods,
+    and without it a slow one would be as its ends happen to lie (12 % of three and a half periods).
     """
     half = signal.shape[-1] // 2
     parts = signal[..., :half], signal[..., -half:]
-    spread = np.stack([part.std(axis=-1) for part in parts])
+    window = np.hanning(half + 2)[1:-1].astype(signal.dtype)
+    window /= window.sum()
+    spread = np.stack([_deviation(part, window) for part in parts])
     known = np.isfinite(spread).all(axis=0)
     silent = np.all(spread <= np.asarray(quiet_below), axis=0)
     with np.errstate(invalid="ignore"):
@@ -146,27 +152,52 @@ def settled(
     )
 
 
-def stroke_weight(since: np.ndarray, window: float) -> np.ndarray:
+def _deviation(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Standard deviation along the last axis with a `weight` whose sum is 1."""
+    rest = values - (weight * values).sum(axis=-1, keepdims=True)
+    return np.sqrt((weight * rest**2).sum(axis=-1))
+
+
+def stroke_weight(since: np.ndarray, window: float, interval: float) -> np.ndarray:
     """Weight of each sample in the stroke: 0 within `window` [s] of V = 0, then a cosine rise to 1
-    over `FADE` windows, so that the border makes no click.
+    over `FADE` windows, so that the border makes no click. The ends of the signal, samples every
+    `interval` [s], are faded likewise: they lie anywhere in a stroke, and a filter would ring.
     """
-    rise = np.clip((np.abs(since) - window) / (FADE * window), 0.0, 1.0)
+    count = since.shape[-1]
+    place = np.arange(count)
+    inside = interval * (0.5 + np.minimum(place, place[::-1]))
+    rise = np.clip(np.minimum(np.abs(since) - window, inside) / (FADE * window), 0.0, 1.0)
     return 0.5 - 0.5 * np.cos(np.pi * rise)
 
 
-def weighted_rms(values: np.ndarray, inner: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Root of the weighted mean square along the last axis, the variance `inner` of each sample
-    included; NaN where all weights are 0. (Variances from mean squares at instants may be
-    negative, see `interval_means`; of a tip that only rides along so is their sum.)
+def root_mean(squares: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Root of the mean of weighted `squares` along the last axis; NaN where all weights are 0.
+    (Variances from mean squares at instants may be negative, see `interval_means`; of a tip that
+    only rides along so is their sum.)
     """
     total = weight.sum(axis=-1)
-    square = np.maximum((weight * (values**2 + inner)).sum(axis=-1), 0.0)
+    square = np.maximum(squares.sum(axis=-1), 0.0)
     return np.sqrt(np.where(total > 0, square / np.where(total > 0, total, 1.0), np.nan))
 
 
-def high_pass(signal: np.ndarray, interval: float, corner: float) -> np.ndarray:
+def passages(since: np.ndarray, interval: float) -> np.ndarray:
+    """How often V passes through zero within a signal whose samples, of `interval` [s] each, have
+    their middles a time `since` [s] behind or before it; its start counts, its end does not.
+    """
+    half = 0.5 * interval
+    between = np.sum((since[..., :-1] < 0) & (since[..., 1:] >= 0), axis=-1)
+    first, last = since[..., 0], since[..., -1]
+    # V = 0 at an end itself is half a sample from a middle, but for rounding
+    begins = (first >= 0) & (first <= half * (1 + 1e-6))
+    return between + begins + ((last < 0) & (last > -half * (1 - 1e-6)))
+
+
+def high_pass(
+    signal: np.ndarray, interval: float, corner: float, faded: bool = False
+) -> np.ndarray:
     """`signal` without what is slower than `corner` [Hz]: Butterworth, order 4, forward and back,
-    so that nothing is shifted in time. NaN rows stay NaN.
+    so that nothing is shifted in time. NaN rows stay NaN. Beyond its ends the signal is taken to go
+    on point-symmetrically for a period of `corner`, or to vanish where it was `faded` there.
 
     What can hold no hundredth of a period of `corner` has nothing slow in it but its mean; samples
     that cannot tell `corner` tell nothing that is faster.
@@ -178,7 +209,8 @@ def high_pass(signal: np.ndarray, interval: float, corner: float) -> np.ndarray:
     import scipy.signal  # most of a second, for belts that reverse alone
 
     sections = scipy.signal.butter(4, corner, "highpass", fs=1 / interval, output="sos")
-    return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=-1))
+    beyond = 0 if faded else min(round(1 / (corner * interval)), signal.shape[-1] - 1)
+    return np.asarray(scipy.signal.sosfiltfilt(sections, signal, axis=-1, padlen=beyond))
 
 
 def _strokes(signal, weight, interval, wiping) -> np.ndarray:
@@ -188,5 +220,5 @@ def _strokes(signal, weight, interval, wiping) -> np.ndarray:
         rows = wiping == frequency
         mean = (weight[rows] * signal[rows]).sum(-1) / np.maximum(weight[rows].sum(-1), 1e-300)
         faded = weight[rows] * (signal[rows] - mean[:, None])
-        kept[rows] = weight[rows] * high_pass(faded, interval, SLOW * frequency)
+        kept[rows] = weight[rows] * high_pass(faded, interval, SLOW * frequency, faded=True)
     return kept

@@ -41,7 +41,7 @@ MARGIN = 1.2  # for motion that is not the same throughout its window
 class Lines(NamedTuple):
     """Strongest line of each signal."""
 
-    frequency: np.ndarray  # [Hz], NaN if the signal is constant or not finite
+    frequency: np.ndarray  # [Hz]; NaN if the signal is constant, not finite, or has no line
     told: np.ndarray  # whether no line that the samples cannot show may be as strong
 
 
@@ -145,13 +145,15 @@ def _strongest(signal, inner, bins: Bins, minimum_cycles: float, harmonics: int)
     peak = _fundamental(power, highest, start, bins.resolution)
     row = np.arange(len(peak))
     left, top, right = (power[row, peak + k].astype(float) for k in (-1, 0, 1))
+    found = finite & (spread > 0) & (top >= left) & (top >= right)  # else all is skirt: no line
     bend = left - 2.0 * top + right
     offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
     place = refined(spectrum, peak + offset, bins, harmonics)
-    frequency = np.where(finite & (spread > 0), place / bins.length, np.nan)
+    frequency = np.where(found, place / bins.length, np.nan)
+    told = finite & (found | (spread == 0))
     if inner is None or bins.response is None:
-        return Lines(frequency, finite)
-    return Lines(frequency, finite & _told(seen, power, highest, inner, scale, bins))
+        return Lines(frequency, told)
+    return Lines(frequency, told & _told(seen, power, highest, inner, scale, bins))
 
 
 def _highest(power, start: int) -> np.ndarray:

@@ -1,7 +1,11 @@
 """When a wiping belt turns."""
 
 import math
+from collections.abc import Mapping
 
+import numpy as np
+
+from ..vocabulary.thresholds import FADE
 from .errors import Fault
 
 FLIP = 1.5
@@ -25,10 +29,40 @@ def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: fl
     return math.acos(1 - way * turn / speed) / turn if way * turn <= 2 * speed else math.inf
 
 
-def check_strokes(window: float, frequency: float) -> None:
-    """Raises Fault where a `window` [s] around V = 0 leaves nothing of the strokes between, on a
-    belt of this `frequency` [Hz].
+def window_notes(
+    kind: str, given: Mapping[str, np.ndarray], window: float, around: float
+) -> list[str]:
+    """Lines on windows that are allowed but rarely meant: whether there is a turn in the `window`
+    [s] of a sweep, and a lip flips over within that of its reversal, `around` V = 0 [s], in the
+    slowest cell.
+
+    `given`: the values of the numbers of a belt of this `kind`, and of `lip_length`, in SI units.
     """
-    if window >= (most := 0.25 / frequency):
-        must = f"must be below a quarter of the belt's period ({most:g} s)"
+    lines, stroke = [], 0.5 / given["belt_frequency"].min()
+    if window < stroke * (1 - 1e-9):
+        seen = f"run.window is {window:g} s, shorter than the longest stroke ({stroke:.3g} s)"
+        lines.append(f"{seen}: a cell that sees no turn is called failed")
+    time = flip_time(
+        kind,
+        given["belt_speed"].min(),
+        given["belt_frequency"].min(),
+        given["belt_ramp"].max() if "belt_ramp" in given else 0.0,
+        given["lip_length"].max(),
+    )
+    if time <= 1.05 * around:
+        return lines
+    takes = f"the glass needs up to {time:.2g} s after V = 0 to"
+    if math.isinf(time):
+        takes = "where it is slowest the glass turns back before it can"
+    over = f"carry the lip over ({FLIP:g} lip lengths); later counts as stroke"
+    return [*lines, f"classes.reversal_window is {around:g} s, but {takes} {over}"]
+
+
+def check_strokes(window: float, frequency: float) -> None:
+    """Raises Fault where a `window` [s] around V = 0, with the fade beside it, leaves nothing of
+    the strokes between, on a belt of this `frequency` [Hz].
+    """
+    most = 0.25 / (1 + FADE) / frequency
+    if window > most * (1 + 1e-9):
+        must = f"must be at most a fifth of the belt's period ({most:g} s)"
         raise Fault("classes.reversal_window", f"{must}, was {window:g}")

@@ -15,7 +15,7 @@ from ..vocabulary.wording import digits
 from .axis import Axis
 from .errors import Fault, as_error, unknown
 from .refine import Refine, check
-from .reversal import FLIP, check_strokes, flip_time
+from .reversal import check_strokes, window_notes
 from .sensitivities import (
     SLOPE_RTOL,
     SLOPE_SOLVER,
@@ -218,32 +218,13 @@ class SweepSpec(System):
             if self.parameter_table[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
         if self.belt_kind != "steady" and "lip_length" in self.parameter_names:
-            lines += self._window_notes()
+            names = (*BELTS[self.belt.kind].values(), "lip_length")
+            fixed = {name: np.atleast_1d(value) for name, value in self.fixed().items()}
+            known = fixed | {name: axis.values() for name, axis in self.axes.items()}
+            given = {name: np.abs(known[name]) for name in names}
+            windows = self.run.window, self.classes.reversal_window
+            lines += window_notes(self.belt.kind, given, *windows)
         return lines
-
-    def _window_notes(self) -> list[str]:
-        """Whether a lip flips over within the window of its reversal, in the slowest cell."""
-
-        def values(name: str) -> np.ndarray:
-            known = self.axes[name].values() if name in self.axes else self.fixed()[name]
-            return np.abs(np.atleast_1d(known))
-
-        given = {name: values(name) for name in BELTS[self.belt.kind].values()}
-        time = flip_time(
-            self.belt.kind,
-            given["belt_speed"].min(),
-            given["belt_frequency"].min(),
-            given["belt_ramp"].max() if "belt_ramp" in given else 0.0,
-            values("lip_length").max(),
-        )
-        window = self.classes.reversal_window
-        if time <= 1.05 * window:
-            return []
-        takes = f"the glass needs up to {time:.2g} s after V = 0 to"
-        if math.isinf(time):
-            takes = "where it is slowest the glass turns back before it can"
-        over = f"carry the lip over ({FLIP:g} lip lengths); later counts as stroke"
-        return [f"classes.reversal_window is {window:g} s, but {takes} {over}"]
 
     def canonical(self) -> str:
         """JSON of everything that determines the numbers of the map, and of nothing else.

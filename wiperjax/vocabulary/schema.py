@@ -82,17 +82,19 @@ _TABLE = (
     ),
     Column(
         "frequency_told", "int8", "", "whether the samples tell the frequency", TOLD,
-        comment="no: something faster than the finest samples may be as strong",
+        comment="no: something faster than the finest samples may be as strong, or no line is seen",
     ),
     Column("velocity_rms", "float64", "m/s", "rms of the tip velocity about its mean"),
     Column(
-        "velocity_rms_stroke", "float64", "m/s", "the same away from reversal",
+        "velocity_rms_stroke", "float64", "m/s", "rms of the tip velocity away from reversal",
         comment="without what is slower than ten times the wiping frequency",
     ),
     Column("vibration_stroke", "float64", "m/s", "rms tip velocity of vibration away from reversal",
         comment="faster than the upper end of class_chatter_band",
     ),
-    Column("vibration_reversal", "float64", "m/s", "the same, just after reversal"),
+    Column(
+        *("vibration_reversal", "float64", "m/s", "rms tip velocity of vibration after reversal"),
+    ),
     Column("tone_time_before", "float64", "s", "longest tone before V = 0",
         comment="faster than class_chatter_band, its level (rms over 5 ms) within 6 dB",
     ),
@@ -101,7 +103,10 @@ _TABLE = (
     Column("tone_frequency_after", "float64", "Hz", "frequency of the longest tone after V = 0"),
     Column("reversal_count", "int32", "1", "passages of V through zero in the settled window"),
     Column("velocity_mean", "float64", "m/s", "mean tip velocity"),
-    Column("velocity_rms_reversal", "float64", "m/s", "the same, just after reversal"),
+    Column(
+        "velocity_rms_reversal", "float64", "m/s",
+        "root mean square of the tip velocity just after reversal",
+    ),
     Column(
         "belt_speed_rms", "float64", "m/s", "root mean square of the belt speed", each_start=False
     ),
@@ -130,7 +135,7 @@ _TABLE = (
         comment="by the quartic through a step: up to half a per cent too small",
     ),
     Column("impact_impulse_max", "float64", "N s/m", "largest normal impulse of an impact"),
-    Column("impact_impulse_reversal", "float64", "N s/m", "the same, around reversal"),
+    Column("impact_impulse_reversal", "float64", "N s/m", "largest normal impulse around reversal"),
     Column(
         "growth_rate", "float64", "1/s", "growth rate of steady slip, linearised", each_start=False
     ),

@@ -7,6 +7,9 @@ from typing import Any
 
 from .ranges import Range
 
+FADE = 0.25
+"""Of `reversal_window`: length of the fade beside it, in which the stroke comes in."""
+
 
 @dataclass(frozen=True)
 class Thresholds:

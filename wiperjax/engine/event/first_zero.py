@@ -37,14 +37,16 @@ class Obstacle(NamedTuple):
         return self.violated | self.murky | self.found | self.undecided
 
 
-def first_obstacle(trial: Trial, pending) -> Obstacle:
+def first_obstacle(trial: Trial, pending, there) -> Obstacle:
     """Return the earliest of what all guards put in the way, whatever their order in the list.
 
     A root is sought for the guard whose lower bound comes first. Another one that vanishes earlier
     after all shows up when the step has been shortened; where the first turns out to have no root
     and another might, the step is shortened to what is proved free. Past the end of the step the
     guards are ranked by their tangents. Where ``pending`` the step is to end on the zero of its
-    target, which is then not in the way.
+    target, which is then not in the way; and where it does end ``there``, neither is another that
+    vanishes with it. (Where it does not, as on the other side of a stay that was recalled, that one
+    is the event: taken whole, the step would lose the derivative of its time.)
     """
     earliest = second = jnp.full_like(trial.guards[0].cut, CLEAR)
     slot = upcoming = jnp.zeros_like(trial.target)
@@ -69,7 +71,7 @@ def first_obstacle(trial: Trial, pending) -> Obstacle:
     root = keep(first_root(control, jnp.where(nothing, next_step, 0.0), blur))
     violated, murky = earliest == VIOLATED, earliest == MURKY
     asked = (earliest >= 0) & (earliest < CLEAR)
-    tied = asked & pending & root.found & (root.theta > 1 - 1e-6)
+    tied = asked & pending & there & root.found & (root.theta > 1 - 1e-6)
     quiet = asked & (root.free | tied)
     # a second one that is violated or murky would have come first
     unknown = quiet & (second < CLEAR)

@@ -48,7 +48,7 @@ class Plan(NamedTuple):
 def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     """Return what to do with ``trial``."""
     aim = approach(problem, state, trial)
-    first = first_obstacle(trial, aim.pending)
+    first = first_obstacle(trial, aim.pending, aim.near | aim.zero)
     obstructed = jnp.asarray(first.blocks)
     h = stop_gradient(trial.h)
 

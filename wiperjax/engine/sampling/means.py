@@ -23,6 +23,7 @@ from ...numerics.elementary import larger, smaller
 from ...numerics.fusion_barrier import keep
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
+from ...vocabulary.codes import Regime
 from ..observers.base import Stretch, outputs
 
 ROUNDING = 1e-6  # of an interval, or of a step
@@ -137,9 +138,11 @@ def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Rin
     u = ((borders - part.start) / step).astype(dtype)
     low, u = keep((smaller(low, part.end), u))
     inside = smaller(larger(u, low), part.end)
+    # before a step a completed sequence of impacts takes its time: the output hardly changes in it
+    within, before = larger(inside, 0.0), smaller(inside, 0.0)
 
     def spread(old, powers):
-        whole = part.step * quartic.integral(powers, inside)
+        whole = part.step * (quartic.integral(powers, within) + before * powers[0])
         return old + (whole[1:] - whole[:-1])
 
     output, square, regime = ring.samples
@@ -150,9 +153,10 @@ def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Rin
         # at an event's own instant the motion before it counts; where a ring begins within a step,
         # that instant is as far as the motion already is in the samples
         first = (borders[:-1] == signal.start) & (u[:-1] >= low)
-        untold = (regime == UNTOLD) & (u[:-1] >= -ROUNDING)
+        untold = (regime == UNTOLD) & (u[:-1] >= smaller(low, 0.0) - ROUNDING)
         here = (untold | first) & (u[:-1] <= part.end)
-        regime = jnp.where(here, part.regime.astype(jnp.uint8), regime)
+        code = jnp.where(u[:-1] < -ROUNDING, int(Regime.FLIGHT), part.regime)
+        regime = jnp.where(here, code.astype(jnp.uint8), regime)
     until = larger(ring.until, smaller(part.last, borders[-1]))
     slack = ROUNDING * signal.interval
     full = (part.last > borders[-1] + slack) & (borders[-1] + slack < signal.end)
