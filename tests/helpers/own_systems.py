@@ -75,6 +75,18 @@ class Ball(wiperjax.AbstractSystem):
         return v[0]
 
 
+class BallOnATable(Ball):
+    """A table that stands high, or is moved up and down: the gap is a difference of numbers far
+    larger than itself."""
+
+    table: float = parameter(1.0, "m")
+    amplitude: float = parameter(0.1, "m", low=0)
+    rate: float = parameter(3.0, "1/s", above=0)
+
+    def gap(self, t, q):
+        return q[0] - self.table - self.amplitude * jnp.sin(self.rate * t)
+
+
 class TwoBlocks(Oscillator):
     """Two blocks in a row, the first on the belt."""
 

@@ -11,8 +11,10 @@ same arithmetic:
 | one a switch | side * switch | same | same |
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.lax import stop_gradient
 
 from ..numerics.known_zeros import plus, times
 from ..numerics.tracing import traced_once
@@ -20,9 +22,10 @@ from ..numerics.types import Scalar
 from ..vocabulary.codes import Regime
 from .regimes import forces, friction_coefficient, slip_sign, stick_forces
 from .space import Contact
-from .system import AbstractSystem
+from .system import AbstractSystem, like
 
 FIRST, SECOND, JAM = 0, 1, 2
+GAP_DIGITS = 16  # last digits, of the numbers that a gap is the difference of
 
 
 def contact_sizes(system: AbstractSystem, c: Contact, regime, speed) -> list[Scalar]:
@@ -38,6 +41,22 @@ def contact_sizes(system: AbstractSystem, c: Contact, regime, speed) -> list[Sca
     cone = jnp.where(regime == Regime.STICK, cone, zero)
     first = jnp.where(slip_sign(regime) != 0, speed, cone)
     return [first, cone] + [zero] * (first_switch(system) - 2)
+
+
+def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
+    """Return what a gap may be off by rounding, where it is what larger numbers leave of each
+    other: `GAP_DIGITS` of its parts by the time and each coordinate; without derivative.
+    """
+
+    def gap(t, *q):
+        return like(system.gap(t, q), q[0])
+
+    def part(i):
+        alone = tuple(x if k == i else jnp.zeros_like(x) for k, x in enumerate((t, *q)))
+        return jnp.abs(jax.jvp(gap, (t, *q), alone)[1])
+
+    size = sum((part(i) for i in range(len(q) + 1)), jnp.zeros_like(q[0]))
+    return stop_gradient(GAP_DIGITS * float(jnp.finfo(size.dtype).eps) * size)
 
 
 def first_switch(system: AbstractSystem) -> int:

@@ -3,13 +3,16 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 
+from ...contact.guards import gap_rounding
 from ...contact.jam import brake_to_jam
 from ...contact.projection import push
 from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...contact.zeno import complete_zeno
 from ...numerics.arrays import where
+from ...numerics.elementary import larger
 from ...numerics.fusion_barrier import keep
 from ...numerics.known_zeros import plus, times
 from ...numerics.types import Scalar
@@ -74,8 +77,8 @@ def complete(problem: Problem, system, motion: Motion, blow: Blow, fired: Fired,
     time, q, v, slip_speed, leaving, impulse = motion
     c = contact(system, time, q, v)._replace(slip_speed=slip_speed)
     flown, left = flown.astype(leaving.dtype), (end - time).astype(leaving.dtype)
-    speeds = leaving, blow.approach, slip_speed
-    zeno = keep(complete_zeno(c, blow.friction, *speeds, flown, problem.zeno_time, left))
+    speeds, shortest = (leaving, blow.approach, slip_speed), _shortest(problem, system, c, time, q)
+    zeno = keep(complete_zeno(c, blow.friction, *speeds, flown, shortest, left))
     completes = keep(fired.hits & blow.collides & zeno.holds)
     flown = tuple(x + a * zeno.duration for x, a in zip(v, c.free, strict=True))
     landed = push(flown, c.along_t, c.along_n, zeno.tangential, zeno.normal)
@@ -90,3 +93,12 @@ def complete(problem: Problem, system, motion: Motion, blow: Blow, fired: Fired,
     q, v, time, slip_speed = keep((q, v, time, slip_speed))
     leaving = jnp.where(completes, 0.0, leaving)
     return Motion(time, q, v, slip_speed, leaving, impulse), completes
+
+
+def _shortest(problem: Problem, system, c: Contact, time, q) -> Scalar:
+    """Return the time of the shortest flight that is told from contact: ``zeno_time``, or that of a
+    flight which is no higher than the gap's rounding.
+    """
+    height = gap_rounding(system, time, q)
+    fall = larger(-stop_gradient(c.b_n), jnp.finfo(height.dtype).tiny)
+    return larger(problem.zeno_time, jnp.sqrt(8 * height / fall))

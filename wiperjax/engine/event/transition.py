@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ...contact.guards import FIRST, contact_sizes, first_switch, guard_values
+from ...contact.guards import FIRST, contact_sizes, first_switch, gap_rounding, guard_values
 from ...contact.projection import project
 from ...contact.regimes import Forces, acceleration, forces, slip_sign
 from ...contact.space import Contact, contact
@@ -17,6 +17,7 @@ from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
 from ..carry.problem import Problem
 from ..carry.state import State
+from ..trial.guard_proof import NOISE
 from .collision import collide, complete
 from .event_kind import event_kind, what_fires
 from .stop import leave, settle, strike, struck
@@ -98,9 +99,6 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     ):
         kind = jnp.where(condition, name, kind)
 
-    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
-    sizes = contact_sizes(system, c, after, jnp.broadcast_to(speed, c.b_t.shape))
-    sizes += [jnp.zeros_like(c.b_t)] * (len(orders) - len(sizes))
     reactions = forces(system, c, after)
     rate, presses = (rates(system, time, q, v), acceleration(c, reactions)), None
     if stop is not None:
@@ -113,7 +111,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         regime=after,
         sides=sides,
         orders=tuple(orders),
-        sizes=tuple(sizes),
+        sizes=_sizes(problem, system, c, after, time, q, len(sides)),
         rate=rate,
         guards=guard_values(system, c, time, q, v, after, sides),
         reactions=reactions,
@@ -136,6 +134,17 @@ def _bounce(before: Contact, after: Contact, leaving):
     slope = (after.b_n - before.b_n) / (leaving - smaller(before.normal_speed, 0.0))
     top = after.b_n - slope * leaving
     return jnp.where(top < 0, -2 * leaving / top * (1 - slope * leaving / (3 * top)), 0.0)
+
+
+def _sizes(problem: Problem, system, c: Contact, regime, time, q, switches: int):
+    """Return the sizes that rounding errors of the guards scale with, as a regime begins."""
+    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
+    sizes = contact_sizes(system, c, regime, jnp.broadcast_to(speed, c.b_t.shape))
+    if system.unilateral:
+        digits = NOISE[c.b_t.dtype.name] * float(jnp.finfo(c.b_t.dtype).eps)
+        gap = gap_rounding(system, time, q) / digits
+        sizes[FIRST] = jnp.where(regime == Regime.FLIGHT, gap, sizes[FIRST])
+    return (*sizes, *[jnp.zeros_like(c.b_t)] * switches)
 
 
 def _switches(problem: Problem, state: State, fires):
