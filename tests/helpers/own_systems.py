@@ -165,3 +165,10 @@ class Twice(Oscillator):
 
 
 NUMBER = 3
+
+
+class Lifted(Oscillator):
+    """A load that is taken off for a part of each period, and pulls then."""
+
+    def normal_force(self, t, q, v):
+        return 0.3 + jnp.sin(t)

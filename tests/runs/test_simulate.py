@@ -7,6 +7,7 @@ import diffrax
 import numpy as np
 import pytest
 import xarray as xr
+from own_systems import Lifted
 from reference import blade as reference
 
 import wiperjax
@@ -278,6 +279,13 @@ def test_collapse_is_a_result():
     lean = np.arcsin(float(run.final_position.sel(axis="x")) / 6e-3)
     assert np.degrees(lean) == pytest.approx(89.0, abs=1e-4)
     assert run.event_kind[-1] == Event.COLLAPSE and "collapse_angle" in run.attrs["result_message"]
+
+
+def test_a_load_that_pulls_is_a_result():
+    """Friction on a load below zero drove what it should brake, and the run finished."""
+    run = wiperjax.simulate(Lifted(), 20.0)
+    assert Result(int(run.result)) == Result.NO_CONSISTENT_REGIME
+    assert np.pi + np.arcsin(0.3) < float(run.final_time) < 4.0
 
 
 def test_a_spent_budget_is_a_result():

@@ -45,8 +45,11 @@ def contact_sizes(system: AbstractSystem, c: Contact, regime, speed) -> list[Sca
 
 def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
     """Return what a gap may be off by rounding, where it is what larger numbers leave of each
-    other: `GAP_DIGITS` of its parts by the time and each coordinate; without derivative.
+    other: `GAP_DIGITS` of its parts by the time and each coordinate; without derivative. Nothing
+    where contact is for good.
     """
+    if not system.unilateral:
+        return jnp.zeros_like(q[0])
 
     def gap(t, *q):
         return like(system.gap(t, q), q[0])

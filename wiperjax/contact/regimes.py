@@ -3,10 +3,13 @@
 All at acceleration level with the set-valued law: no velocity threshold stands in for stick.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import jax.numpy as jnp
 
+from ..numerics.bernstein import largest
+from ..numerics.elementary import smaller
 from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent, plus, times
 from ..numerics.tracing import traced_once
@@ -80,6 +83,15 @@ def acceleration(c: Contact, f: Forces):
         plus(a, times(t, f.tangential), times(n, f.normal))
         for a, t, n in zip(c.free, c.along_t, c.along_n, strict=True)
     )
+
+
+def pulls(system: AbstractSystem, loads):
+    """Whether one of some ``loads`` that a system prescribes on its friction is below zero, by more
+    than rounding: the law says nothing of that, and friction would drive what it should brake.
+    """
+    if system.unilateral or system.law is None:
+        return jnp.zeros_like(loads[0], bool)
+    return reduce(smaller, loads) < -1e-9 * largest(loads)
 
 
 class Decision(NamedTuple):

@@ -11,6 +11,7 @@ from jax.lax import stop_gradient
 
 from ..contact.guards import first_switch, stop_slots
 from ..contact.projection import project
+from ..contact.regimes import pulls
 from ..contact.system import like, rates
 from ..numerics.arrays import put, where
 from ..numerics.fusion_barrier import keep
@@ -261,6 +262,9 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     why = jnp.where(trial.finite, why, int(Result.NON_FINITE))
     running = state.result == RUNNING
     result = jnp.where(running & too_small, why, state.result)
+    pulled = pulls(problem.system, [n.forces.normal for n in trial.nodes])
+    pulled = running & (plan.accept | plan.arrive) & pulled
+    result = jnp.where(pulled, int(Result.NO_CONSISTENT_REGIME), result)
     spent = (result == RUNNING) & (state.attempts >= problem.max_steps)
     result = jnp.where(spent, int(Result.STEP_BUDGET_SPENT), result)
     return state._replace(
