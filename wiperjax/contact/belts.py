@@ -32,7 +32,9 @@ class AbstractBelt(eqx.Module):
 
     @abstractmethod
     def velocity(self, time, piece):
-        """V [m/s] at ``time`` [s] by the formula of piece ``piece``."""
+        """V [m/s] at ``time`` [s] by the formula of piece ``piece``, smooth within it and continuous
+        from one to the next: what slips keeps its side of V where a piece ends.
+        """
 
     def motion(self, time, piece):
         """V [m/s] and V' [m/s^2] at ``time`` [s] by the formula of piece ``piece``."""

@@ -91,7 +91,8 @@ class AbstractSystem(eqx.Module):
         raise NotImplementedError("a unilateral system must define gap(t, q)")
 
     def normal_force(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
-        """Prescribed normal force > 0 (bilateral contacts)."""
+        """Prescribed normal force (bilateral contacts); a motion with friction ends where it falls
+        below zero, with `NO_CONSISTENT_REGIME`."""
         raise NotImplementedError("a bilateral system must define normal_force(t, q, v)")
 
     def slip_speed(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
