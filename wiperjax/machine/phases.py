@@ -69,8 +69,10 @@ def is_open() -> bool:
 
 
 @contextmanager
-def during(phase: str) -> Iterator[None]:
-    """Books the time of this block on `phase`, if an account is open in this thread."""
+def during(phase: str | None) -> Iterator[None]:
+    """Books the time of this block on `phase`, if an account is open in this thread; on none where
+    it is None, such as that of waiting.
+    """
     spent = _open.get()
     if spent is None:
         yield
