@@ -3,10 +3,14 @@
 import contextlib
 import importlib
 import sys
+import time
+from typing import Any
 
 import pytest
 import stub_sweep as stub
+from slow_sweep import slow
 
+from wiperjax.machine import provenance
 from wiperjax.maps import cluster, worker
 from wiperjax.specs.load import load_sweep
 
@@ -18,9 +22,9 @@ def scheduler():
     """Address of a scheduler with a worker, in threads of this process."""
     from distributed import LocalCluster
 
-    with LocalCluster(
-        n_workers=1, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None
-    ) as found:
+    there: dict[str, Any] = {"protocol": "tcp", "host": "127.0.0.1", "dashboard_address": None}
+    found: Any = LocalCluster(n_workers=1, processes=False, **there)
+    with found:
         yield found.scheduler_address
 
 
@@ -46,6 +50,18 @@ def test_a_last_worker_that_leaves_after_its_block_is_no_error(tmp_path, schedul
         stub.run(stub.make_spec(), tmp_path / "map.h5", workers=workers)
     assert left
     stub.assert_same_map(tmp_path / "map.h5", stub.make_spec())
+
+
+def test_times_of_a_cluster_are_of_its_workers_and_no_more_than_passed(tmp_path, scheduler):
+    with cluster.connect(scheduler) as workers:
+        begun = time.monotonic()
+        ds = stub.run(stub.make_spec(), tmp_path / "map.h5", workers=workers, evaluate=slow)
+        passed = time.monotonic() - begun
+    took = {name: ds.attrs[f"{name}_time"] for name in provenance.PHASES}
+    idle = took.pop("idle")
+    assert took["naming"] >= 8 * 0.1 > took["storing"] > 0  # waiting is not storing
+    assert sum(took.values()) < passed
+    assert idle == pytest.approx(passed - took["naming"], abs=0.2)
 
 
 SYSTEM = """
