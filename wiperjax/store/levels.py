@@ -39,10 +39,14 @@ class Level(NamedTuple):
     columns: Mapping[str, np.ndarray]
 
 
-def write_levels(path: Path, levels: Sequence[Level], borders: xr.Dataset) -> None:
+def write_levels(path: Path, mark: bytes, levels: Sequence[Level], borders: xr.Dataset) -> None:
     """Puts groups into the finished map at `path`, in place of any that it has.
 
-    Raises: `StoreError` if it cannot be written; it is then as it was.
+    Arguments:
+
+    - `mark`: `checksums.mark` of the map that they are of.
+
+    Raises: `StoreError` if it is another one by now, or cannot be written; it is then as it was.
     """
     with replacing(path, temporary_beside(path)) as temporary:
         with SpillFile(temporary) as target:
@@ -67,6 +71,11 @@ def write_levels(path: Path, levels: Sequence[Level], borders: xr.Dataset) -> No
         _read_back(temporary, levels)
         with open(temporary, "r+b") as file:
             checksums.add(file)
+        if checksums.mark(path) != mark:
+            raise StoreError(
+                f"{path}: was changed or replaced meanwhile: it is not the map whose borders were "
+                "located; refine it again"
+            )
 
 
 def _write_level(file: Any, level: Level) -> None:

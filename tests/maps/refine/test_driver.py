@@ -145,6 +145,29 @@ def test_finer_levels_use_the_points_that_are_there(tmp_path):
         refined(path, DISC, levels=2)
 
 
+def test_a_map_that_is_replaced_meanwhile_gets_no_borders_of_another(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    content = []
+
+    def replacing(spec, index, *look):
+        if not content:
+            driver.sweep(border_spec(title="new"), path, evaluate=DISC, force=True, progress=False)
+            content.append(path.read_bytes())
+        return DISC(spec, index)
+
+    with pytest.raises(StoreError, match=r"map.h5: was changed or replaced meanwhile.*again$"):
+        refined(path, replacing, levels=2)
+    assert path.read_bytes() == content[0]
+    assert (tmp_path / "map.h5.refine").is_dir()  # of the same sweep: they are not computed again
+
+    def none(spec, index, *look):
+        raise AssertionError("was computed before")
+
+    refined(path, none, levels=2)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+
+
 def test_points_are_those_of_a_sweep_that_has_them(tmp_path):
     """The same blocks: a point of the finest level is, bit for bit, a cell of a finer sweep."""
     path = tmp_path / "map.h5"

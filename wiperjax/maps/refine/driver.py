@@ -23,6 +23,7 @@ from ...machine.lock import acquire, release
 from ...machine.phases import Account
 from ...specs.load import parse_sweep
 from ...specs.refine import Refine, parse_refine
+from ...store import checksums
 from ...store.blocks import BlockStore
 from ...store.folder import LOCK, clear
 from ...store.levels import is_refined, write_levels
@@ -74,7 +75,7 @@ def refine(
     checks.path("path", path)
     checks.flag("progress", progress)
     path = Path(path)
-    spec, ds = _opened(path)
+    spec, ds, mark = _opened(path)
     with ds:
         found = parse_refine(settings, spec)
         stated = json.dumps(found.model_dump(mode="json"), sort_keys=True)
@@ -97,12 +98,14 @@ def refine(
         made = {"identity": json.dumps(known, sort_keys=True)} | provenance.record(command, 0.0)
         made["refine_settings"] = stated
         found_borders = border_dataset(search.outcome(), grid, criterion, found, made, axes)
-        write_levels(path, kept.levels(grid), found_borders)
+        write_levels(path, mark, kept.levels(grid), found_borders)
     return borders(path)
 
 
-def _opened(path: Path) -> tuple[Any, xr.Dataset]:
-    """Sweep and dataset of a finished, undamaged map."""
+def _opened(path: Path) -> tuple[Any, xr.Dataset, bytes]:
+    """Sweep, dataset and mark of a finished, undamaged map."""
+    with naming(path, "read"):  # first: whatever is read later is of this file or of a newer one
+        mark = checksums.mark(path) if path.is_file() else b""
     ds = open_finished(path, check=True)
     try:
         check_swept(ds, path)
@@ -111,7 +114,7 @@ def _opened(path: Path) -> tuple[Any, xr.Dataset]:
             raise StoreError(
                 f"{path}: was not made from this specification by this version of wiperjax"
             )
-        return spec, ds
+        return spec, ds, mark
     except BaseException:
         ds.close()
         raise
