@@ -33,7 +33,7 @@ class Refine(Table):
         resolution: bracket of a border point, as a share of each axis; left out: one step of the
             finest level.
         box: axis -> [low, high] (edge units) to look in; left out: the whole map.
-        max_cells: simulations after which it ends, whatever is left.
+        max_cells: simulations after which it ends, whatever is left; stored points take none.
         probes: random points in cubes without a border, and as many in those with one.
         lengthen: times as long a window where the answer is not settled; 1: never.
         splits: how often a cube is halved whose border is not what its edges tell.

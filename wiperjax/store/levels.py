@@ -8,7 +8,7 @@
 The new file is written beside the old one and takes its place whole.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,12 +39,20 @@ class Level(NamedTuple):
     columns: Mapping[str, np.ndarray]
 
 
-def write_levels(path: Path, mark: bytes, levels: Sequence[Level], borders: xr.Dataset) -> None:
+def write_levels(
+    path: Path,
+    mark: bytes,
+    levels: Sequence[Level],
+    borders: xr.Dataset,
+    last: Callable[[], Mapping[str, float]] = dict,
+) -> None:
     """Puts groups into the finished map at `path`, in place of any that it has.
 
     Arguments:
 
     - `mark`: `checksums.mark` of the map that they are of.
+    - `last`: numbers among the attributes of `borders` that are known when all is written and read
+        back: called then.
 
     Raises: `StoreError` if it is another one by now, or cannot be written; it is then as it was.
     """
@@ -69,6 +77,9 @@ def write_levels(path: Path, mark: bytes, levels: Sequence[Level], borders: xr.D
                 _write_dataset(file.create_group(BORDERS), borders)
             target.finish()
         _read_back(temporary, levels)
+        with h5py.File(temporary, "r+") as file:
+            for name, value in last().items():
+                file[BORDERS].attrs.modify(name, value)  # in its place: needs no room on the disk
         with open(temporary, "r+b") as file:
             checksums.add(file)
         if checksums.mark(path) != mark:
