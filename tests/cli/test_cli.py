@@ -355,6 +355,14 @@ def test_the_command_line_alone_imports_nothing_heavy():
         ("sweep s.toml -o m.h5 --force --resume", "--force starts anew and --resume continues"),
         ("sweep none.toml -o m.h5", "none.toml: cannot be read: No such file or directory"),
         ("sweep typo.toml -o m.h5", "typo.toml: blade.mu_statik: unknown key; did you mean"),
+        (
+            "sweep slopes.toml -o m.h5 --target-error 1e-5",
+            "slopes.toml: --target-error 1e-05 does not go with derivatives: run.rtol: must be",
+        ),
+        (
+            "sweep s.toml -o m.h5 --target-error 1e-3 --sensitivities",
+            "s.toml: --target-error 0.001 does not go with derivatives: run.precision: must be",
+        ),
         ("simulate s.toml -o r.h5", "s.toml: has [axes], so it is a sweep"),
         ("simulate scene.toml -o there.h5", "there.h5: exists already; use --force"),
         ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
@@ -373,6 +381,7 @@ def test_the_command_line_alone_imports_nothing_heavy():
 )
 def test_refused_before_any_work(words, line, folder, stubs, capsys):
     Path("typo.toml").write_text("[blade]\nmu_statik = 1\n" + SWEEP)
+    Path("slopes.toml").write_text(SWEEP + "[sensitivities]\n")
     Path("there.h5").write_bytes(b"precious")
     Path("drawn.png").write_bytes(b"precious")
     Path("folder.h5").mkdir()

@@ -47,3 +47,14 @@ def test_what_others_took_is_added_to_the_account_of_this_thread():
             thread.start()
             thread.join()
         assert spent.seconds() == {"engine": 2.0} and outer.seconds() == {}
+
+
+def test_time_of_waiting_is_of_no_phase_and_what_others_did_leaves_the_rest_idle():
+    with account() as spent, during("storing"):
+        with during(None):
+            time.sleep(0.05)
+        spent.take({"engine": 0.02, "naming": 0.01})
+        found, idle = spent.seconds(), spent.idle()
+    assert found.pop("storing") < 0.04
+    assert found == {"engine": 0.02, "naming": 0.01}
+    assert 0.02 <= idle < 0.2  # of 0.05 s, and not what this process did not do

@@ -20,7 +20,7 @@ import stub_sweep as stub
 import xarray as xr
 from slow_sweep import slow
 
-from wiperjax.maps import block, cluster, driver
+from wiperjax.maps import block, cluster, driver, worker
 from wiperjax.store.manifest import parts_of
 from wiperjax.store.whole import open_map
 
@@ -133,7 +133,7 @@ def claim(folder, **environment):
     def work():
         os.environ.update(environment)
         try:
-            said = str(cluster.claim_accelerator(folder))
+            said = str(worker.claim_accelerator(folder))
         except RuntimeError as error:
             said = str(error)
         os.write(write, said.encode())

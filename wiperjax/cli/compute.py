@@ -22,20 +22,9 @@ from .options import (
     check_output,
     configure,
 )
-from .tables import (
-    cost,
-    print_map,
-    print_phases,
-    print_plan,
-)
+from .tables import cost, print_map, print_phases, print_plan
+from .who import Processes, Scheduler, Workers, check_who, who_computes
 
-Workers = Annotated[int | None, typer.Option(min=1, help="Cores to use.", show_default="all")]
-Scheduler = Annotated[
-    str | None, typer.Option(metavar="tcp://HOST:PORT", help="Compute on this dask cluster.")
-]
-Processes = Annotated[
-    int | None, typer.Option(min=1, help="Compute on a dask cluster of N processes here.")
-]
 Derivatives = Annotated[
     bool,
     typer.Option(
@@ -91,10 +80,10 @@ def sweep(
     if embedded:
         configure(workers)  # before the file is read: a system of one's own may start jax's device
     spec = load_sweep(file, model)
-    if target_error is not None:
-        spec = at_error(spec, target_error, file)
     if sensitivities:
         spec = spec.with_sensitivities()
+    if target_error is not None:
+        spec = at_error(spec, target_error, file)
     if resume:
         from ..maps.auto_model import as_chosen_for
 
@@ -175,24 +164,6 @@ def typed(file: Path, output: Path, sensitivities: bool, picture: bool, **stated
     return words
 
 
-def check_who(workers: int | None, scheduler: str | None, processes: int | None) -> None:
-    """Raises ValueError if more than one says who computes."""
-    if sum(choice is not None for choice in (workers, scheduler, processes)) > 1:
-        raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
-
-
-@contextlib.contextmanager
-def who_computes(embedded: bool, scheduler: str | None, processes: int | None):
-    """The `workers` of `driver.sweep` while they are connected; none where it computes itself."""
-    if embedded:
-        yield {}
-        return
-    from ..maps.cluster import connect
-
-    with connect(scheduler, processes) as workers:
-        yield {"workers": workers}
-
-
 def refinement(spec: Any, levels: int | None, file: Path) -> dict[str, Any] | None:
     """Settings of the refinement that follows a sweep, None if none does."""
     stated = {} if spec.refine is None else spec.refine.model_dump(exclude_unset=True)
@@ -238,6 +209,7 @@ def check_map_and_picture(
 def at_error(spec: Any, target: float, file: Path) -> Any:
     """Return the sweep with the settings that `accuracy.choose` picks; say which."""
     from ..maps.accuracy import choose
+    from ..specs.errors import SpecError
 
     for key in ("solver", "precision", "rtol", "atol"):
         if key in spec.run.model_fields_set:
@@ -252,7 +224,14 @@ def at_error(spec: Any, target: float, file: Path) -> Any:
     run = spec.run.model_copy(
         update={"solver": found.solver, "precision": found.precision, "rtol": found.rtol}
     )
-    return spec.model_copy(update={"run": run})
+    spec = spec.model_copy(update={"run": run})
+    if spec.sensitivities is None:
+        return spec
+    try:
+        return spec.with_sensitivities()  # which ask for more than a target error may
+    except SpecError as error:
+        must = f"--target-error {target:g} does not go with derivatives"
+        raise ValueError(f"{file}: {must}: {error}") from None
 
 
 def verify(

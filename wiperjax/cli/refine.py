@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from .compute import Processes, Scheduler, Workers, check_who, who_computes
 from .options import INTERRUPTED, check_input, configure
 from .tables import cost, print_borders
+from .who import Processes, Scheduler, Workers, check_who, who_computes
 
 Levels = Annotated[
     int | None,

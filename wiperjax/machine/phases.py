@@ -11,7 +11,7 @@ of them together are no more than the time that has passed.
 import os
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 
@@ -24,6 +24,7 @@ class Account:
         self._begun, self._busy = time.perf_counter(), time.process_time()
         self._phase: str | None = None
         self._since = self._begun
+        self._others = 0.0
 
     def enter(self, phase: str | None) -> str | None:
         """Goes on in `phase`; returns the one before."""
@@ -37,15 +38,23 @@ class Account:
         """Books `seconds` on a phase, or takes them off it: those of other processes or threads."""
         self._seconds[phase] += seconds
 
+    def take(self, phases: Mapping[str, float]) -> None:
+        """Books what other processes did, each second shared by all of them, on its phases."""
+        for phase, seconds in phases.items():
+            self.add(phase, seconds)
+        self._others += sum(phases.values())
+
     def seconds(self) -> dict[str, float]:
         """Seconds of each phase up to now."""
         self.enter(self._phase)
         return dict(self._seconds)
 
     def idle(self) -> float:
-        """Seconds that all cores of this process together had nothing to do for it."""
+        """Seconds that all cores of this process together had nothing to do for it; where other
+        processes worked, that those had nothing.
+        """
         cores = len(os.sched_getaffinity(0))
-        busy = (time.process_time() - self._busy) / cores
+        busy = self._others or (time.process_time() - self._busy) / cores
         return max(time.perf_counter() - self._begun - busy, 0.0)
 
 
@@ -69,8 +78,10 @@ def is_open() -> bool:
 
 
 @contextmanager
-def during(phase: str) -> Iterator[None]:
-    """Books the time of this block on `phase`, if an account is open in this thread."""
+def during(phase: str | None) -> Iterator[None]:
+    """Books the time of this block on `phase`, if an account is open in this thread; on none where
+    it is None, such as that of waiting.
+    """
     spent = _open.get()
     if spent is None:
         yield

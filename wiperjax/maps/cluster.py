@@ -4,51 +4,29 @@
         wiperjax.sweep(spec, "map.h5", workers=workers)
 
 This process keeps the store. Workers send finished blocks back, so they need no common disk; a
-block whose worker dies is computed again by another. dask is imported here alone.
+block whose worker dies is computed again by another. What they do is `worker`'s. dask is imported
+in these two alone.
 """
 
 import contextlib
-import functools
 import itertools
 import logging
 import math
-import os
-import re
-import tempfile
-import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from ..machine import provenance
-from ..machine.files import StoreError, log
-from ..machine.jax_settings import configure
-from ..machine.lock import acquire
-from ..machine.phases import account
-from . import block
+from ..machine.files import log
+from ..machine.phases import during
+from . import block, worker
+from .worker import Answer, ClusterError, Own
 
 _KEPT = "finished blocks are kept, go on with --resume"
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the client
 ALONE = 600  # s without any worker after which a sweep stops: dask would wait for one for ever
 AHEAD = 2  # blocks in flight for each thread of the workers: one computed, one ready
-
-
-class ClusterError(RuntimeError):
-    """Workers that cannot be reached, differ, or keep dying; its text is one line."""
-
-
-class _Answer(NamedTuple):
-    columns: dict[str, np.ndarray]
-    occupancy: float | None
-    seconds: float
-    phases: dict[str, float]
-    made_by: dict[str, str]
-    host: str
 
 
 @contextlib.contextmanager
@@ -86,7 +64,7 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
             log.warning("%s: waiting for a worker", scheduler)
         patience = math.inf if scheduler is not None else ALONE
         try:
-            client.wait_for_workers(1, patience)
+            client.wait_for_workers(1, None if math.isinf(patience) else patience)
         except TimeoutError as error:
             raise ClusterError(f"no worker of this machine started within {ALONE:g} s") from error
         yield Workers(client, patience)
@@ -104,8 +82,10 @@ class Workers:
 
     @property
     def count(self) -> int:
-        """Workers there are now: they come and go. Each computes one block at a time."""
-        return len(self._result(lambda seconds: self._client.nthreads(), "workers"))
+        """Workers there are now, the next one if there is none: they come and go. Each computes one
+        block at a time.
+        """
+        return max(1, len(self._result(lambda seconds: self._client.nthreads(), "workers")))
 
     @property
     def host(self) -> str:
@@ -117,7 +97,7 @@ class Workers:
 
         Raises: `ClusterError` if it is not what this process has.
         """
-        future = self._client.submit(_made_by, spec, evaluate, pure=False)
+        future = self._client.submit(worker.made_by, spec, Own.of(spec), evaluate, pure=False)
         theirs = self._result(future.result, "the first task", self._patience)
         mine = block.made_by(spec)
         _compare({name: theirs.get(name, "none") for name in mine}, mine)
@@ -134,7 +114,7 @@ class Workers:
         from distributed import wait
 
         waiting = iter(spans.items())
-        run = uuid.uuid4().hex  # dask takes tasks of one name for one task
+        own, run = Own.of(spec), uuid.uuid4().hex  # dask takes tasks of one name for one task
         flying: dict[Any, int] = {}
 
         def ready(seconds: float) -> Any:
@@ -147,15 +127,18 @@ class Workers:
             room = max(2, AHEAD * threads) - len(flying)
             for number, (start, stop) in itertools.islice(waiting, max(0, room)):
                 key = f"wiperjax-{run}-{number}"
-                future = self._client.submit(_compute, spec, start, stop, evaluate, key=key)
+                future = self._client.submit(
+                    worker.compute, spec, own, start, stop, evaluate, key=key
+                )
                 flying[future] = number
 
         try:
             submit()
             while flying:
-                future = self._result(ready, "a block")
-                number = flying.pop(future)
-                answer: _Answer = self._result(future.result, f"block {number}")
+                with during(None):  # others compute meanwhile: their phases come with the block
+                    future = self._result(ready, "a block")
+                    number = flying.pop(future)
+                    answer: Answer = self._result(future.result, f"block {number}")
                 future.release()
                 _compare(answer.made_by, self._made_by)
                 self._hosts.add(answer.host)
@@ -195,58 +178,3 @@ def _compare(theirs: Mapping[str, str], expected: Mapping[str, str]) -> None:
     said = [f"{name} is {there}, not {here}" for name, there, here in pairs if there != here]
     if said:
         raise ClusterError(f"a worker differs, its blocks would not belong: {'; '.join(said)}")
-
-
-# --- in the workers -------------------------------------------------------------------------------
-
-_one_block = threading.Lock()
-
-
-def _compute(spec: Any, start: int, stop: int, evaluate: block.Evaluate | None) -> _Answer:
-    """One block. A worker of many threads computes one block at a time, on as many cores."""
-    with _one_block:
-        made_by = _made_by(spec, evaluate)
-        begun = time.perf_counter()
-        evaluate = evaluate or block.engine()[0]
-        with account() as spent:
-            columns, occupancy = block.evaluate_block(spec, np.arange(start, stop), evaluate)
-        seconds, phases = time.perf_counter() - begun, spent.seconds()
-        return _Answer(columns, occupancy, seconds, phases, made_by, provenance.host_kind())
-
-
-def _made_by(spec: Any, evaluate: block.Evaluate | None) -> dict[str, str]:
-    made_by = block.made_by(spec)
-    if evaluate is None:
-        _prepare()
-        made_by |= block.engine()[1]
-    return made_by
-
-
-@functools.cache
-def _prepare() -> None:
-    """Settings of JAX for a worker, before it starts a device: its cores, or its accelerator."""
-    from distributed import get_worker
-
-    configure(get_worker().state.nthreads)
-    claim_accelerator()
-
-
-def claim_accelerator(folder: Path = Path("/dev")) -> str | None:
-    """Choose one of the accelerators that this process sees, if there are several: the first that
-    no other worker on this machine holds. It is held until the process ends.
-    """
-    listed = os.environ.get("CUDA_VISIBLE_DEVICES")
-    if listed is None:
-        found = [re.fullmatch(r"nvidia(\d+)", entry.name) for entry in folder.iterdir()]
-        devices = sorted((match[1] for match in found if match), key=int)
-    else:
-        devices = [name.strip() for name in listed.split(",") if name.strip()]
-    if len(devices) < 2:
-        return None
-    scope = f"{os.getuid()}-{os.environ.get('SLURM_JOB_ID', '')}"  # a job numbers its own from 0
-    for device in devices:
-        with contextlib.suppress(StoreError):
-            acquire(Path(tempfile.gettempdir()) / f"wiperjax-accelerator-{scope}-{device}.lock")
-            os.environ["CUDA_VISIBLE_DEVICES"] = device
-            return device
-    raise ClusterError(f"this machine has more workers than accelerators ({len(devices)})")

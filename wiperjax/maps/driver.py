@@ -210,8 +210,7 @@ def _compute(task: Task, store: BlockStore, report: Report) -> None:
 def _computed(task: Task, spans: Spans, report: Report) -> Iterator[Block]:
     """Blocks, each counted by the account and by the report."""
     for block in task.blocks(task.spec, spans):
-        for phase, seconds in block.phases.items():
-            task.spent.add(phase, seconds)
+        task.spent.take(block.phases)
         start, stop = spans[block.number]
         report.update(block.columns, stop - start, block.occupancy)
         yield block

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, ValidationError, model_validator
 
+from ..vocabulary.ranges import MOST_VALUES
 from ..vocabulary.schema import SCHEMA
 from ..vocabulary.wording import not_there
 from .errors import Fault, SpecError, sentence, show, unknown
@@ -32,7 +33,7 @@ class Refine(Table):
         resolution: bracket of a border point, as a share of each axis; left out: one step of the
             finest level.
         box: axis -> [low, high] (edge units) to look in; left out: the whole map.
-        max_cells: simulations after which it ends, whatever is left.
+        max_cells: simulations after which it ends, whatever is left; stored points take none.
         probes: random points in cubes without a border, and as many in those with one.
         lengthen: times as long a window where the answer is not settled; 1: never.
         splits: how often a cube is halved whose border is not what its edges tell.
@@ -87,6 +88,18 @@ class Refine(Table):
 
     def depth(self, counts: Mapping[str, int]) -> int:
         """Levels for axes of so many values each. Raises: Fault if they are too many."""
+        levels = self._levels(counts)
+        key, be = ("resolution", "need") if self.levels is None else ("levels", "be")
+        for name, count in counts.items():
+            if (fine := values_at(count, levels)) > MOST_VALUES:
+                must = f"must leave axes.{name} at most {MOST_VALUES} values"
+                raise Fault(key, f"{must}, but {levels} levels make {fine} of {count}")
+        if levels > (most := _most_levels(counts)):
+            must = f"must {be} at most {most} levels, for points of this map to have numbers of"
+            raise Fault(key, f"{must} 63 bits; was {levels}")
+        return levels
+
+    def _levels(self, counts: Mapping[str, int]) -> int:
         if self.levels is not None:
             return self.levels
         assert self.resolution is not None
@@ -120,6 +133,19 @@ class Refine(Table):
             low.append(min(max(first, 0), len(values) - 2))
             high.append(min(max(last, low[-1] + 1), len(values) - 1))
         return np.array(low), np.array(high)
+
+
+def values_at(count: int, level: int) -> int:
+    """Values along an axis of `count` of them, each of its steps halved `level` times."""
+    return (count - 1) * 2**level + 1
+
+
+def _most_levels(counts: Mapping[str, int]) -> int:
+    """The last level whose points, and crossings at them along each axis, 63 bits can number."""
+    several = [count for count in counts.values() if count > 1]
+    room = range(1, MOST_LEVELS + 1)
+    sizes = [len(several) * math.prod(values_at(n, level) for n in several) for level in room]
+    return sum(size < 2**63 for size in sizes)
 
 
 def parse_refine(given: Mapping[str, Any], spec: Any) -> Refine:

@@ -40,8 +40,11 @@ class BlockStore:
     agree for blocks to be parts of one map: text -> text.
     """
 
-    def __init__(self, parts: Path, described: dict[str, Any], lock: int | None):
+    def __init__(
+        self, parts: Path, described: dict[str, Any], lock: int | None, anew: str = manifest.ANEW
+    ):
         self.parts = parts
+        self._anew = anew
         self.manifest = described
         self._lock = lock
         self._names = scan(parts)
@@ -58,6 +61,7 @@ class BlockStore:
         identity: Mapping[str, str],
         resume: bool = False,
         force: bool = False,
+        anew: str = manifest.ANEW,
     ) -> "BlockStore":
         """Store beside `output`: a new one, or with `resume` the one that is there, its bad blocks
         removed.
@@ -68,6 +72,7 @@ class BlockStore:
         - `identity`: versions, precision and whatever else must agree between parts of one map.
         - `resume`: go on with an unfinished store, if there is one.
         - `force`: throw an unfinished store away (without `resume`).
+        - `anew`: what a person may do where the store is of no use.
 
         Raises: `StoreError` if the store is in use, was made otherwise (the line says what
             differs), is there though neither `resume` nor `force` is set, or cannot be written.
@@ -80,9 +85,9 @@ class BlockStore:
             parts.mkdir(exist_ok=True)
         lock = acquire(parts / LOCK)
         try:
-            found = None if force and not resume else manifest.read(parts)
+            found = None if force and not resume else manifest.read(parts, anew)
             if found is not None and resume:
-                found = manifest.resumed(parts, found, spec, identity)
+                found = manifest.resumed(parts, found, spec, identity, anew)
             elif found is not None:
                 raise StoreError(
                     f"{parts}: holds an unfinished sweep; use --resume to go on, "
@@ -91,7 +96,7 @@ class BlockStore:
             else:
                 clear(parts)
                 found = manifest.create(parts, spec, block, force, identity)
-            store = cls(parts, found, lock)
+            store = cls(parts, found, lock, anew)
             remove_temporary(parts)
             store.check()
             return store
@@ -241,7 +246,7 @@ class BlockStore:
             differs = ", ".join(f"{n} is {told.get(n)}, must be {expected[n]}" for n in wrong)
             raise StoreError(
                 f"{path}: is not block {number} of {MANIFEST} beside it ({differs}); one of the "
-                "two was put here or changed: move the block away, or use --force to start anew"
+                "two was put here or changed: move the block away, or {self._anew}"
             )
 
     def _drop(self, number: int, path: Path, what: str) -> None:

@@ -93,6 +93,16 @@ def restore(path: str | Path) -> None:
             rest = rest[gap.length :]
 
 
+def mark(path: str | Path) -> bytes:
+    """What a file with a record has at its end and no other one has: its foot.
+
+    Raises: `OSError`.
+    """
+    with open(path, "rb") as file:
+        file.seek(max(0, file.seek(0, 2) - FOOT.size))
+        return file.read()
+
+
 def length(path: str | Path) -> int:
     """Bytes of the HDF5 file before the record, of all of it if there is none.
 

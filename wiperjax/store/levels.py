@@ -8,7 +8,7 @@
 The new file is written beside the old one and takes its place whole.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,10 +39,22 @@ class Level(NamedTuple):
     columns: Mapping[str, np.ndarray]
 
 
-def write_levels(path: Path, levels: Sequence[Level], borders: xr.Dataset) -> None:
+def write_levels(
+    path: Path,
+    mark: bytes,
+    levels: Sequence[Level],
+    borders: xr.Dataset,
+    last: Callable[[], Mapping[str, float]] = dict,
+) -> None:
     """Puts groups into the finished map at `path`, in place of any that it has.
 
-    Raises: `StoreError` if it cannot be written; it is then as it was.
+    Arguments:
+
+    - `mark`: `checksums.mark` of the map that they are of.
+    - `last`: numbers among the attributes of `borders` that are known when all is written and read
+        back: called then.
+
+    Raises: `StoreError` if it is another one by now, or cannot be written; it is then as it was.
     """
     with replacing(path, temporary_beside(path)) as temporary:
         with SpillFile(temporary) as target:
@@ -65,8 +77,16 @@ def write_levels(path: Path, levels: Sequence[Level], borders: xr.Dataset) -> No
                 _write_dataset(file.create_group(BORDERS), borders)
             target.finish()
         _read_back(temporary, levels)
+        with h5py.File(temporary, "r+") as file:
+            for name, value in last().items():
+                file[BORDERS].attrs.modify(name, value)  # in its place: needs no room on the disk
         with open(temporary, "r+b") as file:
             checksums.add(file)
+        if checksums.mark(path) != mark:
+            raise StoreError(
+                f"{path}: was changed or replaced meanwhile: it is not the map whose borders were "
+                "located; refine it again"
+            )
 
 
 def _write_level(file: Any, level: Level) -> None:

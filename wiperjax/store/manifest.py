@@ -11,6 +11,7 @@ from ..machine.files import StoreError, check_input, reason, write_bytes
 
 FORMAT = 2
 MANIFEST = "manifest.json"
+ANEW = "use --force to start anew"  # what a person may do with a store that is of no use
 
 
 def create(
@@ -49,8 +50,9 @@ def _checksum(manifest: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
-def read(parts: Path) -> dict[str, Any] | None:
-    """Manifest of the store in the folder `parts`; None if it has none.
+def read(parts: Path, anew: str = ANEW) -> dict[str, Any] | None:
+    """Manifest of the store in the folder `parts`; None if it has none. `anew`: what a person may
+    do where it is of no use.
 
     Raises: `StoreError` if it is damaged, cannot be read or is of another format.
     """
@@ -69,13 +71,17 @@ def read(parts: Path) -> dict[str, Any] | None:
             raise ValueError("checksum")
         return manifest
     except (ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{path}: is damaged; use --force to start anew") from error
+        raise StoreError(f"{path}: is damaged; {anew}") from error
     except OSError as error:
         raise StoreError(f"{path}: cannot be read: {reason(error)}") from error
 
 
 def resumed(
-    parts: Path, manifest: Mapping[str, Any], spec: Any, identity: Mapping[str, str]
+    parts: Path,
+    manifest: Mapping[str, Any],
+    spec: Any,
+    identity: Mapping[str, str],
+    anew: str = ANEW,
 ) -> dict[str, Any]:
     """The manifest of a store that is gone on with: all that `spec` says is taken from there again,
     the checksum, by which blocks know their manifest, from the file.
@@ -97,7 +103,7 @@ def resumed(
     if differences:
         raise StoreError(
             f"{parts}: was made otherwise, its blocks do not belong to this sweep "
-            f"({'; '.join(differences)}); use --force to start anew"
+            f"({'; '.join(differences)}); {anew}"
         )
     content = _content(spec, manifest["block"], manifest["replace"], identity)
     return content | {"sha256": manifest["sha256"]}

@@ -15,6 +15,7 @@ from wiperjax.cli import main
 from wiperjax.machine.files import StoreError
 from wiperjax.machine.provenance import RUN_ATTRIBUTES
 from wiperjax.maps import block, computing, driver
+from wiperjax.maps.refine.grid import Grid
 from wiperjax.maps.refine.points import Points
 from wiperjax.maps.verify import verify
 from wiperjax.specs.errors import SpecError
@@ -139,10 +140,33 @@ def test_finer_levels_use_the_points_that_are_there(tmp_path):
         return DISC(spec, index)
 
     found = refined(path, counted, levels=6)
-    assert found.attrs["simulations"] > sum(seen)
+    assert found.attrs["simulations"] > sum(seen) == found.attrs["fresh_simulations"]
     assert sum(len(level.index) for level in read_levels(path)) == points + sum(seen)
     with pytest.raises(StoreError, match="is refined to level 6"):
         refined(path, DISC, levels=2)
+
+
+def test_a_map_that_is_replaced_meanwhile_gets_no_borders_of_another(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    content = []
+
+    def replacing(spec, index, *look):
+        if not content:
+            driver.sweep(border_spec(title="new"), path, evaluate=DISC, force=True, progress=False)
+            content.append(path.read_bytes())
+        return DISC(spec, index)
+
+    with pytest.raises(StoreError, match=r"map.h5: was changed or replaced meanwhile.*again$"):
+        refined(path, replacing, levels=2)
+    assert path.read_bytes() == content[0]
+    assert (tmp_path / "map.h5.refine").is_dir()  # of the same sweep: they are not computed again
+
+    def none(spec, index, *look):
+        raise AssertionError("was computed before")
+
+    refined(path, none, levels=2)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
 
 
 def test_points_are_those_of_a_sweep_that_has_them(tmp_path):
@@ -207,7 +231,7 @@ BAD = {
         "box": {"attack_angle": (-50, 5)},
     },
     "refine.resolution: must need at most 20 halvings": {"resolution": 1e-12},
-    "refine.levels must leave axes.attack_angle at most 1000000 values": {"levels": 20},
+    "refine.levels: must leave axes.attack_angle at most 1000000 values": {"levels": 20},
     "refine.levls: unknown key; did you mean 'levels'": {"levls": 2},
     "refine.max_cells: must be a whole number": {"levels": 2, "max_cells": 0},
 }
@@ -221,6 +245,22 @@ def test_what_cannot_be_meant_is_one_clear_line(tmp_path, line):
         refined(path, DISC, **BAD[line])
     assert "\n" not in str(error.value)
     assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+
+
+def test_levels_whose_points_have_no_number_are_refused_before_anything_is_computed():
+    """Beyond 63 bits numpy counts on with negative ones, and borders would lie anywhere."""
+    names = ("attack_angle", "normal_load", "belt_speed", "support_stiffness")
+    axes = {n: {"values": [1.0, 2.0, 3.0, 4.0]} for n in names}
+    document = {"axes": axes, "run": {"transient": 0.2, "window": 0.2}}
+    spec = wiperjax.parse_sweep(document | {"refine": {"levels": 13}})
+    assert 4 * (3 * 2.0**13 + 1) ** 4 < 2.0**63 < 4 * (3 * 2.0**14 + 1) ** 4
+    last = np.array(Grid(spec.axes, 13).shape) - 1
+    assert Grid(spec.axes, 13).flat(last) * 4 > 0
+    must = "at most 13 levels, for points of this map to have numbers of 63 bits; was 14"
+    with pytest.raises(SpecError, match=f"refine.levels: must be {must}"):
+        wiperjax.parse_sweep(document | {"refine": {"levels": 14}})
+    with pytest.raises(SpecError, match=f"refine.resolution: must need {must}"):
+        wiperjax.parse_sweep(document | {"refine": {"resolution": 2.5e-5}})
 
 
 def test_a_resolution_finer_than_floating_point_is_refused(tmp_path):
@@ -291,8 +331,6 @@ def test_info_says_what_was_found(tmp_path, capsys):
 
 def test_points_can_be_sent_to_workers():
     import pickle
-
-    from wiperjax.maps.refine.grid import Grid
 
     spec = border_spec()
     grid = Grid(spec.axes, 3)

@@ -8,7 +8,7 @@ killed asks the same again, and finds them.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -18,11 +18,12 @@ import numpy as np
 import xarray as xr
 
 from ...machine import provenance
-from ...machine.files import StoreError, naming
+from ...machine.files import StoreError, log, naming
 from ...machine.lock import acquire, release
-from ...machine.phases import Account
+from ...machine.phases import account, during
 from ...specs.load import parse_sweep
-from ...specs.refine import Refine, parse_refine
+from ...specs.refine import parse_refine
+from ...store import checksums
 from ...store.blocks import BlockStore
 from ...store.folder import LOCK, clear
 from ...store.levels import is_refined, write_levels
@@ -33,13 +34,14 @@ from ...vocabulary.wording import not_there
 from ..block import Evaluate, block_size
 from ..computing import computing
 from ..driver import Task, check_made_by, fill
-from .bank import Bank
+from .answers import Answers
+from .bank import Bank, Columns
 from .criterion import Criterion
 from .grid import Grid
 from .known import Facts
 from .linear import linear_blocks
 from .points import ROOM, Points
-from .search import Request, Search
+from .search import Search
 from .tables import border_dataset
 
 if TYPE_CHECKING:
@@ -74,7 +76,7 @@ def refine(
     checks.path("path", path)
     checks.flag("progress", progress)
     path = Path(path)
-    spec, ds = _opened(path)
+    spec, ds, mark = _opened(path)
     with ds:
         found = parse_refine(settings, spec)
         stated = json.dumps(found.model_dump(mode="json"), sort_keys=True)
@@ -91,18 +93,28 @@ def refine(
     search = Search(grid, found, criterion.thresholds, facts)
     kept = Bank.of_file(path, grid)
     bank = Bank() if criterion.linear else kept
-    with _folder(path) as folder:
-        compute = partial(_compute, folder, spec, grid, blocks, known, progress)
-        _run(search, criterion, bank, found, compute)
-        made = {"identity": json.dumps(known, sort_keys=True)} | provenance.record(command, 0.0)
-        made["refine_settings"] = stated
+    with account() as spent, _folder(path) as folder:
+        about = {"known": known, "progress": progress, "command": None, "spent": spent}
+        task = partial(Task, blocks=blocks, workers=workers, **about)
+        points = partial(Points, spec, grid, linear=criterion.linear)
+        compute = _Computing(folder, points, task)
+        answers = Answers(bank, criterion, found.lengthen, compute, found.max_cells)
+        search.run(answers)
+        made = {"identity": json.dumps(known, sort_keys=True), "refine_settings": stated}
+        made |= {"fresh_simulations": answers.computed}
+        host = workers.host if workers is not None else None
+        made |= provenance.record(command, compute.wall_time, host)
         found_borders = border_dataset(search.outcome(), grid, criterion, found, made, axes)
-        write_levels(path, kept.levels(grid), found_borders)
+        with during("storing"):
+            times = partial(provenance.phase_times, spent)
+            write_levels(path, mark, kept.levels(grid), found_borders, times)
     return borders(path)
 
 
-def _opened(path: Path) -> tuple[Any, xr.Dataset]:
-    """Sweep and dataset of a finished, undamaged map."""
+def _opened(path: Path) -> tuple[Any, xr.Dataset, bytes]:
+    """Sweep, dataset and mark of a finished, undamaged map."""
+    with naming(path, "read"):  # first: whatever is read later is of this file or of a newer one
+        mark = checksums.mark(path) if path.is_file() else b""
     ds = open_finished(path, check=True)
     try:
         check_swept(ds, path)
@@ -111,7 +123,7 @@ def _opened(path: Path) -> tuple[Any, xr.Dataset]:
             raise StoreError(
                 f"{path}: was not made from this specification by this version of wiperjax"
             )
-        return spec, ds
+        return spec, ds, mark
     except BaseException:
         ds.close()
         raise
@@ -126,51 +138,62 @@ def _of_map(path: Path, ds: xr.Dataset, criterion: Criterion) -> Facts:
 
 @contextmanager
 def _folder(path: Path):
-    """The folder of a refinement, locked; it is removed if all goes well."""
+    """The folder of a refinement, locked; if all goes well and all in it is ours it is removed."""
     folder = Path(f"{path}.refine")
     with naming(folder):
         folder.mkdir(exist_ok=True)
     lock = acquire(folder / LOCK)
     try:
         yield folder
-        with naming(folder, "removed"):
-            for parts in folder.glob("points-*.parts"):
-                clear(parts)
-                (parts / LOCK).unlink(missing_ok=True)
-                parts.rmdir()
-            (folder / LOCK).unlink()
-            folder.rmdir()
+        try:
+            _remove(folder)
+        except StoreError as error:
+            log.warning("%s (the borders are complete)", error)
     finally:
         release(lock)
 
 
-def _run(search: Search, criterion: Criterion, bank: Bank, refine: Refine, compute: Any) -> None:
-    """Answers the requests of a search, from the bank as far as it goes."""
-    asked, told = search.requests(), None
-    while True:
-        try:
-            request: Request = asked.send(told)
-        except StopIteration:
-            return
-        there = bank.find(request.index) >= 0
-        lacking = request.index if request.longer else request.index[~there]
-        if len(lacking):
-            factor = refine.lengthen if request.longer else 1
-            bank.put(lacking, compute(lacking, factor), factor)
-        told = criterion.facts(bank.take(bank.find(request.index)))
+def _remove(folder: Path) -> None:
+    """Deletes the folder of a refinement. Raises: `StoreError` if anything in it is not ours."""
+    with naming(folder, "removed"):
+        for parts in folder.glob("points-*.parts"):
+            clear(parts)
+            (parts / LOCK).unlink(missing_ok=True)
+            parts.rmdir()
+        (folder / LOCK).unlink()
+        folder.rmdir()
 
 
-def _compute(
-    folder: Path, spec: Any, grid: Grid, blocks: Any, known: Mapping[str, str], progress: bool,
-    index: np.ndarray, factor: int,
-) -> dict[str, np.ndarray]:  # fmt: skip
-    """Columns of points, from their store or into it."""
-    points = Points(spec, grid, index, factor)
-    output = folder / f"points-{points.digest()[:24]}"
-    block = min(ROOM, block_size(Points(spec, grid, np.resize(index, ROOM), factor)))
-    with BlockStore.open(output, points, block=block, identity=known, resume=True) as store:
-        kept = f"points are kept in {folder}; go on with the same command (sweep: --resume)"
-        task = Task(points, blocks, block, dict(known), progress, None, Account(), None)
-        fill(task, store, lambda: f"interrupted: {kept}")
-        reader = Reader(store)
-        return reader.read(0, points.size, reader.names)
+class _Computing:
+    """Columns of points, from their store in the folder of a refinement or into it.
+
+    Attributes:
+        wall_time: seconds that all the blocks took, summed.
+    """
+
+    def __init__(self, folder: Path, points: Callable[..., Points], task: Callable[..., Task]):
+        """`points` of numbers and a factor; `task` of points and cells in a block."""
+        self._folder, self._points, self._task = folder, points, task
+        self.wall_time = 0.0
+
+    def __call__(self, index: np.ndarray, factor: int) -> Columns:
+        points, folder = self._points(index, factor), self._folder
+        block = min(ROOM, block_size(self._points(np.resize(index, ROOM), factor)))
+        task = self._task(points, block=block)
+        with (
+            during("storing"),
+            BlockStore.open(
+                folder / f"points-{points.digest()[:24]}",
+                points,
+                block=block,
+                identity=task.known,
+                resume=True,
+                anew=f"delete {folder} and give the same command again",
+            ) as store,
+        ):
+            kept = f"points are kept in {folder}; go on with the same command (sweep: --resume)"
+            fill(task, store, lambda: f"interrupted: {kept}")
+            reader = Reader(store)
+            columns = reader.read(0, points.size, reader.names)
+        self.wall_time += reader.wall_time
+        return columns

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ...specs.errors import SpecError
-from ...vocabulary.ranges import MOST_VALUES
 
 
 class Grid:
@@ -25,19 +24,15 @@ class Grid:
     """
 
     def __init__(self, axes: Mapping[str, Any], levels: int):
-        """Raises: `SpecError` where floating point, or a file, has no room for so many values."""
+        """Raises: `SpecError` where floating point has no room for so many values. `levels` are no
+        more than `Refine.depth` allows: the numbers of points have 64 bits.
+        """
         self.axes = dict(axes)
         self.levels = levels
         self.width = 2**levels
         self.names = tuple(name for name, axis in axes.items() if axis.count > 1)
         self.coarse = np.array([axes[name].count for name in self.names], dtype=np.int64)
         self.shape = (self.coarse - 1) * self.width + 1
-        for name, count in zip(self.names, self.shape, strict=True):
-            if count > MOST_VALUES:
-                raise SpecError(
-                    f"refine.levels must leave axes.{name} at most {MOST_VALUES} values, "
-                    f"but {levels} make {count} of {axes[name].count}"
-                )
         self.along = {name: values(axis, levels) for name, axis in axes.items()}
         for name, found in self.along.items():
             if not np.all(np.diff(found) * np.sign(found[-1] - found[0]) > 0):

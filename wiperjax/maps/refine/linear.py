@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...machine.phases import during
 from ..block import Block
 
 
@@ -15,5 +16,6 @@ def linear_blocks(spec: Any, spans: Any) -> Iterator[Block]:
 
     for number, (start, stop) in spans.items():
         begun = time.perf_counter()
-        columns = linear(spec, np.arange(start, stop))
+        with during("naming"):
+            columns = linear(spec, np.arange(start, stop))
         yield Block(number, columns, None, time.perf_counter() - begun)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...store.levels import is_refined
 from ...store.whole import borders
+from ...vocabulary.ranges import COUNT
 from .bank import Bank
 from .grid import Grid
 
@@ -24,15 +25,25 @@ class Points:
     Rasters, event logs and derivatives are the map's alone: a point has statistics and a class.
     """
 
-    def __init__(self, spec: Any, grid: Grid, index: np.ndarray, factor: int = 1, room: int = ROOM):
+    def __init__(
+        self,
+        spec: Any,
+        grid: Grid,
+        index: np.ndarray,
+        factor: int = 1,
+        room: int = ROOM,
+        linear: bool = False,
+    ):
         """`factor`: times as long a transient and window as in the map's sweep `spec`; `room`: of
-        the program that computes them."""
+        the program that computes them; `linear`: whether they have the columns of steady slip
+        alone (`linear`), and so are unlike those that are simulated.
+        """
         run = {"raster": None, "event_log": None, "rtol": spec.rtol}
         run["solver"] = spec.settings.solver
         run |= {"transient": factor * spec.run.transient, "window": factor * spec.run.window}
         if spec.run.samples is not None:
             run["samples"] = factor * spec.run.samples
-        run["max_steps"] = factor * spec.run.max_steps
+        run["max_steps"] = min(factor * spec.run.max_steps, int(COUNT.high))
         changed = {"run": spec.run.model_copy(update=run), "sensitivities": None}
         self._spec = spec.model_copy(update=changed)
         table = spec.parameter_table
@@ -40,6 +51,7 @@ class Points:
         self._values = {name: np.asarray(table[name].to_si(x)) for name, x in found}
         self.index, self.room = index, room
         self._of = {"sweep": spec.digest(), "levels": grid.levels, "factor": factor}
+        self._of |= {"linear": True} if linear else {}
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):  # of an object that is being unpickled

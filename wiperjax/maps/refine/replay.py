@@ -11,6 +11,7 @@ from ...machine.files import StoreError
 from ...specs.load import parse_sweep
 from ...specs.refine import Refine
 from ...store.whole import borders, open_map
+from .answers import Answers
 from .bank import Bank
 from .criterion import Criterion
 from .grid import Grid
@@ -31,17 +32,8 @@ def replay(path: str | Path) -> tuple[Search, Criterion]:
         facts = criterion.facts({name: ds[name].values.ravel() for name in criterion.needs})
     grid = Grid(spec.axes, settings.depth({n: a.count for n, a in spec.axes.items()}))
     bank, search = Bank.of_file(path, grid), Search(grid, settings, criterion.thresholds, facts)
-    asked, told = search.requests(), None
-    while True:
-        try:
-            request = asked.send(told)
-        except StopIteration:
-            return search, criterion
-        place = bank.find(request.index)
-        if (place < 0).any():  # the budget ended it here
-            asked.close()
-            return search, criterion
-        told = criterion.facts(bank.take(place))
+    search.run(Answers(bank, criterion, settings.lengthen))  # to the end, or that of its budget
+    return search, criterion
 
 
 def places_of(grid: Grid, values: Mapping[str, Any]) -> np.ndarray:

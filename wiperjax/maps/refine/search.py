@@ -1,4 +1,4 @@
-"""What a refinement looks at next, and why: a generator of requests that is sent the answers.
+"""What a refinement looks at next, and why: requests, each after the answers to those before.
 
     edges      neighbouring points of unlike answer are brought closer, until the bracket is reached
     stretches  the longest stretch without a change on such an edge is looked at once more in its
@@ -14,6 +14,7 @@ stored answers arrives where it was.
 """
 
 import itertools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,12 +35,16 @@ class Request(NamedTuple):
     longer: bool
 
 
+Answer = tuple[np.ndarray, Facts]
+"""The points of a request, sorted, or fewer of them where the budget is spent, and their facts."""
+
+
 class _Spent(Exception):
     """The budget is spent."""
 
 
 class Search(State):
-    """A refinement: `requests` does it, `outcome` says what was found."""
+    """A refinement: `run` does it, `outcome` says what was found."""
 
     def __init__(self, grid: Grid, settings: Refine, thresholds: Any, facts: Facts):
         """`thresholds` of `Facts.number`; `facts` of the points of the map, in its order."""
@@ -50,8 +55,18 @@ class Search(State):
         self._probed: set[int] = set()
         self._random = np.random.default_rng(settings.seed)
 
-    def requests(self) -> Any:
-        """Generator of `Request`; it is sent the `Facts` of their points."""
+    def run(self, answer: Callable[[Request], Answer]) -> None:
+        """Does it until nothing is left to look at, or `answer` tells of fewer points than that."""
+        asked, told = self._requests(), None
+        while True:
+            try:
+                request = asked.send(told)
+            except StopIteration:
+                return
+            told = answer(request)
+
+    def _requests(self) -> Any:
+        """Generator of `Request`; it is sent each `Answer`."""
         try:
             yield from self._rounds()
             probes, codes = self._in_cubes(self.now.pure)
@@ -100,15 +115,12 @@ class Search(State):
         return len(index) + len(again) > 0
 
     def _ask(self, index: np.ndarray, longer: bool) -> Any:
-        room = max(0, self.settings.max_cells - self.used)
-        over = len(index) > room
-        if over:  # spread over all that was asked for
-            index = index[np.linspace(0, len(index) - 1, room).astype(int)] if room else index[:0]
-        if len(index):
-            self.used += len(index)
-            facts = yield Request(index, longer)
-            self.learn(index, facts._replace(longer=np.full(len(index), longer)))
-        if over:
+        if not len(index):
+            return
+        told, facts = yield Request(index, longer)
+        self.used += len(told)
+        self.learn(told, facts._replace(longer=np.full(len(told), longer)))
+        if len(told) < len(index):
             raise _Spent
 
     # -- edges --
