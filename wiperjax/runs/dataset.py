@@ -1,5 +1,6 @@
 """What a person gets of one trajectory: samples, events and parameters as a labelled dataset."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -27,6 +28,15 @@ from ..vocabulary.schema import EVENT_COLUMNS
 
 REGIMES = {regime.name.lower(): int(regime) for regime in Regime}
 EVENTS = {event.name.lower(): int(event) for event in Event}
+OF_A_RUN = frozenset(
+    (
+        *("Conventions", SYSTEM, "duration", "sample_interval", "initial_position"),
+        *("initial_velocity", "max_steps", "solver", "rtol", "atol_position", "atol_velocity"),
+        *("zeno_time", "steps", "rejected_steps", "unproved_steps", "result_message", "source"),
+        *("versions", "statistics_start"),
+    )
+)
+"""Attributes of every run: a parameter of such a name is an attribute by another (`beside`)."""
 
 
 def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -> xr.Dataset:
@@ -90,11 +100,18 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     attrs = {
         "Conventions": cf.CONVENTIONS,
         "system": type(given).__name__,
-        **{f"parameter_{k}" if k in attributes else k: v for k, v in parameters.items()},
+        **beside(parameters),
         **({"parameter_units": units_text(known)} if known else {}),
         **attributes,
     }
     return xr.Dataset(variables, coords=coords, attrs=cf.plain_attributes(attrs))
+
+
+def beside(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is told of parameters by the names that these have among the attributes of a run:
+    ``parameter_duration`` of one called duration, which is the run's own.
+    """
+    return {f"parameter_{k}" if k in OF_A_RUN else k: v for k, v in parameters.items()}
 
 
 def _belt_velocity(belt: AbstractBelt, times: np.ndarray) -> np.ndarray:
