@@ -91,3 +91,18 @@ class Tabled(wiperjax.AbstractFriction):
 
 class OnTable(own_systems.Oscillator):
     friction: wiperjax.AbstractFriction = Tabled()
+
+
+class Named(own_systems.Oscillator):
+    mode: str = "soft"
+
+
+class Driven(own_systems.Oscillator):
+    """A force of a table over time."""
+
+    times: tuple = (0.0, 1.0, 2.5)
+    forces: tuple = (1.0, 3.0, 1.5)
+
+    def free_acceleration(self, t, q, v):
+        force = jnp.interp(t, jnp.asarray(self.times), jnp.asarray(self.forces))
+        return ((force - self.stiffness * q[0]) / self.mass,)

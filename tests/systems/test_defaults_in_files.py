@@ -8,6 +8,7 @@ import odd_systems
 import pytest
 
 import wiperjax
+from wiperjax.maps.cells.devices import alike
 from wiperjax.specs.errors import SpecError
 from wiperjax.specs.taken import check_names
 from wiperjax.systems.build import build
@@ -118,3 +119,34 @@ def test_every_name_of_a_map_is_taken():
     for name in {*ds.attrs, *ds.variables} - set(spec.parameter_names):
         with pytest.raises(ValueError, match=name):
             check_names("system", "m:C", [name])
+
+
+def cells(name):
+    axes = {"mass": {"values": [1.0, 2.0, 4.0]}}
+    tables = {"run": {"transient": 0.0, "window": 20.0}, "classes": SCENE["classes"]}
+    spec = wiperjax.parse_sweep({"system": f"odd_systems:{name}", "axes": axes} | tables)
+    return build(spec, spec.cells(np.arange(3))).system
+
+
+def test_a_table_is_not_read_as_a_value_of_each_cell():
+    """One of as many points as a block has cells was, without a word."""
+    must = (
+        r"must be a number, a tuple of them or static \(equinox.field\(static=True\)\) in a sweep"
+    )
+    words = (
+        rf"^system: field 'friction.speeds' of OnTable {must}, but was an array of shape \(5,\)$"
+    )
+    with pytest.raises(ValueError, match=words):
+        cells("OnTable")
+    with pytest.raises(ValueError, match=f"field 'mode' of Named {must}, but was 'soft'$"):
+        cells("Named")
+    assert built("OnTable").friction.speeds.shape == (5,)  # one motion has no cells
+
+
+def test_a_tuple_of_numbers_is_that_of_all_cells():
+    system = alike(cells("Driven"), "float64", 3)
+    assert system.stiffness == 1 and system.load == 1  # absent at 1
+    assert system.mass.shape == (3,) and np.shape(system.forces[1]) == ()
+    time = np.linspace(0.0, 3.0, 3)
+    (found,) = system.free_acceleration(time, (np.zeros(3),), (np.zeros(3),))
+    np.testing.assert_allclose(found, np.interp(time, system.times, system.forces) / [1, 2, 4])
