@@ -48,11 +48,14 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     own = getattr(given, "belt", None)
     belt = _belt_velocity(own, times) if isinstance(own, AbstractBelt) else None
 
+    known = {"s"} | ({"m", "m/s"} if given.of_a_blade else set())  # another system's are its own
+    known |= {"N/m", "N s/m"} if given.per_metre else set()
+
     def about(long_name, units=None, flags=None):
         attrs: dict[str, Any] = {"long_name": long_name}
         if flags is not None:
             attrs |= cf.flags(flags)
-        elif units == "s" or (units is not None and given.of_a_blade):  # else unknown
+        elif units in known:
             attrs["units"] = units
         return attrs
 
@@ -96,12 +99,12 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         "axis": ("axis", names, about("coordinate")),
     }
     parameters = _parameters(given)
-    known = {name: PARAMETERS[name].unit for name in parameters if name in given.known}
+    stated = {name: PARAMETERS[name].unit for name in parameters if name in given.known}
     attrs = {
         "Conventions": cf.CONVENTIONS,
         "system": type(given).__name__,
         **beside(parameters),
-        **({"parameter_units": units_text(known)} if known else {}),
+        **({"parameter_units": units_text(stated)} if stated else {}),
         **attributes,
     }
     return xr.Dataset(variables, coords=coords, attrs=cf.plain_attributes(attrs))
@@ -161,7 +164,7 @@ def with_statistics(given: AbstractSystem, run: xr.Dataset, record: Any, start: 
     """Return a run with what an observer has gathered from ``start`` [s] on, scalars named as the
     columns of a map; NaN where the run did not reach its end.
     """
-    units = {} if given.of_a_blade else {SYSTEM: ""}
+    units = {} if given.per_metre else {SYSTEM: ""}
     window = float(run.attrs["duration"]) - start
     finished = int(run["result"]) == RESULTS["finished"]
     found = told(record, window, finished)

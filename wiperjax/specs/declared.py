@@ -41,6 +41,11 @@ class Declared(Family):
     default_law: Law | None
     source: str
 
+    @property
+    def per_metre(self) -> bool:
+        """Whether its forces are per metre of blade."""
+        return bool(getattr(self.found, "per_metre", False))
+
     def belt_kind(self, spec: Any) -> str | None:
         if self.belt is None:
             return None

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from ..machine.provenance import RUN_ATTRIBUTES
-from ..vocabulary.columns import SYSTEM, derivative
+from ..vocabulary.columns import FORCES, SYSTEM, derivative
 from ..vocabulary.schema import SCHEMA
 from .errors import Fault
 from .sensitivities import Sensitivities
@@ -14,7 +14,7 @@ _DIMENSIONS = ("start", *(column.along for column in SCHEMA.values() if column.a
 _TABLES = {"run": SweepRun, "class": Classes, "sensitivity": Sensitivities, "starts": Starts}
 _ATTRIBUTES = frozenset(
     (
-        *("Conventions", "title", "source", "seed", "start", SYSTEM, "friction", "model"),
+        *("Conventions", "title", "source", "seed", "start", SYSTEM, FORCES, "friction", "model"),
         *("belt_kind", "parameter_units", "identity", "versions", "cells", "block_cells"),
         *("specification", "specification_text", "specification_canonical"),
         *("specification_digest", *RUN_ATTRIBUTES),
