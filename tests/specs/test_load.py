@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import BaseModel, ValidationError, model_validator
 
+from wiperjax.specs.errors import sentence
 from wiperjax.specs.load import SpecError, load_scene, load_sweep, parse_scene, parse_sweep
 from wiperjax.specs.reversal import flip_time
 from wiperjax.vocabulary.parameters import PARAMETERS
@@ -516,6 +518,19 @@ def test_faults_of_scenes():
         parse_scene({"axes": {}, "run": {"duration": 1}}, "s")
     with pytest.raises(SpecError, match=r"^s: belt.frequency: is missing"):
         parse_scene({"belt": {"kind": "trapezoid"}, "run": {"duration": 1}}, "s")
+
+
+def test_a_fault_of_no_key_is_one_line():
+    """A check of ours that fails itself, as one of a whole table: it was an IndexError."""
+
+    class Failing(BaseModel):
+        @model_validator(mode="after")
+        def _fails(self):
+            raise ValueError("no such kind")
+
+    with pytest.raises(ValidationError) as caught:
+        Failing()
+    assert sentence(Failing, caught.value) == "no such kind"
 
 
 def test_notes_on_windows():

@@ -9,9 +9,12 @@ from scipy.integrate import solve_ivp
 
 import wiperjax
 from wiperjax import Coulomb, TrapezoidBelt
+from wiperjax.datasets.map_dataset import describe
 from wiperjax.systems.chain import Chain2, Chain3, Chain8
+from wiperjax.systems.head_and_tip import HeadAndTip
 from wiperjax.systems.oscillator import Oscillator
 from wiperjax.vocabulary.codes import LABELS
+from wiperjax.vocabulary.columns import attributes_of
 
 SPEED, LAW = 0.2, (1.0, 0.4, 0.3)
 
@@ -138,3 +141,22 @@ def test_a_shipped_sweep_shows_what_it_says(name):
         ds = ds.sel(start="up")
     assert np.all(ds.result == 0)
     assert [names[int(code)] for code in ds.label.values.ravel()] == heard
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("soft_lip", "N/m"), ("head_and_tip", "N/m"), ("flutter", "N")]
+)
+def test_maps_say_whose_forces_are_per_metre_of_blade(name, unit):
+    axes = {"belt_speed": {"values": [0.1, 0.2]}}
+    run = {"transient": 0.1, "window": 0.5}
+    attrs = describe(wiperjax.parse_sweep({"system": name, "axes": axes, "run": run}))["attrs"]
+    assert attributes_of("normal_force_mean", attrs)["units"] == unit
+    slope = attributes_of("d_normal_force_mean_d_belt_speed", attrs)["units"]
+    assert slope == f"({unit})/(m/s)"
+
+
+def test_runs_say_the_same():
+    run = wiperjax.simulate(HeadAndTip(), 1e-3, observer=wiperjax.RegimeTotals(0.0))
+    for name in ("normal_force", "friction_force", "normal_force_mean"):
+        assert run[name].attrs["units"] == "N/m", name
+    assert run.event_impulse.attrs["units"] == "N s/m" and "units" not in run.position.attrs

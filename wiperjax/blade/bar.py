@@ -24,6 +24,7 @@ class Bar(AbstractSystem):
     unilateral: ClassVar[bool] = False
     coordinates: ClassVar[tuple[str, ...]] = ("x",)
     of_a_blade: ClassVar[bool] = True
+    per_metre: ClassVar[bool] = True
     known: ClassVar = PARAMETERS
     lip: Wiper
 

@@ -27,6 +27,7 @@ class Block(AbstractSystem):
     unilateral: ClassVar[bool] = False
     coordinates: ClassVar[tuple[str, ...]] = ("x",)
     of_a_blade: ClassVar[bool] = True
+    per_metre: ClassVar[bool] = True
     known: ClassVar = PARAMETERS
     belt: AbstractBelt
     friction: AbstractFriction

@@ -1,6 +1,7 @@
 """A wiper and its start from the parameters of one cell."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -81,8 +82,10 @@ def make_law(law: Law, parameters: Mapping[str, Any]) -> AbstractFriction:
     usual = {name: entry.reference for name, entry in law.parameters.items()}
     numbers = {key: parameters.get(name, usual[name]) for key, name in law.keys.items()}
     try:
+        if law.default is not None:  # it may have more than numbers
+            return replace(law.default, **numbers)
         return (law.found or LAW_CLASSES[law.name])(**numbers)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"friction = {law.name!r}: {error}") from error
 
 

@@ -53,6 +53,7 @@ class Wiper(AbstractSystem):
 
     coordinates: ClassVar[tuple[str, ...]] = ("x", "y")
     of_a_blade: ClassVar[bool] = True
+    per_metre: ClassVar[bool] = True
     valid_where: ClassVar[str] = "|phi| < collapse_angle"
     known: ClassVar = PARAMETERS
 

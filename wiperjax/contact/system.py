@@ -33,7 +33,8 @@ class AbstractSystem(eqx.Module):
 
     unilateral: ClassVar[bool] = True  # False: always touching, under a prescribed normal force
     coordinates: ClassVar[tuple[str, ...]] = ()  # their names in maps and runs; else q0, q1, ..
-    of_a_blade: ClassVar[bool] = False  # coordinates are those of a tip [m], forces per metre [N/m]
+    of_a_blade: ClassVar[bool] = False  # coordinates are those of a tip [m]
+    per_metre: ClassVar[bool] = False  # forces are those on a metre of a blade [N/m], not [N]
     valid_where: ClassVar[str] = ""  # the model holds: words for a start from where it does not
     stops: ClassVar[tuple[int, ...]] = ()  # places among `switches` of those that are stops
 

@@ -13,7 +13,7 @@ import xarray as xr
 from ..machine.provenance import version
 from ..vocabulary.cf import CONVENTIONS, plain_attributes
 from ..vocabulary.codes import LABELS
-from ..vocabulary.columns import SYSTEM, attributes_of, column_of, ordered
+from ..vocabulary.columns import FORCES, SYSTEM, attributes_of, column_of, ordered
 from ..vocabulary.kinds import MODELS, WIPER
 from ..vocabulary.parameters import PARAMETERS
 
@@ -160,6 +160,8 @@ def _attributes(spec: Any) -> dict[str, Any]:
         attrs["friction"] = str(meaning["friction"])
     if SYSTEM in meaning:
         attrs[SYSTEM] = str(meaning[SYSTEM])
+        if spec.family.per_metre:
+            attrs[FORCES] = "per metre of blade"
     else:
         attrs["model"] = str(meaning.get("model", "lip"))
         attrs |= getattr(spec, "choice", {})

@@ -1,5 +1,6 @@
 """What a person gets of one trajectory: samples, events and parameters as a labelled dataset."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -27,6 +28,15 @@ from ..vocabulary.schema import EVENT_COLUMNS
 
 REGIMES = {regime.name.lower(): int(regime) for regime in Regime}
 EVENTS = {event.name.lower(): int(event) for event in Event}
+OF_A_RUN = frozenset(
+    (
+        *("Conventions", SYSTEM, "duration", "sample_interval", "initial_position"),
+        *("initial_velocity", "max_steps", "solver", "rtol", "atol_position", "atol_velocity"),
+        *("zeno_time", "steps", "rejected_steps", "unproved_steps", "result_message", "source"),
+        *("versions", "statistics_start"),
+    )
+)
+"""Attributes of every run: a parameter of such a name is an attribute by another (`beside`)."""
 
 
 def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -> xr.Dataset:
@@ -38,11 +48,14 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     own = getattr(given, "belt", None)
     belt = _belt_velocity(own, times) if isinstance(own, AbstractBelt) else None
 
+    known = {"s"} | ({"m", "m/s"} if given.of_a_blade else set())  # another system's are its own
+    known |= {"N/m", "N s/m"} if given.per_metre else set()
+
     def about(long_name, units=None, flags=None):
         attrs: dict[str, Any] = {"long_name": long_name}
         if flags is not None:
             attrs |= cf.flags(flags)
-        elif units == "s" or (units is not None and given.of_a_blade):  # else unknown
+        elif units in known:
             attrs["units"] = units
         return attrs
 
@@ -86,15 +99,22 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         "axis": ("axis", names, about("coordinate")),
     }
     parameters = _parameters(given)
-    known = {name: PARAMETERS[name].unit for name in parameters if name in given.known}
+    stated = {name: PARAMETERS[name].unit for name in parameters if name in given.known}
     attrs = {
         "Conventions": cf.CONVENTIONS,
         "system": type(given).__name__,
-        **{f"parameter_{k}" if k in attributes else k: v for k, v in parameters.items()},
-        **({"parameter_units": units_text(known)} if known else {}),
+        **beside(parameters),
+        **({"parameter_units": units_text(stated)} if stated else {}),
         **attributes,
     }
     return xr.Dataset(variables, coords=coords, attrs=cf.plain_attributes(attrs))
+
+
+def beside(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is told of parameters by the names that these have among the attributes of a run:
+    ``parameter_duration`` of one called duration, which is the run's own.
+    """
+    return {f"parameter_{k}" if k in OF_A_RUN else k: v for k, v in parameters.items()}
 
 
 def _belt_velocity(belt: AbstractBelt, times: np.ndarray) -> np.ndarray:
@@ -144,7 +164,7 @@ def with_statistics(given: AbstractSystem, run: xr.Dataset, record: Any, start: 
     """Return a run with what an observer has gathered from ``start`` [s] on, scalars named as the
     columns of a map; NaN where the run did not reach its end.
     """
-    units = {} if given.of_a_blade else {SYSTEM: ""}
+    units = {} if given.per_metre else {SYSTEM: ""}
     window = float(run.attrs["duration"]) - start
     finished = int(run["result"]) == RESULTS["finished"]
     found = told(record, window, finished)

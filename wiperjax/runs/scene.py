@@ -24,7 +24,7 @@ from ..vocabulary.cf import units_text
 from ..vocabulary.columns import SYSTEM
 from ..vocabulary.kinds import MODELS, WIPER
 from ..vocabulary.wording import not_there
-from .dataset import as_lip
+from .dataset import as_lip, beside
 from .simulate import simulate
 
 
@@ -79,13 +79,13 @@ def run_scene(
     attrs = {
         **_system(spec),
         "belt_kind": spec.belt_kind or "",
-        "parameter_units": units_text({name: table[name].edge_unit for name in stated}),
+        "parameter_units": units_text(beside({name: table[name].edge_unit for name in stated})),
         **{f"class_{key}": value for key, value in limits if value is not None},
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
         **provenance.record(None, time.perf_counter() - begun),
     }
-    return ds.assign_attrs(stated | cf.plain_attributes(attrs))
+    return ds.assign_attrs(beside(stated) | cf.plain_attributes(attrs))
 
 
 def _system(spec: SceneSpec) -> dict[str, str]:

@@ -155,13 +155,17 @@ def _watched(case: Case, check_start: Callable[[int], None]) -> tuple[State, Eve
     """Return (the final state, all events) of a case whose start was checked by its code."""
     state = _begin(case)
     check_start(int(state.result))
-    pieces = []
+    pieces = [_logged(state.log)]  # none yet, and none at all if it ends where it begins
     while int(state.result) == RUNNING:
         state = _advance(case.problem, state)
-        count = int(state.log.count)
-        pieces.append([np.asarray(column)[:count] for column in state.log[:-1]])
+        pieces.append(_logged(state.log))
     columns: Any = [np.concatenate(column) for column in zip(*pieces, strict=True)]
     return state, EventLog(*columns, count=len(columns[0]))
+
+
+def _logged(log: EventLog) -> list[np.ndarray]:
+    """Return the columns of a log as far as they are filled."""
+    return [np.asarray(column)[: int(log.count)] for column in log[:-1]]
 
 
 def _account(case: Case, integration: Integration, state: State) -> dict[str, Any]:

@@ -8,13 +8,12 @@ from functools import cache
 from typing import Any
 
 from ..vocabulary.checks import is_number
-from ..vocabulary.declared import parameters_of
 from ..vocabulary.kinds import BELTS
 from ..vocabulary.parameters import PARAMETERS, Parameter
 from .errors import Fault, listed, show
 from .family import Family, KeyOf, Values
-from .imported import fingerprint, imported, needs
-from .laws import Law, check_given, law_of
+from .imported import fingerprint, imported, named, needs
+from .laws import Law, check_given, law_like, law_of, own_parameters
 
 _OF_THE_WIPER = {"blade": "its parameters stand in [parameters]", "model": "it has no rungs"}
 _OF_ITS_START = ("angle", "equilibrium")
@@ -29,8 +28,8 @@ class Declared(Family):
         coordinates: names of them, if the class has some.
         found: the class.
         own: its parameters, without those of belt and law.
-        belt: kind of the belt that it has by default, and that belt; None if it has none.
-        default_law: likewise.
+        belt: the belt that it has by default; None if it has none.
+        default_law: the law that it has by default; None if it has none.
         source: fingerprint of its source.
     """
 
@@ -42,10 +41,23 @@ class Declared(Family):
     default_law: Law | None
     source: str
 
+    @property
+    def per_metre(self) -> bool:
+        """Whether its forces are per metre of blade."""
+        return bool(getattr(self.found, "per_metre", False))
+
     def belt_kind(self, spec: Any) -> str | None:
         if self.belt is None:
             return None
-        return spec.belt.kind if "kind" in spec.belt.model_fields_set else self.belt.kind
+        if "kind" in spec.belt.model_fields_set:
+            return spec.belt.kind
+        if kind := named(self.belt, BELTS):
+            return kind
+        *first, last = map(repr, BELTS)
+        must = f"is missing; it must be {', '.join(first)} or {last}, for files have no name for"
+        raise Fault(
+            "belt.kind", f"{must} the default belt of {self.name}, {type(self.belt).__name__}"
+        )
 
     def law(self, spec: Any) -> Law | None:
         asked = spec.given.get("friction")
@@ -64,7 +76,7 @@ class Declared(Family):
 
     def _of_belt(self, kind: str, key: str) -> Parameter:
         entry = PARAMETERS[BELTS[kind][key]]
-        value = getattr(self.belt, key, None) if kind == self.belt.kind else None
+        value = getattr(self.belt, key, None) if kind == named(self.belt, BELTS) else None
         if value is None or not is_number(value, arrays=False):
             return entry
         return replace(entry, reference=float(value))
@@ -136,10 +148,7 @@ def declared(path: str) -> Declared:
 @cache
 def _read(path: str, found: type) -> Declared:
     needs("system", found, ("free_acceleration", "directions"), "system (wiperjax.AbstractSystem)")
-    try:
-        own = dict(parameters_of(found))
-    except ValueError as error:
-        raise Fault("system", f"{path}: {error}") from None
+    own = own_parameters("system", path, found)
     if not (coordinates := tuple(getattr(found, "coordinates", ()))):
         raise Fault("system", f"{path} must name its coordinates: coordinates = ('x', ...)")
     held = {field.name: field.default for field in fields(found)}  # type: ignore[arg-type]
@@ -155,13 +164,6 @@ def _read(path: str, found: type) -> Declared:
         found,
         own,
         belt,
-        None if law is None else _law_of(law),
+        None if law is None else law_like("system", law),
         fingerprint("system", found),
     )
-
-
-def _law_of(default: Any) -> Law:
-    """The law of an object of its class, its numbers the reference values."""
-    cls = type(default)
-    name = default.kind or f"{cls.__module__}:{cls.__qualname__}"
-    return law_of("system", name).like(default)

@@ -94,13 +94,15 @@ def sentence(model: type[BaseModel], failed: ValidationError) -> str:
     if isinstance(error, Fault):
         location += [error.key] if error.key else []
         problem = error.problem
+    elif isinstance(error, ValueError):
+        problem = str(error)
     elif kind == "extra_forbidden":
         problem = unknown(location[-1], _keys(model, location[:-1]), model)
     elif kind == "missing":
         problem = "is missing; the table must be there" if len(location) == 1 else "is missing"
     elif kind == "literal_error":
         problem = f"must be {context['expected']}, was {show(was)}"
-    elif location[0] == "axes" and len(location) == 2:
+    elif location[:1] == ["axes"] and len(location) == 2:
         problem = f"must be {AXIS_FORMS}, was {show(was)}"
     elif kind in _EXPECTED:
         problem = f"must be {_EXPECTED[kind].format(**context)}, was {show(was)}"

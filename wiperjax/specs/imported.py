@@ -13,6 +13,14 @@ from typing import Any
 from .errors import Fault, show
 
 
+def named(default: Any, kinds: Iterable[str]) -> str:
+    """Name in files of a law or belt that comes with the package, one of some `kinds`; empty of one
+    of one's own, also where that is made of another and has inherited its name."""
+    cls = type(default)
+    kind = vars(cls).get("kind", "")
+    return kind if kind in kinds and cls.__module__.split(".")[0] == "wiperjax" else ""
+
+
 def path_of(value: Any) -> Any:
     """Import path of a class, what is given as such; anything else unchanged."""
     return f"{value.__module__}:{value.__qualname__}" if isinstance(value, type) else value

@@ -1,6 +1,6 @@
 """Friction laws as files name them: those of `vocabulary.kinds`, and one's own by import path."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,7 +9,8 @@ from ..vocabulary.declared import parameters_of
 from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS, Parameter
 from .errors import Fault, show, unknown
-from .imported import fingerprint, imported, is_path, needs, no_name
+from .imported import fingerprint, imported, is_path, named, needs, no_name
+from .taken import check_names
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,7 @@ class Law:
         parameters: name -> parameter, with the reference values that hold for this law.
         found: its class, where it is named by import path.
         source: fingerprint of that.
+        default: an object of its class that has what is no number.
     """
 
     name: str
@@ -29,16 +31,18 @@ class Law:
     parameters: Mapping[str, Parameter]
     found: type | None = None
     source: str = ""
+    default: Any = None
 
     def like(self, default: Any) -> "Law":
-        """The same law with the numbers of an object of its class as reference values."""
+        """The same law with the numbers of an object of its class as reference values, and with
+        what that has beside them."""
         known = {name: getattr(default, key) for key, name in self.keys.items()}
         held = {
             name: replace(entry, reference=float(known[name]))
             for name, entry in self.parameters.items()
             if is_number(known[name], arrays=False)
         }
-        return replace(self, parameters={**self.parameters, **held})
+        return replace(self, parameters={**self.parameters, **held}, default=default)
 
 
 def check_given(
@@ -65,8 +69,29 @@ def law_of(key: str, name: str) -> Law:
         raise Fault(key, no_name(name, FRICTIONS))
     found = imported(key, name)
     needs(key, found, ("coefficient",), "friction law (wiperjax.AbstractFriction)")
+    base = FRICTIONS.get(getattr(found, "kind", ""), {})  # of the package's law that it is made of
+    own = own_parameters(key, name, found, base)
+    inherited = {argument: name for argument, name in base.items() if argument not in own}
+    known = {**{name: PARAMETERS[name] for name in inherited.values()}, **own}
+    keys = {**inherited, **{each: each for each in own}}
+    return Law(name, keys, known, found, fingerprint(key, found))
+
+
+def law_like(key: str, default: Any) -> Law:
+    """The law that an object is of, with all that the object has. Raises: Fault."""
+    cls = type(default)
+    name = named(default, FRICTIONS) or f"{cls.__module__}:{cls.__qualname__}"
+    return law_of(key, name).like(default)
+
+
+def own_parameters(
+    key: str, path: str, found: type, besides: Collection[str] = ()
+) -> Mapping[str, Parameter]:
+    """Parameters that a class declares (`parameters_of`). Raises: Fault, of the key, where it does
+    not, or by a name that maps use."""
     try:
-        declared = parameters_of(found)
+        own = parameters_of(found, besides)
     except ValueError as error:
-        raise Fault(key, f"{name}: {error}") from None
-    return Law(name, {each: each for each in declared}, declared, found, fingerprint(key, found))
+        raise Fault(key, f"{path}: {error}") from None
+    check_names(key, path, own)
+    return own

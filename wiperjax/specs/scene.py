@@ -34,7 +34,7 @@ class SceneSpec(System):
         known = self.parameters()
         frequency = known["belt_frequency"]
         time = flip_time(
-            self.belt.kind,
+            self.belt_kind,
             abs(known["belt_speed"]),
             frequency,
             known.get("belt_ramp", 0.0),

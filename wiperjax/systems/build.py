@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ..blade import numbers
 from ..blade.build import build_wiper, continued_state, make_law, start_state
@@ -12,10 +14,12 @@ from ..blade.wiper import Wiper
 from ..contact.belts import CLASSES as BELT_CLASSES
 from ..contact.belts import AbstractBelt
 from ..contact.system import AbstractSystem
+from ..numerics.arrays import fields_of
 from ..specs.declared import Declared
 from ..specs.laws import law_of
 from ..specs.system import System
 from ..specs.tables import Start
+from ..vocabulary import checks
 from ..vocabulary.codes import Regime, Result
 from ..vocabulary.kinds import BELTS
 from . import fits
@@ -42,8 +46,30 @@ def build(spec: System, parameters: Mapping[str, Any]) -> Built:
     """Return the system of ``spec`` with ``parameters`` (SI units, radians): floats, or arrays with
     one entry a cell, as `SweepSpec.cells` and `SceneSpec.parameters` give them.
 
-    Raises ValueError for values that the system refuses.
+    Raises ValueError for values that the system refuses and, where there are arrays, for fields
+    that have no place in a map.
     """
+    made = _made(spec, parameters)
+    if any(np.ndim(value) for value in parameters.values()):
+        first = {name: x[..., 0] if np.ndim(x) else x for name, x in parameters.items()}
+        _check_fields(_made(spec, first).system)
+    return made
+
+
+def _check_fields(system: AbstractSystem) -> None:
+    """Raises ValueError for a system of one cell that holds more than numbers: nothing could tell
+    a table from what has one entry a cell, and one of as many points would be read as such.
+    """
+    for path, leaf in jax.tree_util.tree_leaves_with_path(system):
+        if isinstance(leaf, bool) or (checks.is_number(leaf) and np.ndim(leaf) == 0):
+            continue
+        field, name = ".".join(fields_of(path)), type(system).__name__
+        must = "must be a number, a tuple of them or static (equinox.field(static=True)) in a sweep"
+        was = f"an array of shape {shape}" if (shape := np.shape(leaf)) else checks.shown(leaf)
+        raise ValueError(f"system: field {field!r} of {name} {must}, but was {was}")
+
+
+def _made(spec: System, parameters: Mapping[str, Any]) -> Built:
     family = spec.family
     if not isinstance(family, Declared):
         law = law_of("blade.friction", spec.blade.friction)

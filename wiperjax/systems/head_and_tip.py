@@ -27,6 +27,7 @@ class HeadAndTip(AbstractBeltSystem):
     """
 
     unilateral = False
+    per_metre = True
     coordinates = ("head_x", "head_y", "tip_x", "tip_y")
     head_mass: float = parameter(0.05, "kg/m", above=0)
     tip_mass: float = parameter(0.01, "kg/m", above=0)

@@ -10,6 +10,9 @@ from .schema import SCHEMA, Column
 SYSTEM = "system"
 """Attribute of a map of a system of one's own: its import path."""
 
+FORCES = "forces"
+"""Attribute of a map of such a system, if its forces are per metre of blade as the wiper's are."""
+
 OF_A_WIPER = ("final_x", "final_y", "final_vx", "final_vy", "growth_rate", "linear_frequency")
 """Columns of a lip's tip and of its steady slip: another system has none of them."""
 
@@ -69,7 +72,7 @@ def ordered(names: Iterable[str]) -> list[str]:
 
 def attributes_of(name: str, of: Mapping[str, Any]) -> dict[str, Any]:
     """CF attributes of a column in a map with the attributes `of`: forces are per metre of blade,
-    those of a system of one's own are not.
+    those of a system of one's own are not unless it says so.
     """
     if (parts := derivative(name)) is not None:
         return _of_derivative(*parts, of)
@@ -80,7 +83,7 @@ def attributes_of(name: str, of: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _units(units: str, of: Mapping[str, Any]) -> str:
-    if SYSTEM in of:
+    if SYSTEM in of and FORCES not in of:
         for per_metre, whole in (("N/m", "N"), ("N s/m", "N s"), ("J/m", "J")):
             units = units.replace(per_metre, whole)
     return units

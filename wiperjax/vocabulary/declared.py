@@ -8,7 +8,7 @@ jax: `parameters_of` reads any dataclass.
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from . import checks
@@ -80,10 +80,10 @@ def check(system: Any) -> None:
         checks.parameter(name, getattr(system, name), entry)
 
 
-def parameters_of(system: Any) -> Mapping[str, Parameter]:
+def parameters_of(system: Any, besides: Collection[str] = ()) -> Mapping[str, Parameter]:
     """Name -> `Parameter` of every number that a system, or its class, declares: of its fields made
     by `parameter`, and of plain fields whose default is a number (without unit or range, unless
-    the wiper has a parameter of that name).
+    the wiper has a parameter of that name). Plain fields `besides` are left out.
 
     Raises: ValueError where it is no dataclass, or has a field that is neither one of these nor has
         a default.
@@ -94,15 +94,15 @@ def parameters_of(system: Any) -> Mapping[str, Parameter]:
     found, known = {}, marked(system)
     for field in dataclasses.fields(system):
         name, default = field.name, field.default
-        if not field.init or name in SET_BY_THE_ENGINE:
+        if not field.init or name in SET_BY_THE_ENGINE or (name in besides and name not in known):
             continue
         if name in known:
             found[name] = known[name]
-        elif name in PARAMETERS and PARAMETERS[name].reference is not None:  # as the wiper's
-            found[name] = dataclasses.replace(PARAMETERS[name], table="parameters")
-        elif isinstance(default, int | float) and not isinstance(default, bool):
-            words = name.replace("_", " ")
-            found[name] = Parameter(name, "parameters", "", "1", FINITE, words, float(default))
+        elif checks.is_number(default, arrays=False):
+            words, usual = name.replace("_", " "), float(default)  # type: ignore[arg-type]
+            plain = Parameter(name, "parameters", "", "1", FINITE, words, usual)
+            entry = PARAMETERS.get(name, plain)  # its unit and range, but the default is its own
+            found[name] = dataclasses.replace(entry, table="parameters", reference=usual)
         elif (field.default, field.default_factory) == (dataclasses.MISSING, dataclasses.MISSING):
             must = "must be declared by wiperjax.parameter, or have a default"
             raise ValueError(f"field {field.name!r} {must}")

@@ -1,7 +1,6 @@
 """Cells dealt out to the devices, the dearest first, and gathered again in their order."""
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -119,13 +118,18 @@ def alike(system: Any, precision: str, capacity: int) -> Any:
     is filled up they are all (capacity,), also where one number is that of all cells: sweeps over
     other parameters then share a compiled program, unless one of them lacks the terms of a number
     that is absent. (With numbers for all cells a turn is a twentieth cheaper: in larger blocks that
-    is more than compiling.)
+    is more than compiling.) Those in a tuple, a table for one, are no parameters: they stay one for
+    all cells.
     """
     found = as_arrays(system, precision)
     if capacity > FEW[-1] * len(devices()):
         return found
-    each = partial(jnp.broadcast_to, shape=(capacity,))
-    return jax.tree.map(lambda x: each(x) if eqx.is_inexact_array(x) else x, found)
+
+    def each(path, x):
+        listed = any(isinstance(key, jax.tree_util.SequenceKey) for key in path)
+        return jnp.broadcast_to(x, (capacity,)) if eqx.is_inexact_array(x) and not listed else x
+
+    return jax.tree_util.tree_map_with_path(each, found)
 
 
 def sample_room(capacity: int, samples: int) -> int:
