@@ -312,6 +312,23 @@ def test_smallest_change_that_makes_steady_slip_stable():
     cost = (share[None, :] - given[0]) ** 2 + (share[:, None] - given[1]) ** 2
     assert float(best.cost) < np.min(cost[stable])
 
+    none = remedy.stabilise(
+        blade, {"support_damping": (0.5, 1.5), "mu_static": (0.9, 1.0)}, starts=2
+    )
+    assert found.parameters.meets.all() and not none.parameters.meets.any()
+    assert float(none.parameters.growth_rate[0]) > -50
+
+
+def test_a_measure_of_zero_has_no_way_down(ring):
+    """A share of 0 is relative to nothing: the descent divided by it, and ended in IndexError."""
+    from wiperjax import remedy
+
+    cycle, bounds = ring[0], {"a": (0.0, 0.2)}
+    found = remedy.sensitivities(cycle, bounds, "stick_fraction")
+    assert float(found.derivative[0]) == 0 and np.isnan(found.buys) and np.isnan(found.elasticity)
+    path = remedy.descend(cycle, bounds, measure="stick_fraction")
+    assert path.end == "stick_fraction is 0" and path.steps.sizes["step"] == 1
+
 
 @pytest.mark.slow
 def test_least_noise_from_several_starts():

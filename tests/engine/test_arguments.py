@@ -92,7 +92,8 @@ MOTION = {
 }  # fmt: skip
 SEARCH = {"starts": [*NO_COUNT, 0], "seed": NO_COUNT}
 NO_BOUNDS = [3, {}, "ab", [("attack_angle", 0, 1)], {"attack_angle": 1}]
-NO_BOUNDS += [{"attack_angle": pair} for pair in ((1, 0), (0, NAN), ("a", 1), (0, 1, 2))]
+NO_BOUNDS += [{"attack_angle": pair} for pair in ((1, 0), (0, NAN), ("a", 1), (0, 1, 2), (0, 30))]
+NO_BOUNDS += [{"support_damping": (-5, -1)}]
 
 CASES = {
     "solve": (
@@ -413,6 +414,15 @@ def _fitting(kind, made, key, value):
     return {name: made[name] for name in BELTS[kind] if name in made} | {key: value}
 
 
+def test_a_remedy_must_see_the_turns_of_a_belt():
+    """It called a blade quiet whose belt had not turned yet, where the same scene is a reversal."""
+    turning = wiperjax.Wiper(belt=wiperjax.TrapezoidBelt(0.8, 0.7, 0.05, phase=1.6))
+    must = "must be on a belt that does not turn (whole periods of one are judged by run_scene)"
+    assert refusal(remedy.verdict, turning) == f"blade {must}, but was on one of 0.7 Hz"
+    must = "must hold a period of the belt, which turns (1.429 s)"
+    assert refusal(remedy.quieten, turning, BOUNDS) == f"window {must}, but was 0.1"
+
+
 def test_degrees_are_asked_for():
     line = refusal(wiperjax.Wiper, attack_angle=5.0)
     assert line == (
@@ -477,19 +487,19 @@ def test_arrays_pass():
 @pytest.mark.slow
 def test_tolerances_that_only_jax_knows_end_as_a_result():
     """Inside `jax.jit` no message can be given: such a trajectory ends at once, with a code, and
-    alone. This test compiles one program.
+    alone. A duration below 0 was gone backwards, and `finished`. This test compiles one program.
     """
 
     @jax.jit
     @jax.vmap
-    def results(rtol, atol):
-        run = wiperjax.solve(BLADE, 1e-4, rtol=rtol, atol=atol, max_events=0)
+    def results(rtol, atol, duration):
+        run = wiperjax.solve(BLADE, duration, rtol=rtol, atol=atol, max_events=0)
         return run.result, run.steps, run.final_time
 
-    rtol = jnp.array([1e-6, -1.0, 0.0, NAN, INF, 1e-6, 1e-6])
-    atol = jnp.array([1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 0.0, NAN])
-    result, steps, final_time = results(rtol, atol)
-    assert list(result) == [Result.FINISHED] + [Result.NON_FINITE] * 6
+    rtol = jnp.array([1e-6, -1.0, 0.0, NAN, INF, 1e-6, 1e-6, 1e-6])
+    atol = jnp.array([1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 0.0, NAN, 1e-9])
+    result, steps, final_time = results(rtol, atol, jnp.array([1e-4] * 7 + [-1e-4]))
+    assert list(result) == [Result.FINISHED] + [Result.NON_FINITE] * 7
     assert steps[0] > 0 and not steps[1:].any()
     assert final_time[0] == 1e-4 and not final_time[1:].any()
 

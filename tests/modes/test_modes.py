@@ -13,6 +13,7 @@ from wiperjax import Coulomb
 from wiperjax.blade.rungs import on_rung
 from wiperjax.cli import main
 from wiperjax.modes.over import VERDICTS, beside, shares
+from wiperjax.modes.table import place_near
 from wiperjax.systems.chain import Chain3
 from wiperjax.systems.flutter import ModeCoupling
 from wiperjax.systems.head_and_tip import HeadAndTip
@@ -83,6 +84,19 @@ def test_a_belt_that_turns_is_judged_at_its_peak_as_in_a_map():
     )
     for other in (turning, ramped):
         xr.testing.assert_allclose(wiperjax.modes(other), wiperjax.modes(steady), rtol=1e-9)
+
+
+def test_every_lip_on_a_belt_that_turns_is_sought_at_its_peak():
+    """A bar was sought where the lip slides at t = 0, and another of its equilibria was found."""
+    for phase in (0.0, math.pi + 0.3):
+        places = {}
+        for belt in (wiperjax.WipingBelt(0.3, 5.0, phase), wiperjax.SteadyBelt(0.3)):
+            numbers = {"belt": belt, "attack_angle": math.radians(-30)}
+            lip = wiperjax.Wiper(**numbers)
+            for system in (lip, on_rung(lip, "bar"), SoftLip(**numbers)):
+                places.setdefault(type(system), []).append(place_near(system))
+        for turning, steady in places.values():
+            np.testing.assert_allclose(turning, steady, rtol=1e-9)
 
 
 class SameWiper(wiperjax.Wiper):

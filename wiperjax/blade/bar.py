@@ -9,7 +9,7 @@ from ..contact.friction import AbstractFriction
 from ..contact.system import AbstractSystem
 from ..vocabulary.parameters import PARAMETERS
 from .block import LEAST_LOAD
-from .steady_slip import steady_slip
+from .steady_slip import judged_slip
 from .wiper import Wiper
 
 
@@ -97,7 +97,7 @@ class Bar(AbstractSystem):
 
     def sliding_near(self):
         """The steady slip of the lip, which is its own."""
-        x, (start,) = steady_slip(self.lip).x, self.default_state()[0]
+        x, (start,) = judged_slip(self.lip).x, self.default_state()[0]
         return (jnp.where(jnp.isfinite(x), x, start),)
 
     def scales(self, n):

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..contact.system import AbstractSystem
 from ..numerics.arrays import fields_of
+from ..vocabulary import checks
 from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
 from ..vocabulary.kinds import BELTS, FRICTIONS, is_absent, of_fields
 from ..vocabulary.parameters import PARAMETERS, Parameter
@@ -71,6 +72,26 @@ def known(system: AbstractSystem, name: str) -> Parameter | None:
     return own.get(name) or PARAMETERS.get(name)
 
 
+def entry_of(system: AbstractSystem, name: str) -> Parameter | None:
+    """Return what is known of the number ``name``, of a path as of a name of files, if anything is.
+
+    Raises ValueError if ``system`` has no such number.
+    """
+    route = path(system, name)
+    same = (each for each, to in routes(system).items() if to == route)
+    return next((entry for each in same if (entry := known(system, each)) is not None), None)
+
+
+def check_bounds(argument: str, system: AbstractSystem, bounds: Any) -> None:
+    """Raises ValueError unless ``bounds``, name -> (low, high), are of numbers of ``system`` and
+    both ends are what these may be."""
+    checks.bounds(argument, bounds)
+    for name, ends in bounds.items():
+        if (entry := entry_of(system, name)) is not None:
+            for end in ends:
+                checks.parameter(f"{argument} of {name}", end, entry)
+
+
 def value(system: AbstractSystem, name: str) -> float:
     """Return the number ``name`` of ``system``."""
     return float(np.asarray(at(path(system, name))(system)))
@@ -125,11 +146,10 @@ def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Call
 
     Parameters of files have their names and units there (angles in degrees).
     """
+    if (entry := entry_of(system, name)) is not None:
+        attrs = {"long_name": entry.long_name, "units": entry.edge_unit}
+        return entry.name, attrs, entry.to_edge
     route = path(system, name)
-    for each, to in routes(system).items():
-        if to == route and (entry := known(system, each)) is not None:
-            attrs = {"long_name": entry.long_name, "units": entry.edge_unit}
-            return entry.name, attrs, entry.to_edge
     return "_".join(route), {"long_name": ".".join(route)}, lambda x: x
 
 

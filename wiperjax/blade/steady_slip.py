@@ -72,6 +72,13 @@ def steady_slip(wiper: Wiper, belt_speed=None) -> SteadySlip:
     return jax.tree.map(lambda x: x[..., 0], _over_map(wiper, belt_speed, 1))
 
 
+def judged_slip(wiper: Wiper) -> SteadySlip:
+    """Return steady slip at the time at which motions on the wiper's belt are linearised: of a belt
+    that turns, at its peak (`AbstractBelt.judged_at`)."""
+    t, belt = jnp.asarray(wiper.belt.judged_at, float), wiper.belt
+    return steady_slip(wiper, belt.velocity(t, belt.first_piece(t)))
+
+
 def steady_slip_branches(wiper: Wiper, belt_speed=None) -> SteadySlip:
     """Return all branches of steady slip; see `steady_slip`.
 

@@ -7,12 +7,12 @@ import numpy as np
 import xarray as xr
 
 from ..blade import numbers
-from ..blade.steady_slip import steady_slip
+from ..blade.steady_slip import judged_slip
 from ..blade.wiper import Wiper
 from ..contact.system import AbstractSystem
 from ..machine import provenance
 from ..vocabulary import cf, checks
-from .linear import Linear, judged_at, linear_at
+from .linear import Linear, linear_at
 
 ROUNDING = 1e-11  # of an eigenvalue: a smaller real or imaginary part is none
 
@@ -91,8 +91,7 @@ def place_near(system: AbstractSystem) -> tuple:
     says = type(system).sliding_near is not AbstractSystem.sliding_near
     if says or not isinstance(system, Wiper):
         return system.sliding_near()
-    t, belt = judged_at(system), system.belt
-    x = steady_slip(system, belt.velocity(t, belt.first_piece(t))).x
+    x = judged_slip(system).x
     start, height = system.default_state()[0]
     return jnp.where(jnp.isfinite(x), x, start), height
 

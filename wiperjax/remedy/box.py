@@ -13,6 +13,7 @@ from ..blade import numbers
 from ..blade.wiper import Wiper
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
+from ..vocabulary.wording import digits
 
 
 class Box(eqx.Module):
@@ -23,9 +24,10 @@ class Box(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True)
 
     @classmethod
-    def of(cls, bounds: Mapping[str, tuple[float, float]]) -> "Box":
-        """Return the box of ``bounds``, name -> (low, high). An empty one raises ValueError."""
-        checks.bounds("bounds", bounds)
+    def of(cls, blade: Wiper, bounds: Mapping[str, tuple[float, float]]) -> "Box":
+        """Return the box of ``bounds``, name -> (low, high). Raises ValueError for an empty one, or
+        for what ``blade`` cannot be."""
+        numbers.check_bounds("bounds", blade, bounds)
         low, high = (jnp.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
         return cls(low, high, tuple(bounds))
 
@@ -57,6 +59,14 @@ def check_search(starts: int, seed: int, most: int = 1) -> None:
     checks.whole("starts", starts, Range(1, 2**16, whole=True))
     checks.whole("seed", seed, Range(0, whole=True))
     checks.whole("most", most, Range(1, 10**6, whole=True))
+
+
+def check_period(window: float, blade: Wiper) -> None:
+    """Raises ValueError for a ``window`` [s] that may miss a turn of the belt of ``blade``."""
+    frequency = float(blade.belt.wiping_frequency)
+    if window * frequency < 1 - 1e-9 and frequency > 0:
+        must = f"must hold a period of the belt, which turns ({1 / frequency:.4g} s)"
+        raise ValueError(f"window {must}, but was {digits(window)}")
 
 
 Price = Callable[[np.ndarray], tuple[float, np.ndarray]]  # shares (n,) -> value, slope (n,)

@@ -26,7 +26,7 @@ class Path(NamedTuple):
     steps: xr.Dataset  # over ``step``: the parameters, the measure, the word, ``same_events``
     blade: Any  # the last system
     end: str  # why it ends
-    label: str  # class of the last blade, simulated from its default start ("" for other systems)
+    label: str  # class of the last blade, simulated from its default start ("" where none is told)
 
 
 def descend(
@@ -45,12 +45,13 @@ def descend(
     `sensitivities`); ``step``, its length; ``most`` steps; ``settle`` [s] of the simulations that
     look for another motion where the cycle has ended.
 
-    **Returns** a `Path`. ``end`` is one of: the cycle ends and nothing replaces it (quiet); bounds
-    that leave no way down; the number of steps. ``same_events`` is False at a step whose events are
-    not those of the step before: the gradient that led there did not know of them.
+    **Returns** a `Path`. ``end`` is one of: the cycle ends and nothing replaces it (quiet); a
+    measure of 0; bounds that leave no way down; the number of steps. ``same_events`` is False at a
+    step whose events are not those of the step before: the gradient that led there did not know of
+    them. Another system than a wiper, and one on a belt that turns, has no ``label``.
     """
     checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
-    checks.bounds("bounds", bounds)
+    numbers.check_bounds("bounds", cycle.system, bounds)
     checks.choice("measure", measure, MEASURES)
     step = checks.number("step", step, Range(1e-6, 1))
     most = checks.whole("most", most, Range(1, 10**6, whole=True))
@@ -68,6 +69,9 @@ def descend(
     end, system = f"{most} steps", numbers.traceable(cycle.system, *varied)
     cycle = replace(cycle, system=system, shooting=replace(cycle.shooting, varied=varied))
     for _ in range(most):
+        if getattr(cycle, measure) == 0:
+            end = f"{measure} is 0"
+            break
         slope = sensitivities(cycle, bounds, measure)["buys"].values
         free = ~(((x <= 0) & (slope > 0)) | ((x >= 1) & (slope < 0)))
         downhill = np.where(free, -slope, 0.0)
@@ -96,8 +100,14 @@ def descend(
         "word": ("step", np.array([row["word"] for row in rows], object)),
         "same_events": ("step", np.array([row["same_events"] for row in rows])),
     }
-    said = verdict(system, settle=settle)["label"] if isinstance(system, Wiper) else ""
+    said = ""
+    if isinstance(system, Wiper) and not _turns(system):
+        said = verdict(system, settle=settle)["label"]
     return Path(xr.Dataset(columns, attrs={"end": end}), system, end, said)
+
+
+def _turns(blade: Wiper) -> bool:
+    return float(blade.belt.wiping_frequency) > 0
 
 
 def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycle:
@@ -144,9 +154,13 @@ def verdict(blade: Wiper, *, settle: float = 0.2, window: float = 0.1, rtol: flo
     """Return the class of noise of ``blade`` from its default start, with what it rests on.
 
     A simulation of ``settle`` seconds, and of ``window`` seconds that are looked at; the thresholds
-    are the defaults of `labels`.
+    are the defaults of `labels`. Raises ValueError for a blade on a belt that turns: its class is
+    that of whole periods, by their turns and strokes, as `run_scene` and `assess` judge it.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
+    if _turns(blade):
+        must = "must be on a belt that does not turn (whole periods of one are judged by run_scene)"
+        raise ValueError(f"blade {must}, but was on one of {blade.belt.wiping_frequency:g} Hz")
     settle = checks.number("settle", settle, NON_NEGATIVE)
     window = checks.number("window", window, POSITIVE)
     interval = window / 4096

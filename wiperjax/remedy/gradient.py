@@ -32,7 +32,7 @@ def sensitivities(
     """Return the derivatives of a cycle's noise by the numbers ``names`` of its system.
 
     **Arguments:** ``cycle`` of `find_cycle`; ``names``, or name -> (low, high), bounds in SI units;
-    ``measure``, one of `MEASURES`.
+    ``measure``, one of `MEASURES`; what is relative to one of 0 is NaN.
 
     **Returns** a dataset over ``parameter``: ``derivative`` (SI units), ``elasticity`` (relative
     change of the measure by relative change of the parameter) and, with bounds, ``buys``: change of
@@ -42,7 +42,7 @@ def sensitivities(
     """
     checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
     if isinstance(names, Mapping):
-        checks.bounds("names", names)
+        numbers.check_bounds("names", cycle.system, names)
     else:
         checks.names("names", names, 1)
     shooting, state = cycle.shooting, cycle.state
@@ -77,13 +77,14 @@ def sensitivities(
             m = motion(name, part)
         slopes.append(_slope(cycle, m, moved, measure))
     slope = np.array(slopes)
+    relative = slope / (value or math.nan)
     at = np.array([numbers.value(system, name) for name in names])
     words = measure.replace("_", " ")
     variables: dict[str, Any] = {
         "derivative": ("parameter", slope, {"long_name": f"derivative of {words}"}),
         "elasticity": (
             "parameter",
-            slope * at / value,
+            relative * at,
             {"long_name": f"relative change of {words} by relative change", "units": "1"},
         ),
         "value": ("parameter", at, {"long_name": "value of the parameter, SI units"}),
@@ -93,7 +94,7 @@ def sensitivities(
         size = np.array([high - low for low, high in bounds.values()])
         variables["buys"] = (
             "parameter",
-            slope * size / value,
+            relative * size,
             {"long_name": f"change of {words} in % for 1 % of the range", "units": "1"},
         )
     return xr.Dataset(variables, coords={"parameter": list(names)}, attrs={"of": measure})

@@ -15,13 +15,13 @@ from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.codes import Result
 from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range
-from .box import Box, check_search, search
+from .box import Box, check_period, check_search, search
 
 _FLOOR = 1e-6  # of the belt's speed: the level of a tip at rest, whose root has no derivative
 
 
 class Quietened(NamedTuple):
-    """What the search found, one blade from each start, quietest first."""
+    """What the search found, one blade from each start, the least of noise and price first."""
 
     parameters: xr.Dataset  # over ``start``: the parameters, ``velocity_rms``, ``cost``, ``steps``
     blade: Wiper  # the best one
@@ -42,9 +42,10 @@ def quieten(
     """Return blades inside ``bounds`` with the least noise: the spread of the tip's velocity.
 
     Simulated from the blade's default start for ``duration`` [s], of which the last ``window`` [s]
-    counts. The derivative is that of the simulation, forward through its events; where the window
-    cuts a period it is off by a share of one period in the window, and beyond a change of events it
-    does not see, so the search is a means and the simulated value is what is reported.
+    counts: of a belt that turns a period at least. The derivative is that of the simulation,
+    forward through its events; where the window cuts a period it is off by a share of one period in
+    the window, and beyond a change of events it does not see, so the search is a means and the
+    simulated value is what is reported.
 
     **Arguments:** ``bounds``, name -> (low, high), SI units; ``effort``, price of a change by a
     whole range, relative to the noise of the blade as it is: 0 asks for the quietest blade at any
@@ -58,10 +59,11 @@ def quieten(
     checks.instance("blade", blade, Wiper, "a Wiper")
     duration = checks.number("duration", duration, POSITIVE)
     window = checks.number("window", window, Range(0, duration, low_open=True, unit="s"))
+    check_period(window, blade)
     effort = checks.number("effort", effort, NON_NEGATIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
     check_search(starts, seed, most)
-    box, system = Box.of(bounds), numbers.traceable(blade, *bounds)
+    box, system = Box.of(blade, bounds), numbers.traceable(blade, *bounds)
     given = box.shares_of(blade)
     times = jnp.array([duration, window]), jnp.asarray(rtol, float)
 

@@ -22,7 +22,7 @@ from .box import Box, check_search, search
 class Stabilised(NamedTuple):
     """Cheapest changes that make steady slip stable, one from each start, best first."""
 
-    parameters: xr.Dataset  # over ``start``: the parameters, ``cost``, ``growth_rate``
+    parameters: xr.Dataset  # over ``start``: parameters, ``cost``, ``growth_rate``, ``meets``
     blade: Wiper  # the best one
 
 
@@ -40,13 +40,14 @@ def stabilise(
     of that range; ``starts``, points in the bounds that the search begins from, the blade itself
     and random ones of ``seed``, one after the other (`scipy.optimize.minimize`, SLSQP).
 
-    **Returns** a `Stabilised`. What does not meet the demand comes last (its ``growth_rate`` is
-    above -``margin``). Stable steady slip is no promise of quiet: see `verdict`.
+    **Returns** a `Stabilised`. ``meets`` says whether the demand is met; what does not meet it
+    comes last, and where nothing does, ``blade`` does not. Stable steady slip is no promise of
+    quiet: see `verdict`.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
     margin = checks.number("margin", margin, FINITE)
     check_search(starts, seed)
-    box, system = Box.of(bounds), numbers.traceable(blade, *bounds)
+    box, system = Box.of(blade, bounds), numbers.traceable(blade, *bounds)
     given, scale = box.shares_of(blade), max(abs(margin), 1.0)
 
     def change(share):
@@ -66,6 +67,7 @@ def stabilise(
         | {
             "cost": ("start", cost[rank], {"long_name": "squared share of the ranges"}),
             "growth_rate": ("start", rate[rank], {"units": "1/s"}),
+            "meets": ("start", meets[rank], {"long_name": "steady slip decays as demanded"}),
         }
     )
     return Stabilised(found, box.blade(system, shares[rank[0]]))

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ..blade.steady_slip import steady_slip
+from ..blade.steady_slip import judged_slip
 from ..blade.wiper import Wiper
 from ..numerics.types import Scalar
 from ..vocabulary.declared import SET_BY_THE_ENGINE, parameter
@@ -48,7 +48,7 @@ class SoftLip(Wiper):
     def sliding_near(self):
         """The steady slip of the rigid lip, pressed in by its normal force there."""
         names = (field.name for field in fields(Wiper) if field.name not in SET_BY_THE_ENGINE)
-        rigid = steady_slip(Wiper(**{name: getattr(self, name) for name in names}))
+        rigid = judged_slip(Wiper(**{name: getattr(self, name) for name in names}))
         x, y = self.default_state()[0]
         known = jnp.isfinite(rigid.x)
         depth = rigid.normal_force / self.contact_stiffness

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -17,13 +18,14 @@ from wiperjax.datasets import map_dataset
 from wiperjax.engine.observers.base import Stretch, highest
 from wiperjax.maps import block, driver, estimate
 from wiperjax.maps.cells import batch
-from wiperjax.maps.cells.sensitivity import evaluate, tangents, validity
+from wiperjax.maps.cells.sensitivity import differences, evaluate, tangents, validity
 from wiperjax.maps.cluster import Workers
 from wiperjax.specs.load import SpecError, parse_sweep
 from wiperjax.store.manifest import parts_of
 from wiperjax.store.whole import open_map
 from wiperjax.vocabulary import codes
 from wiperjax.vocabulary import columns as columns_by_name
+from wiperjax.vocabulary.parameters import PARAMETERS
 
 CELLS, BLOCK = 224, 112
 STILL = 1e-3  # Hz: a belt that keeps its speed
@@ -98,6 +100,20 @@ def test_derivatives_agree_with_central_differences(found, columns):
         assert those.sum() >= fewest, name
         assert median < 1e-6, name
         assert largest < 1e-4, name
+
+
+def test_what_was_not_compared_does_not_agree():
+    """At an end of its range a parameter is not moved: its derivative was said to agree to 0.0."""
+    at, name = np.zeros(1), "restitution"
+    spec = SimpleNamespace(parameter_table=PARAMETERS, sensitivities=SimpleNamespace(step=1e-5))
+    scale = {name: differences.scale_of(PARAMETERS[name], at)}
+    inside = {name: differences._is_inside(PARAMETERS[name], at, 1e-5 * scale[name])}
+    place, words = {"final_x": np.zeros((1, 4, 1))}, np.zeros((1, 4, 1), int)
+    moved = differences.Moved(np.array([0]), scale, inside, place, words)
+    columns = {"result": at, "belt_speed_rms": at + 1, "final_x": at}
+    slopes = {"final_x": np.array([[123.0]])}
+    other, gaps = validity.check(spec, moved, None, columns, slopes, np.zeros(1, int))
+    assert not other[0] and np.isnan(gaps["final_x", name])
 
 
 @pytest.mark.slow

@@ -107,10 +107,10 @@ def _first_step(problem: Problem, start, motion, rate) -> Scalar:
 
 
 def _is_finite(problem: Problem, start, motion, rate) -> Scalar:
-    """Whether a trajectory can be integrated from here, tolerances included: traced, they were seen
-    by nobody else.
+    """Whether a trajectory can be integrated from here, to an end that is not before it, tolerances
+    included: traced, they were seen by nobody else.
     """
-    finite = jnp.isfinite(start) & jnp.isfinite(problem.end)
+    finite = jnp.isfinite(start) & jnp.isfinite(problem.end) & (problem.end >= start)
     for leaf in jax.tree.leaves((motion, rate)):
         finite = finite & jnp.isfinite(leaf)
     for tolerance in (problem.rtol, *jax.tree.leaves(problem.atol)):

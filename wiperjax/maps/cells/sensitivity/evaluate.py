@@ -81,7 +81,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     agreement = np.full(count, np.nan)
     if moved is not None:
         other, gaps = check(spec, moved, base, columns, slopes, watched.word)
-        agreement[checked] = np.max(list(gaps.values()), axis=0)
+        agreement[checked] = np.fmax.reduce(list(gaps.values()))  # of what was compared
         code[checked[other]] = VALIDITY["sequence_changes"]
     code[~is_settled(columns, spec)] = VALIDITY["unsettled"]
     code[outcome.result != Result.FINISHED] = VALIDITY["not_differentiable"]

@@ -64,8 +64,9 @@ def mask_rounding(slopes, columns, spec) -> None:
 def check(spec, moved: Moved, base, columns, slopes, word):
     """Return (whether the events are others, relative differences) of the ``moved`` cells.
 
-    The second is a dict (outcome, parameter) -> (cells,). A difference is relative to the larger
-    of the two, or to `FLOOR` of the outcome's scale over the parameter's own size, if that is more.
+    The second is a dict (outcome, parameter) -> (cells,), NaN where there was nothing to compare: a
+    parameter at an end of its range is not moved. A difference is relative to the larger of the
+    two, or to `FLOOR` of the outcome's scale over the parameter's own size, if that is more.
     """
     cells = moved.cells
     other = np.any(moved.words != word[cells], axis=(0, 1))
@@ -80,7 +81,7 @@ def check(spec, moved: Moved, base, columns, slopes, word):
             larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)
             larger = np.where(larger > 0, larger, 1.0)  # both may be zero
             skip = ~moved.inside[name] | ~np.isfinite(slope) | ~np.isfinite(change)
-            gaps[outcome, name] = np.where(skip, 0.0, np.abs(change - slope) / larger)
+            gaps[outcome, name] = np.where(skip, np.nan, np.abs(change - slope) / larger)
     return other, gaps
 
 
