@@ -18,7 +18,7 @@ from wiperjax import plots
 from wiperjax.datasets import map_dataset
 from wiperjax.noise import classes
 from wiperjax.plots import files
-from wiperjax.plots.maps import categories, planes
+from wiperjax.plots.maps import categories, numbers, planes
 from wiperjax.plots.style import axes as plot_axes  # noqa: E402
 from wiperjax.plots.style import palette  # noqa: E402
 from wiperjax.specs.load import parse_sweep  # noqa: E402
@@ -192,9 +192,9 @@ def test_signed_numbers_have_colours_that_part_at_zero(small_map):
     for name in ("d_gap_max_d_normal_load", "growth_rate"):
         norm, colours = drawn(ramp, name)
         assert (norm.vmin, norm.vmax) == (-3.0, 3.0) and norm(0.0) == 0.5
-        assert colours == planes.SIGNED
+        assert colours == numbers.SIGNED
     # of one sign by chance, a derivative says so; a level does not pretend to have a sign
-    assert drawn(ramp + 2)[0](0.0) == 0.5 and drawn(ramp + 2)[1] == planes.SIGNED
+    assert drawn(ramp + 2)[0](0.0) == 0.5 and drawn(ramp + 2)[1] == numbers.SIGNED
     assert drawn(ramp + 2, "velocity_rms")[1] == "viridis"
     # one cell of a thousand times the size of the others does not leave these white
     norm, _ = drawn(np.where(np.arange(9) == 4, 1e3, ramp))

@@ -16,7 +16,7 @@ from ..datasets.map_starts import from_start
 from ..machine.files import StoreError
 from ..plots.maps.borders import PREFIX, with_borders
 from ..plots.maps.planes import map_dims, usual_plane
-from ..plots.style.axes import long_name, number, shown
+from ..plots.style.axes import axis_numbers, long_name, shown
 from ..specs.imported import findable, is_path
 from ..specs.load import SpecError, parse_sweep
 from ..store.levels import is_refined
@@ -77,7 +77,7 @@ class Explored:
         if not name:
             return "", "", [""]
         values, unit = shown(self.ds[name])
-        texts = [f"{number(value)} {unit}".strip() for value in values.tolist()]
+        texts = [f"{text} {unit}".strip() for text in axis_numbers(values)]
         return plain(long_name(self.ds[name])), plain(unit), texts
 
     def plane(self, x: str, y: str, at: dict[str, int], start: Any, names: set[str]) -> xr.Dataset:

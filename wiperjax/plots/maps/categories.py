@@ -149,7 +149,7 @@ def _planes(cells: xr.Dataset, panel: str | None) -> Iterator[tuple[xr.Dataset, 
     """Each plane of small multiples, and its title."""
     for k in range(cells.sizes[panel] if panel else 1):
         plane = cells.isel({panel: k}) if panel else cells
-        yield plane, value_text(plane[panel]) if panel else ""
+        yield plane, value_text(cells[panel], k) if panel else ""
 
 
 def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "label") -> bool:
