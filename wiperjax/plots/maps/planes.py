@@ -26,6 +26,7 @@ from ..style.caption import set_caption, start_text
 from ..style.palette import BOUNDARY, UNKNOWN
 from .numbers import TONE, suited, told, tones, why_untold
 
+PANEL = 36  # letters across a picture among others
 At = Mapping[str, float]  # where a dimension that is not drawn is cut, in the units of the map
 
 
@@ -171,8 +172,10 @@ def value_map(
     if whole:
         set_caption(ax.figure, ds, where, start_text(ds), f"grey: {why}" if why else "")
     else:
-        words = textwrap.fill(f"{words} (grey: {why})" if why else words, 36)
-        ax.set_title(f"{words}\n{where}" if where else words, fontsize="medium")
+        lines = [textwrap.fill(words, PANEL), f"(grey: {why})" if why else "", where]
+        if len(f"{words} {lines[1]}") <= PANEL:
+            lines[:2] = [f"{words} {lines[1]}".strip()]
+        ax.set_title("\n".join(filter(None, lines)), fontsize="medium")
     return ax
 
 
