@@ -15,20 +15,24 @@ from stub_sweep import evaluate, make_spec
 
 from wiperjax.cli import main
 from wiperjax.explorer import cells, motion
-from wiperjax.explorer.box import BLOCK, Boxes, box_spec, compute
+from wiperjax.explorer.box import BLOCK, FEWEST, MOST, Boxes, _finer, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
 from wiperjax.explorer.explored import EVERY, explored, open_explored, plain
 from wiperjax.explorer.map_panel import MapPanel
 from wiperjax.explorer.page import Page
 from wiperjax.explorer.scale import NOTHING, painted
+from wiperjax.explorer.spectrogram import level_images
 from wiperjax.explorer.static import nearest, write_static
-from wiperjax.explorer.unpacked import MOST
+from wiperjax.explorer.unpacked import MOST as HELD
 from wiperjax.explorer.worker import Worker
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
+from wiperjax.plots.maps.numbers import TONE
+from wiperjax.plots.runs.levels import Levels
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
+from wiperjax.vocabulary.codes import LABELS
 
 
 @pytest.fixture(scope="module")
@@ -82,13 +86,13 @@ def test_variables_that_were_shown_last_are_held_open(tmp_path):
     path = tmp_path / "map.h5"
     driver.sweep(make_spec(), path, evaluate=evaluate, progress=False).close()
     found, ds = open_explored(path)
-    shown = list(found.variables)[: MOST + 3]
+    shown = list(found.variables)[: HELD + 3]
     with ds:
         for name in shown:
             at = {"normal_load": 1}
             plane = found.plane("attack_angle", "belt_speed", at, None, {name})
             np.testing.assert_array_equal(plane[name], ds[name].isel(at).T)
-        held = [name for name in shown if name not in EVERY][-MOST:]
+        held = [name for name in shown if name not in EVERY][-HELD:]
         assert list(found.unpacked._open) == held
         found.unpacked.close()
         loaded = explored(ds.load())
@@ -134,9 +138,58 @@ def test_colours_stand_for_the_classes_and_numbers_of_a_plane(whole):
     assert paint.values.dtype == np.int8  # a byte a cell is sent
     numbers = painted(plane, "normal_force_max")
     order = np.argsort(plane["normal_force_max"].values.ravel())
+    order = order[plane["label"].values.ravel()[order] != LABELS["failed"]]
     assert (np.diff(numbers.shades.ravel()[order].astype(int)) >= 0).all()
     lost = plane.assign(normal_force_max=plane["normal_force_max"] * np.nan)
     assert (painted(lost, "normal_force_max").shades == NOTHING).all()
+
+
+def test_frequencies_below_one_hertz_have_colours_of_their_own(whole):
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, {TONE}).load()
+    plane["label"][:] = LABELS["squeal"]
+    plane[TONE][:] = np.geomspace(0.03, 0.15, plane[TONE].size).reshape(plane[TONE].shape)
+    paint = painted(plane, TONE)
+    assert len(np.unique(paint.shades)) == plane[TONE].size and 0.05 < paint.values.mean() < 0.1
+    assert paint.legend.count("tick") >= 3 and "grey" not in paint.legend
+
+
+def test_cells_that_ended_early_have_no_numbers_and_say_so(whole):
+    """They hold what was counted until they failed."""
+    place = {"attack_angle": 0, "normal_load": 0, "belt_speed": 0}
+    names = {"impact_count", "final_time", TONE}
+    plane = whole.plane("attack_angle", "belt_speed", place, None, names).load()
+    plane["label"][:] = LABELS["squeal"]
+    plane["label"][0] = LABELS["failed"]
+    plane["label"][1, 0] = LABELS["collapsed"]
+    plane["label"][2, 0] = LABELS["quiet"]
+    plane[TONE][:] = 500.0
+    for name in names & set(plane):
+        paint = painted(plane, name)
+        lost = np.isin(plane["label"], [LABELS["failed"], LABELS["collapsed"]])
+        lost |= (plane["label"].values == LABELS["quiet"]) & (name == TONE)
+        np.testing.assert_array_equal(paint.shades == NOTHING, lost)
+        said = ("quiet, " if name == TONE else "") + "failed, collapsed<"
+        assert np.isnan(paint.values[lost]).all() and said in paint.legend
+    ds = whole.ds.copy(deep=True)
+    ds["label"][0, 0, 0] = LABELS["failed"]
+    told = replace(whole, ds=ds).cell(place, ("label", "impact_count", "velocity_rms", "mechanism"))
+    assert told == {"label": LABELS["failed"]}
+    ds["label"][0, 0, 0] = LABELS["other"]
+    assert "velocity_rms" in replace(whole, ds=ds).cell(place, ("label", "velocity_rms"))
+
+
+def test_coordinates_that_are_near_read_differently(whole):
+    near = whole.ds.assign_coords(
+        attack_angle=("attack_angle", 5 + 2e-4 * np.arange(7), whole.ds["attack_angle"].attrs)
+    )
+    shown, panel = replace(whole, ds=near), MapPanel()
+    plane = shown.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, {"label"})
+    panel.show(shown, plane, "attack_angle", "belt_speed", "label")
+    assert panel.axes.data["x"][0][:2] == ["5 deg", "5.0002 deg"]
+    marks = list(panel.picture.xaxis[0].major_label_overrides.values())
+    assert len(marks) > 2 and len(set(marks)) == len(marks)
+    place = {"attack_angle": 1, "normal_load": 0, "belt_speed": 0}
+    assert "attack angle 5.0002°" in scene_of(shown, place)["title"]
 
 
 def test_the_scene_of_a_cell_is_a_scene_file_of_its_parameters(whole):
@@ -159,6 +212,40 @@ def test_a_box_is_finer_and_lies_where_it_was_dragged(whole):
     assert axes["normal_load"].tolist() == [whole.ds["normal_load"].values[2]]
     with pytest.raises(ValueError, match="more than one cell"):
         box_spec(whole, ends | {"attack_angle": (1.0, 1.0)}, {"normal_load": 2}, None)
+
+
+def test_a_box_has_twice_the_density_or_as_many_cells_as_it_may_and_is_else_refused():
+    axis = xr.DataArray(np.linspace(0.1, 1.0, 1000), attrs={"long_name": "belt speed"})
+    for over, count in ((20, 48), (30, 61), (63, 127), (100, 128), (126.5, 128)):
+        found = _finer(axis, 3, 3 + over, FEWEST, MOST)
+        assert len(found) == count and len(found) - 1 > over  # finer than the map
+    for count, over in ((MOST, 127), (MOST, 999), (BLOCK, BLOCK)):
+        axis = xr.DataArray(np.linspace(0.1, 1.0, 4000), attrs={"long_name": "belt speed"})
+        with pytest.raises(ValueError, match=f"{over} cells along belt speed, and its {count}"):
+            _finer(axis, 0, over, FEWEST, count)
+
+
+def test_a_box_is_shown_over_the_axes_it_was_dragged_over(whole):
+    """However the page was turned while it was computed."""
+    held = {}
+
+    class Later:
+        def begin(self, spec, report, done):
+            held.update(spec=spec, done=done)
+            return threading.Event()
+
+    document = Document()
+    document.add_next_tick_callback = lambda call: call()
+    page = Page(document, whole, SimpleNamespace(wish=lambda *wish: None), Later())
+    corners = {"type": "rect", "x0": 0.5, "x1": 2.5, "y0": 0.5, "y1": 4.5}
+    page.finer.dragged(SimpleNamespace(final=True, geometry=corners))
+    page.across.value = "normal_load"
+    assert (page.x, page.y) == ("normal_load", "belt_speed")
+    held["done"](compute(held["spec"], lambda *counts: None, threading.Event(), evaluate))
+    assert (page.x, page.y) == ("attack_angle", "belt_speed")
+    assert page.map.plane.data["image"][0].shape == (48, 48)
+    page.finer.back()
+    assert (page.x, page.y) == ("normal_load", "belt_speed")  # as it was left
 
 
 def test_a_box_is_computed_whole_whatever_its_size(whole):
@@ -189,6 +276,23 @@ def test_a_box_of_one_axis_is_one_block(line):
     np.testing.assert_allclose(spec.axes_values()["belt_speed"][[0, -1]], values[[1, 3]])
     found = compute(spec, lambda *counts: None, threading.Event(), evaluate)
     assert found.plane_axes() == ("belt_speed", "")
+
+
+@pytest.mark.parametrize(("columns", "inner"), [(1, 0), (2, 0), (9, 7), (900, 400)])
+def test_a_spectrogram_is_where_the_windows_are(columns, inner):
+    """Those at both ends are wider: one image would draw all columns equally wide."""
+    time = 1e-3 * np.concatenate([[0.0], 4.5 + np.arange(columns - 1), [columns + 8.0]])
+    levels = Levels(time, 50.0 * np.arange(10), np.zeros((10, columns)), 0.0, 8e-3)
+    levels.decibels[:] = np.linspace(-50, 0, columns)
+    found = level_images(levels)
+    widths = [image.shape[1] for image in found["image"]]
+    assert widths == [n for n in (1, inner, int(columns > 1)) if n]
+    ends = np.add(found["t"], found["width"])
+    np.testing.assert_allclose(found["t"], [time[0], *ends[:-1]])
+    assert ends[-1] == pytest.approx(time[-1])
+    assert columns == 1 or found["t"][1] == time[1]
+    assert (np.diff(np.concatenate([image[0] for image in found["image"]])) >= 0).all()
+    assert set(found["f"]) == {-25.0} and set(found["height"]) == {500.0}  # rows around their own
 
 
 def test_a_thinned_curve_keeps_its_peaks():

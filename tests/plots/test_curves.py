@@ -17,6 +17,7 @@ from wiperjax.cycles.curve.equations import Facts  # noqa: E402
 from wiperjax.cycles.curve.walk import Mark  # noqa: E402
 from wiperjax.datasets import map_dataset  # noqa: E402
 from wiperjax.datasets.branch_dataset import with_curves  # noqa: E402
+from wiperjax.plots.curves import curve_page  # noqa: E402
 from wiperjax.specs.load import parse_sweep  # noqa: E402
 from wiperjax.store.whole import write_dataset  # noqa: E402
 from wiperjax.vocabulary.codes import CurveEnd  # noqa: E402
@@ -104,6 +105,17 @@ def test_curves_of_another_blade_or_over_other_parameters_are_refused(curves):
         plots.with_curves(plane, curves)
     with pytest.raises(ValueError, match="curves must hold curves"):
         plots.with_curves(a_map(), a_map())
+
+
+def test_a_page_of_curves_is_not_headed_by_what_its_axes_run_through(curves):
+    about = {"attack_angle": 5.0, "belt_speed": 0.5, "normal_load": 10.0, "title": "two curves"}
+    units = {"parameter_units": "attack_angle: degrees; belt_speed: m/s; normal_load: N/m"}
+    branch = with_curves(a_map().drop_vars("label").assign_attrs(about | units), curves)
+    (ax,) = curve_page(branch).axes
+    said = ax.figure.get_suptitle()
+    assert "two curves" in said and "attack angle 5°" in said and "normal load" not in said
+    assert ax.get_ylabel() == "normal load (N/m)"
+    assert next(one for one in ax.lines if one.get_label() == "the branch").get_ydata()[0] == 10
 
 
 def test_commands_draw_and_tell_of_the_curves_in_a_file(curves, tmp_path, capsys, monkeypatch):

@@ -18,7 +18,7 @@ from wiperjax import plots
 from wiperjax.datasets import map_dataset
 from wiperjax.noise import classes
 from wiperjax.plots import files
-from wiperjax.plots.maps import categories, planes
+from wiperjax.plots.maps import categories, numbers, planes
 from wiperjax.plots.style import axes as plot_axes  # noqa: E402
 from wiperjax.plots.style import palette  # noqa: E402
 from wiperjax.specs.load import parse_sweep  # noqa: E402
@@ -192,9 +192,9 @@ def test_signed_numbers_have_colours_that_part_at_zero(small_map):
     for name in ("d_gap_max_d_normal_load", "growth_rate"):
         norm, colours = drawn(ramp, name)
         assert (norm.vmin, norm.vmax) == (-3.0, 3.0) and norm(0.0) == 0.5
-        assert colours == planes.SIGNED
+        assert colours == numbers.SIGNED
     # of one sign by chance, a derivative says so; a level does not pretend to have a sign
-    assert drawn(ramp + 2)[0](0.0) == 0.5 and drawn(ramp + 2)[1] == planes.SIGNED
+    assert drawn(ramp + 2)[0](0.0) == 0.5 and drawn(ramp + 2)[1] == numbers.SIGNED
     assert drawn(ramp + 2, "velocity_rms")[1] == "viridis"
     # one cell of a thousand times the size of the others does not leave these white
     norm, _ = drawn(np.where(np.arange(9) == 4, 1e3, ramp))
@@ -357,6 +357,55 @@ def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
     assert axes[0].figure.legends[0].get_texts()
     other = plots.along_axis(small_map, along="attack_angle")
     assert other[2].get_xlabel() == "attack angle (deg)"
+
+
+def test_line_shows_a_cell_between_failed_ones_and_hatches_these(small_map):
+    at = {"attack_angle": 5.0, "normal_load": 17.5}
+    broken = small_map.copy(deep=True)
+    lost = np.arange(9) != 4
+    broken["label"][:, :, lost] = codes.LABELS["failed"]
+    broken["stick_fraction"][:] = 0.25  # of those, counted until they failed
+    shares = plots.along_axis(broken, at=at)[2]
+    stick = next(p for p in shares.patches if p.get_label() == "share of stick").get_data().values
+    np.testing.assert_array_equal(stick, np.where(lost, np.nan, 0.25))
+    hatched = [p for p in shares.patches if p.get_hatch() == palette.HATCHES["failed"][0]]
+    border = plot_axes.edges(small_map["belt_speed"].values)
+    spans = [(p.get_x(), p.get_x() + p.get_width()) for p in hatched]
+    np.testing.assert_allclose(spans, [border[[0, 4]], border[[5, 9]]])
+    (failed,) = (
+        entry for entry in shares.figure.legends[0].get_patches() if entry.get_hatch()
+    )  # not a dot that is nowhere
+    assert failed.get_hatch() == palette.HATCHES["failed"][0]
+
+
+def test_a_grey_cell_is_called_what_it_is(small_map):
+    """Ten of eighteen grey cells had failed below the words 'grey: quiet'."""
+    broken, at = small_map.copy(deep=True), {"normal_load": 17.5}
+    broken["label"][:] = codes.LABELS["squeal"]
+    broken["dominant_frequency"][:] = 700.0
+    assert "grey" not in plots.frequency_map(broken, at=at).figure.get_suptitle()
+    broken["label"][:3] = codes.LABELS["failed"]
+    assert "grey: failed" in plots.frequency_map(broken, at=at).figure.get_suptitle()
+    broken["label"][3:5] = codes.LABELS["quiet"]
+    broken["dominant_frequency"][6] = np.nan
+    said = plots.frequency_map(broken, at=at).figure.get_suptitle()
+    assert "grey: quiet, failed, no number" in said
+    titles = [ax.get_title() for ax in plots.map_overview(broken, at=at).figure.axes]
+    assert "dominant frequency\n(grey: quiet, failed, no number)" in "\n".join(titles)
+    assert any(title.startswith("share of time in stick\n(grey: failed)") for title in titles)
+
+
+def test_numbers_along_an_axis_never_read_the_same():
+    for values in (
+        5 + 2e-4 * np.arange(6), np.geomspace(0.02, 1, 3000), -40 + 80 / 4e5 * np.arange(99),
+        1e6 + 0.5 * np.arange(4), np.array([3.0]),
+    ):  # fmt: skip
+        texts = plot_axes.axis_numbers(values)
+        assert len(set(texts)) == len(values)
+        np.testing.assert_allclose([float(text) for text in texts], values, rtol=5e-4)
+    assert plot_axes.axis_numbers(np.array([0.0, 0.5, 1.0])) == ["0", "0.5", "1"]
+    near = xr.DataArray([5.0, 5.0002], dims="a", attrs={"long_name": "load", "units": "N/m"})
+    assert plot_axes.value_text(near, 1) == "load 5.0002 N/m"
 
 
 def _is_marks(collection):

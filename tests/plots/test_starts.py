@@ -75,12 +75,11 @@ def test_of_random_starts_the_most_frequent_class_is_drawn():
 
 def test_shares_of_random_starts_are_stacked_over_an_axis():
     ax = plots.class_shares(a_map(random=9, x=[0.0, 1e-3]))
-    quiet, squeal = (
-        band.get_paths()[0].vertices for band in ax.collections
-    )  # of 9 starts all squeal at 1, 5 or 4 up to 2, one at 3, none at 4
-    top = {x: quiet[quiet[:, 0] == x, 1].max() for x in (1, 2, 3, 4)}
-    np.testing.assert_allclose([top[x] for x in (1, 2, 3, 4)], [0, 4 / 9, 8 / 9, 1])
-    assert squeal[:, 1].max() == 1 and ax.get_ylim() == (0, 1)
+    quiet, squeal = (band.get_data() for band in ax.patches)  # a step for each cell, not between
+    # of 9 starts all squeal at 1, 5 or 4 up to 2, one at 3, none at 4
+    np.testing.assert_allclose(quiet.values, [0, 4 / 9, 8 / 9, 1])
+    np.testing.assert_allclose(quiet.edges, [0.5, 1.5, 2.5, 3.5, 4.5])
+    assert (squeal.values == 1).all() and ax.get_ylim() == (0, 1) and ax.get_xlim() == (0.5, 4.5)
     with pytest.raises(ValueError, match="this map holds no shares"):
         plots.class_shares(a_map(names=["up"]))
 

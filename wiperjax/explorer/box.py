@@ -10,13 +10,13 @@ import numpy as np
 from ..datasets.map_dataset import assemble
 from ..maps.block import Evaluate
 from ..maps.computing import computing
-from ..plots.style.axes import is_geometric
+from ..plots.style.axes import is_geometric, long_name
 from ..specs.load import parse_sweep
 from ..vocabulary.kinds import WAYS
 from .cells import start_of
 from .explored import Explored, explored
 
-FEWEST, MOST = 48, 128  # cells along each side
+FEWEST, MOST = 48, 128  # cells along each side of a box of two axes
 BLOCK = 1280  # cells computed at once, of every box: all have one compiled program
 
 
@@ -27,14 +27,15 @@ class Stopped(Exception):
 def box_spec(
     whole: Explored, ends: Mapping[str, tuple[float, float]], at: Mapping[str, int], start: Any
 ) -> Any:
-    """The sweep of a box: its two axes at twice the density of the map or better, all others at
-    one value. Of a map of one axis it has as many cells as are computed at once.
+    """The sweep of a box: its two axes at twice the density of the map, with `FEWEST` to `MOST`
+    cells each, all others at one value. Of a map of one axis it has as many cells as are computed
+    at once.
 
     Arguments: axis -> the first and the last cell of the box (with parts of one); axis -> place of
     each other one; the start, of a map of several.
 
     Raises: `ValueError` where the map does not say what it was made from, its cells go on from
-    each other, or the box is empty.
+    each other, or the box is empty, or so large that it would be no finer than the map.
     """
     if whole.spec is None:
         raise ValueError(f"cells of this map cannot be simulated: {whole.unable}")
@@ -51,7 +52,7 @@ def box_spec(
         document["start"] = start_of(whole, place, start)
     most = (FEWEST, MOST) if len(ends) > 1 else (BLOCK, BLOCK)
     document["axes"] = {
-        dim: {"values": _finer(whole.ds[dim].values, *ends[dim], *most).tolist()}
+        dim: {"values": _finer(whole.ds[dim], *ends[dim], *most).tolist()}
         if dim in ends
         else {"values": [float(whole.ds[dim].values[at[dim]])]}
         for dim in whole.dims
@@ -60,14 +61,16 @@ def box_spec(
     return parse_sweep(document | {"title": title}, "the box")
 
 
-def _finer(
-    values: np.ndarray, first: float, last: float, fewest: int, most: int
-) -> np.ndarray:  # fmt: skip
+def _finer(axis: Any, first: float, last: float, fewest: int, most: int) -> np.ndarray:
     """Values between two places of an axis, (n,), spaced as the axis is."""
+    values = axis.values
     first, last = (float(np.clip(place, 0, len(values) - 1)) for place in sorted((first, last)))
     if last - first < 1e-3:
         raise ValueError("the box must reach over more than one cell, along each axis")
-    count = int(np.clip(round(2 * (last - first)), fewest, most))
+    if last - first >= most - 1:
+        reaches = f"the box reaches over {last - first:.0f} cells along {long_name(axis)}"
+        raise ValueError(f"{reaches}, and its {most} would be no finer; drag a smaller one")
+    count = int(np.clip(np.ceil(2 * (last - first)) + 1, fewest, most))
     places, cells = np.linspace(first, last, count), np.arange(len(values))
     if is_geometric(values):
         return np.exp(np.interp(places, cells, np.log(values)))

@@ -50,7 +50,7 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
         "max_steps": settings.max_steps,
         "zeno_time": settings.zeno_time,
     }
-    where = ", ".join(value_text(ds[name][number]) for name, number in place.items())
+    where = ", ".join(value_text(ds[name], number) for name, number in place.items())
     return {
         "title": where[:400],
         **{name: document[name] for name in ("system", "model") if name in document},

@@ -18,6 +18,7 @@ from ..plots.style.axes import label, long_name, shown
 from ..plots.style.palette import CLASSES, EVENT_NAMES, EVENTS, REGIMES, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
 from .explored import plain
+from .spectrogram import level_images
 
 MOST_POINTS = 3000  # of a curve: more than a screen is wide
 MOST_TURNS = 12_000  # points of the phase portrait: a round of it has some twenty
@@ -25,8 +26,6 @@ MOST_TICKS = 2000  # of one kind of event
 LONG = 10.0  # s: a run whose times are shown in seconds
 FRAMES = 150  # of the animation
 DECADES = 4  # of the spectrum
-LEVELS = 60.0  # dB of the spectrogram
-SHADES = 250  # steps of its colours
 
 Columns = dict[str, Any]
 
@@ -193,14 +192,8 @@ def _spectrogram(content: Content, run: xr.Dataset) -> None:
     tone = pitch(run)
     top = max(2 * stored(run.attrs).squeal_band[1], 8 * tone if np.isfinite(tone) else 0.0)
     found = levels(run, highest=top)
-    chosen = np.linspace(0, found.frequency.size - 1, min(found.frequency.size, 256)).astype(int)
-    columns = np.linspace(0, found.time.size - 2, min(found.time.size - 1, 400)).astype(int)
-    share = (found.decibels[np.ix_(chosen, columns)] - found.peak) / LEVELS + 1
-    image = np.clip(SHADES * share, 0, SHADES - 1).astype(np.uint8)
     top, start, stop = float(found.frequency[-1]), float(found.time[0]), float(found.time[-1])
-    content.columns["levels"] = {
-        "image": [image], "t": [start], "f": [0.0], "width": [stop - start], "height": [top],
-    }  # fmt: skip
+    content.columns["levels"] = level_images(found)
     rows = event_times(run)
     order = [name for name in EVENTS if name in rows][::-1]
     content.columns["ticks"] = {

@@ -15,8 +15,9 @@ import xarray as xr
 from ..datasets.map_starts import from_start
 from ..machine.files import StoreError
 from ..plots.maps.borders import PREFIX, with_borders
+from ..plots.maps.numbers import ENDED
 from ..plots.maps.planes import map_dims, usual_plane
-from ..plots.style.axes import long_name, number, shown
+from ..plots.style.axes import axis_numbers, long_name, shown
 from ..specs.imported import findable, is_path
 from ..specs.load import SpecError, parse_sweep
 from ..store.levels import is_refined
@@ -77,7 +78,7 @@ class Explored:
         if not name:
             return "", "", [""]
         values, unit = shown(self.ds[name])
-        texts = [f"{number(value)} {unit}".strip() for value in values.tolist()]
+        texts = [f"{text} {unit}".strip() for text in axis_numbers(values)]
         return plain(long_name(self.ds[name])), plain(unit), texts
 
     def plane(self, x: str, y: str, at: dict[str, int], start: Any, names: set[str]) -> xr.Dataset:
@@ -112,11 +113,14 @@ class Explored:
     def cell(
         self, place: dict[str, int], names: Iterable[str], start: Any = None
     ) -> dict[str, float]:
-        """The numbers `names` of one cell, as far as the map has them."""
+        """The numbers `names` of one cell, as far as the map has them; of one that ended early its
+        class alone: the others are of a part of its motion.
+        """
         held = [name for name in names if name in self.variables]
         wanted = {*held, "label", *(n for n in ("class_share", "class_set") if n in self.ds)}
         one = from_start(self.ds[sorted(wanted)].isel(place).load(), start)
-        return {name: float(one[name]) for name in held}
+        ended = int(one["label"]) in ENDED.values()
+        return {name: float(one[name]) for name in held if name == "label" or not ended}
 
 
 def open_explored(path: str | Path, trusted: bool = False) -> tuple[Explored, Any]:

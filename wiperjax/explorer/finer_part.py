@@ -29,9 +29,10 @@ class FinerPart:
         if not event.final or shape.get("type") != "rect":
             return
         page = self.page
+        axes = page.x, page.y  # they may be turned before the part is there
         ends = {
-            page.x: (float(shape["x0"]), float(shape["x1"])),
-            page.y: (float(shape["y0"]), float(shape["y1"])),
+            name: (float(shape[f"{which}0"]), float(shape[f"{which}1"]))
+            for name, which in zip(axes, "xy", strict=True)
         }
         ends.pop("", None)  # of a map of one axis
         self.stop()
@@ -46,7 +47,7 @@ class FinerPart:
         self.wish = self.boxes.begin(
             spec,
             lambda done, of: later(partial(self._tell, done, of)),
-            lambda found: later(partial(self._done, found)),
+            lambda found: later(partial(self._done, axes, found)),
         )
 
     def stop(self) -> None:
@@ -73,7 +74,7 @@ class FinerPart:
             f'<p class="note">finer part: {text}</p>'
         )
 
-    def _done(self, found: Any) -> None:
+    def _done(self, axes: tuple[str, str], found: Any) -> None:
         if self.wish is None or self.wish.is_set():
             return
         self.wish, page = None, self.page
@@ -81,7 +82,7 @@ class FinerPart:
             page.say(f"The finer part cannot be computed: {found}", fault=True)
         else:
             self.left.append((page.explored, page.x, page.y, page.place(), page.begin()))
-            page.open(found, page.x, page.y)
+            page.open(found, *axes)
         self._rest()
 
     def _rest(self) -> None:

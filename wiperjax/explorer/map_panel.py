@@ -17,7 +17,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-from ..plots.style.axes import is_geometric, number, shown
+from ..plots.style.axes import axis_numbers, is_geometric, shown
 from ..plots.style.palette import UNKNOWN
 from .explored import Explored
 from .overlay import Overlay
@@ -197,7 +197,6 @@ def _mark(axis: Any, coordinate: Any, named: tuple[str, str, list[str]]) -> None
     order = np.argsort(values)
     places = np.interp(scale(ticks), scale(values)[order], order.astype(float))
     axis.ticker = FixedTicker(ticks=places.tolist())
-    axis.major_label_overrides = {
-        float(place): number(float(tick)) for place, tick in zip(places, ticks, strict=True)
-    }
+    texts = axis_numbers(ticks)
+    axis.major_label_overrides = dict(zip(places.tolist(), texts, strict=True))
     axis.axis_label = f"{name} ({unit})" if unit else name

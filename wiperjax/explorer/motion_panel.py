@@ -17,8 +17,9 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from ..plots.style.palette import BELT
-from .content import SHADES, Content
+from .content import Content
 from .slow_motion import drawn_sources, slow_motion
+from .spectrogram import SHADES
 from .style import SHEET, titled
 from .widgets import source, span, toggle, words
 

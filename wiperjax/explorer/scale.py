@@ -11,15 +11,15 @@ from matplotlib.ticker import LogLocator, MaxNLocator, SymmetricalLogLocator
 
 from ..datasets.map_starts import hangs_on_start
 from ..plots.maps.categories import colours_of
-from ..plots.maps.planes import suited
-from ..plots.style.axes import number, shown
+from ..plots.maps.numbers import TONE, suited, told, tones, why_untold
+from ..plots.style.axes import LogMarks, axis_numbers, shown
 from ..plots.style.palette import HATCHES, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
-from ..vocabulary.codes import LABELS
 from .explored import escaped, plain
 
 SHADES = 250
 NOTHING = 255  # the shade of a cell without a value
+MOST_TICKS = 8  # of a bar of colours
 
 
 class Painted(NamedTuple):
@@ -95,9 +95,7 @@ def _keys(keys: list[str]) -> str:
 
 
 def _numbers(plane: xr.Dataset, variable: str) -> Painted:
-    values, unit = shown(plane[variable])
-    if variable == "dominant_frequency" and "label" in plane:  # of a quiet cell it is rounding
-        values = np.where(plane["label"].values == LABELS["quiet"], np.nan, values)
+    values, unit = shown(told(plane, variable))
     norm, cmap = _scale(variable, np.ma.masked_invalid(values))
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.ma.filled(np.ma.asarray(norm(np.ma.masked_invalid(values)), float), np.nan)
@@ -105,7 +103,10 @@ def _numbers(plane: xr.Dataset, variable: str) -> Painted:
     shades = np.full(values.shape, NOTHING, np.uint8)
     shades[known] = np.clip(share[known] * SHADES, 0, SHADES - 1).astype(np.uint8)
     palette = _palette(cmap)
-    legend = _bar(norm, palette, unit) + ("" if known.all() else _missing(variable))
+    legend = _bar(norm, palette, unit)
+    if not known.all():
+        why = why_untold(plane, variable) or "no number"  # none on this scale
+        legend += _keys([_key(UNKNOWN, why, "")])
     return Painted(shades, palette, values.astype(np.float32), {}, unit, legend)
 
 
@@ -120,8 +121,8 @@ def _scale(variable: str, values: np.ma.MaskedArray) -> tuple[Normalize, str]:
         return Normalize(0.0, 1.0), "cividis"
     some = values.compressed()
     positive = some[some > 0]
-    if variable == "dominant_frequency" and positive.size:
-        return LogNorm(max(positive.min(), 1.0) * 0.999, max(positive.max(), 2.0)), "viridis"
+    if variable == TONE:
+        return tones(values), "viridis"
     if variable.startswith("velocity_rms") and positive.size:
         return LogNorm(1e-3 * positive.max(), positive.max()), "magma"
     norm, cmap = suited(values, variable == "growth_rate")
@@ -135,28 +136,20 @@ def _bar(norm: Any, palette: list[str], unit: str) -> str:
     """The colours with their numbers."""
     low, high = float(norm.vmin), float(norm.vmax)
     if isinstance(norm, LogNorm):
-        ticks = np.asarray(LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(low, high))
-        ticks = (
-            ticks
-            if 3 <= ((ticks >= low) & (ticks <= high)).sum() <= 8
-            else LogLocator().tick_values(low, high)
-        )
+        ticks = LogMarks(subs=(1.0, 2.0, 5.0)).tick_values(low, high)
+        if ((ticks >= low) & (ticks <= high)).sum() > MOST_TICKS:
+            ticks = LogLocator().tick_values(low, high)
     elif type(norm) is Normalize:
         ticks = MaxNLocator(6).tick_values(low, high)
     else:
         ticks = SymmetricalLogLocator(base=10, linthresh=norm.linthresh).tick_values(low, high)
     ticks = np.asarray([tick for tick in ticks if low <= tick <= high])
-    ticks = ticks[:: max(1, -(-len(ticks) // 8))]
+    ticks = ticks[:: max(1, -(-len(ticks) // MOST_TICKS))]
     stops = ",".join(palette[::12] + palette[-1:])
     marks = "".join(
-        f'<span class="tick" style="left:{100 * float(norm(tick)):.1f}%">{number(tick)}</span>'
-        for tick in ticks
+        f'<span class="tick" style="left:{100 * float(norm(tick)):.1f}%">{text}</span>'
+        for tick, text in zip(ticks, axis_numbers(ticks), strict=True)
     )
     words = f'<p class="note">{escaped(unit)}</p>' if unit else ""
     shades = f'<div class="shades" style="background:linear-gradient(90deg,{stops})"></div>'
     return f'<div class="bar">{shades}{marks}</div>{words}'
-
-
-def _missing(variable: str) -> str:
-    words = "quiet, or not told" if variable == "dominant_frequency" else "no number"
-    return _keys([_key(UNKNOWN, words, "")])

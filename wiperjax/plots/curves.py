@@ -13,7 +13,7 @@ from matplotlib.patheffects import Normal, withStroke
 from ..datasets import branch_dataset
 from ..datasets.branch_dataset import curves as curves_in
 from ..vocabulary import checks
-from .style.axes import label, legend_below, long_name, page, shown
+from .style.axes import label, legend_below, long_name, page, shown, shown_unit
 from .style.caption import set_caption
 from .style.palette import CURVES, HALO
 
@@ -73,11 +73,13 @@ def curve_page(branch: xr.Dataset) -> Figure:
         getattr(ax, f"set_{which}label")(label(long_name(held[name]), shown(held[name])[1]))
     own = branch.attrs.get(second)
     if own is not None:
-        line = ax.axhline(float(own), color="#888888", linewidth=0.8, linestyle=":")
+        place = shown_unit(held[second])[0] * float(own)
+        line = ax.axhline(place, color="#888888", linewidth=0.8, linestyle=":")
         line.set_label("the branch")
         handles.append(line)
     legend_below(figure, handles)
-    set_caption(figure, branch)
+    moved = {name: value for name, value in branch.attrs.items() if name != second}
+    set_caption(figure, branch.drop_attrs(deep=False).assign_attrs(moved))
     return figure
 
 

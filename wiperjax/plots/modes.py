@@ -4,7 +4,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from .maps.planes import SIGNED, suited, usual_plane
+from .maps.numbers import SIGNED, suited
+from .maps.planes import usual_plane
 from .style.axes import edges, label, long_name, page, set_axis, shown
 from .style.caption import set_caption
 from .style.palette import BOUNDARY, UNKNOWN

@@ -149,7 +149,7 @@ def _planes(cells: xr.Dataset, panel: str | None) -> Iterator[tuple[xr.Dataset, 
     """Each plane of small multiples, and its title."""
     for k in range(cells.sizes[panel] if panel else 1):
         plane = cells.isel({panel: k}) if panel else cells
-        yield plane, value_text(plane[panel]) if panel else ""
+        yield plane, value_text(cells[panel], k) if panel else ""
 
 
 def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "label") -> bool:
@@ -217,9 +217,9 @@ def category_legend(
         if count:
             part = f"{share:.1%}" if share >= 0.001 else "<0.1%"  # one cell of many is not none
             text = f"{readable(name)} ({part})" if shares else readable(name)
-            handles.append(_swatch(name, text, colours.get(name, UNKNOWN)))
+            handles.append(class_swatch(name, text, colours.get(name, UNKNOWN)))
     if (np.asarray(cells["label"]) == NOT_COMPUTED).any():
-        handles.append(_swatch("not_computed", "not computed", COLOURS["not_computed"]))
+        handles.append(class_swatch("not_computed", "not computed", COLOURS["not_computed"]))
     several = hangs_on_start(cells) if variable == "label" else None
     if several is not None and several.any():
         text = "depends on the start" + (f" ({float(several.mean()):.1%})" if shares else "")
@@ -245,6 +245,7 @@ def colours_of(variable: xr.DataArray) -> dict[str, str]:
     return {name: COLOURS.get(name) or next(spare, UNKNOWN) for name in names}
 
 
-def _swatch(name: str, text: str, colour: str) -> Patch:
+def class_swatch(name: str, text: str, colour: str) -> Patch:
+    """Legend entry of a category in its colour and pattern."""
     hatch, edge = HATCHES.get(name, (None, "#444444"))
     return Patch(facecolor=colour, edgecolor=edge, linewidth=0.6, hatch=hatch, label=text)

@@ -8,13 +8,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ...vocabulary.cf import flag_names
-from ...vocabulary.codes import LABELS
 from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
 from ..style.caption import is_own, moving, set_caption, start_text
-from ..style.palette import BOUNDARY, CLASSES, REGIMES, UNKNOWN, readable
+from ..style.palette import BOUNDARY, CLASSES, HATCHES, REGIMES, UNKNOWN, readable
+from .numbers import TONE, told
 from .planes import At, check_dim, class_names, cut, map_dims
-
-SHARES = {"stick": "stick", "slip": "slip_pos", "flight": "flight"}
+from .shares import regime_shares, stacked
 
 
 def along_axis(
@@ -34,9 +33,9 @@ def along_axis(
     - `along`: dimension across; belt speed if there, else the longest.
     - `at`: dimension -> value at which it is cut, in the units of the map.
 
-    Frequencies of cells that are quiet, carried along, failed or collapsed are not drawn. The thin
-    line is the frequency of steady slip, linearised, and grey bands are where steady slip is
-    unstable.
+    Frequencies of cells that are quiet, carried along, failed or collapsed are not drawn. Shares
+    are steps, a cell each; failed and collapsed cells, which have none, are hatched. The thin line
+    is the frequency of steady slip, linearised, and grey bands are where steady slip is unstable.
 
     Returns: axes, shape (3,).
     """
@@ -48,18 +47,13 @@ def along_axis(
     names = class_names(line)
     handles = _frequencies(line, rows[0], across, names)
     _amplitudes(line, rows[1], across, names)
-    _shares(line, rows[2], across)
+    shares = regime_shares(line, rows[2], across, names)
     for ax in rows:
         set_axis(ax, "x", line[along])
         ax.label_outer()
     unstable = _unstable(line, rows, across)
     if whole:
         figure = rows[0].figure
-        shares = [
-            Patch(color=REGIMES[colour], label=f"share of {name}")
-            for name, colour in SHARES.items()
-            if (np.nan_to_num(line[f"{name}_fraction"]) > 0).any()
-        ]
         if unstable:
             handles.append(Patch(color="#000000", alpha=0.08, label="steady slip unstable"))
         legend_below(figure, handles + shares)
@@ -102,9 +96,7 @@ def _marks(ax: Axes, across: np.ndarray, values: np.ndarray, names: np.ndarray) 
 
 
 def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarray) -> list:
-    frequency = np.asarray(line["dominant_frequency"], dtype=float)
-    silent = np.isin(line["label"], [LABELS[n] for n in ("quiet", "collapsed", "failed")])
-    frequency = np.where(silent, np.nan, frequency)
+    frequency = told(line, TONE).values
     _marks(ax, across, frequency, names)
     plain_log(ax, "y")
     ax.set_ylabel("dominant\nfrequency (Hz)")
@@ -115,7 +107,7 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
             markeredgewidth=0.5,
         )
         for name in CLASSES
-        if name in names
+        if name in names and name not in HATCHES
     ]  # fmt: skip
     if "linear_frequency" in line:
         linear = np.asarray(line["linear_frequency"], dtype=float)
@@ -138,18 +130,10 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
 
 def _amplitudes(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarray) -> None:
     """Standard deviation of the tip velocity, and what it would be at the speed of the glass."""
-    speed = np.asarray(line["velocity_rms"], dtype=float)
-    speed = np.where(np.isin(line["label"], [LABELS["failed"], LABELS["collapsed"]]), np.nan, speed)
+    speed = told(line, "velocity_rms").values
     _marks(ax, across, speed, names)
     ax.set_ylabel(f"{moving(line)},\nstd (m/s)")
     ax.set_ylim(0, 1.08 * np.nanmax(speed, initial=0.0) or 1.0)
-
-
-def _shares(line: xr.Dataset, ax: Axes, across: np.ndarray) -> None:
-    parts = [np.asarray(line[f"{name}_fraction"], dtype=float) for name in SHARES]
-    ax.stackplot(across, *parts, colors=[REGIMES[c] for c in SHARES.values()], linewidth=0)
-    ax.set_ylim(0, 1)
-    ax.set_ylabel("share of time")
 
 
 def _unstable(line: xr.Dataset, axes: np.ndarray, across: np.ndarray) -> bool:
@@ -191,15 +175,13 @@ def class_shares(
     shares = line["class_share"].transpose("class", along)
     seen = [str(name) for name in line["class"].values if (shares.sel({"class": name}) > 0).any()]
     across = shown(line[along])[0]
-    bands = ax.stackplot(
-        across, *(shares.sel({"class": name}).values for name in seen),
-        colors=[CLASSES.get(name, UNKNOWN) for name in seen], edgecolor="#333333", linewidth=0.5,
-        labels=[readable(name) for name in seen],
+    bands = stacked(
+        ax, across, [shares.sel({"class": name}).values for name in seen],
+        [CLASSES.get(name, UNKNOWN) for name in seen], [readable(name) for name in seen],
+        edgecolor="#333333", linewidth=0.5,
     )  # fmt: skip
-    ax.set_ylim(0, 1)
     ax.set_ylabel("share of the starts")
     set_axis(ax, "x", line[along])
-    ax.set_xlim(across.min(), across.max())
     if whole:
         legend_below(ax.figure, bands)
         error = float(line["class_share_error"].max())

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize, SymLogNorm
+from matplotlib.colors import LogNorm, Normalize
 
 from ...vocabulary.cf import flag_names
-from ...vocabulary.codes import LABELS
 from ...vocabulary.columns import derivative
 from ...vocabulary.wording import not_there
 from ..style.axes import (
@@ -21,14 +20,14 @@ from ..style.axes import (
     page,
     set_axis,
     shown,
-    shown_unit,
     value_text,
 )
 from ..style.caption import set_caption, start_text
 from ..style.palette import BOUNDARY, UNKNOWN
+from .numbers import TONE, suited, told, tones, why_untold
 
+PANEL = 36  # letters across a picture among others
 At = Mapping[str, float]  # where a dimension that is not drawn is cut, in the units of the map
-SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody
 
 
 def map_dims(ds: xr.Dataset) -> list[str]:
@@ -100,7 +99,7 @@ def cut(ds: xr.Dataset, keep: tuple[str, ...], at: At | None = None) -> tuple[xr
     for name in at:
         check_dim(ds, name)
         raise ValueError(f"{name!r} is an axis of the picture and cannot be cut at one value")
-    return ds.isel(chosen), ", ".join(value_text(ds[dim][i]) for dim, i in chosen.items())
+    return ds.isel(chosen), ", ".join(value_text(ds[dim], i) for dim, i in chosen.items())
 
 
 def stability_boundary(ds: xr.Dataset, ax: Axes, x: str, y: str) -> bool:
@@ -141,8 +140,8 @@ def value_map(
     """One stored quantity over two axes, at `at` (default: the middle) of the others, with a
     colour bar.
 
-    Cells without a number (failed, collapsed, constant) stay grey. `title` is its long name if
-    None. Colours and scale suit the numbers (`suited`) unless `norm` says otherwise.
+    Cells without a number (`told`) stay grey, and the picture says why. `title` is its long name
+    if None. Colours and scale suit the numbers (`suited`) unless `norm` says otherwise.
 
     Raises: `ValueError` if the map does not hold `name` as one number a cell.
     """
@@ -152,10 +151,8 @@ def value_map(
     if ax is None:
         ax = page((6.4, 5.0)).subplots()
     plane, where = cut(ds, (x, y), at)
-    factor, unit = shown_unit(ds[name])
-    values = np.ma.masked_invalid(factor * plane[name].transpose(y, x).values.astype(float))
-    ended = [LABELS["failed"], LABELS["collapsed"], -1]
-    values = np.ma.masked_where(np.isin(plane["label"].transpose(y, x).values, ended), values)
+    numbers, unit = shown(told(plane, name).transpose(y, x))
+    values = np.ma.masked_invalid(numbers)
     if norm is None:
         norm, cmap = suited(values, derivative(name) is not None, cmap)
     ax.set_facecolor(UNKNOWN)
@@ -166,44 +163,20 @@ def value_map(
     set_axis(ax, "x", ds[x])
     set_axis(ax, "y", ds[y])
     stability_boundary(plane, ax, x, y)
-    words = title or long_name(ds[name])
+    words, why = title or long_name(ds[name]), why_untold(plane, name)
     below = bool((values < mesh.get_clim()[0]).any())
     bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02, extend="min" if below else "neither")
     bar.set_label(textwrap.fill(label(words, unit), 45) if whole else unit)
     if isinstance(norm, LogNorm):
         log_marks(bar.ax.yaxis)
     if whole:
-        lacking = "grey: no number" if values.count() < values.size and "grey" not in words else ""
-        set_caption(ax.figure, ds, where, start_text(ds), lacking)
+        set_caption(ax.figure, ds, where, start_text(ds), f"grey: {why}" if why else "")
     else:
-        words = textwrap.fill(words, 36)
-        ax.set_title(f"{words}\n{where}" if where else words, fontsize="medium")
+        lines = [textwrap.fill(words, PANEL), f"(grey: {why})" if why else "", where]
+        if len(f"{words} {lines[1]}") <= PANEL:
+            lines[:2] = [f"{words} {lines[1]}".strip()]
+        ax.set_title("\n".join(filter(None, lines)), fontsize="medium")
     return ax
-
-
-def suited(
-    values: np.ma.MaskedArray, signed: bool, cmap: str = "viridis"
-) -> tuple[Normalize | None, str]:
-    """Scale and colour map for the numbers of a plane.
-
-    Numbers of both signs, or `signed` ones whatever these are, have two colours that part at zero,
-    as far to one side as to the other; beyond thirty times the typical size the scale is
-    logarithmic on either side. Positive ones that span three decades have a logarithmic scale, of
-    four decades at most: what quiet cells leave is rounding noise. All others: None and `cmap`.
-    """
-    if not values.count():
-        return None, cmap
-    low, high = float(values.min()), float(values.max())
-    if low > 0 and high > 1e3 * low and not signed:
-        return LogNorm(max(low, 1e-4 * high), high), cmap
-    if not (signed or low < 0 < high):
-        return None, cmap
-    sizes = np.abs(values.compressed())
-    top = float(sizes.max()) or 1.0
-    typical = float(np.median(sizes[sizes > 0])) if (sizes > 0).any() else top
-    if top > 30 * typical:
-        return SymLogNorm(typical, vmin=-top, vmax=top, base=10), SIGNED
-    return Normalize(-top, top), SIGNED
 
 
 def fraction_map(
@@ -227,25 +200,8 @@ def frequency_map(
     of the classes in its colour bar; see `value_map`.
     """
     x, y = choose_plane(ds, x, y)
-    plane, _ = cut(ds, (x, y), at)
-    quiet = plane["label"] == LABELS["quiet"]
-    heard = np.asarray(plane["dominant_frequency"].where(~quiet), dtype=float)
-    heard = heard[np.isfinite(heard) & (heard > 0)]
-    top = float(heard.max()) if heard.size else 1000.0
-    low = float(heard.min()) if heard.size else 10.0
-    norm = LogNorm(max(min(low, 0.9 * top), 1e-3 * top), max(top, 1.1 * low))
-    frequency = ds["dominant_frequency"]
-    loud = frequency.where(ds["label"] != LABELS["quiet"]).assign_attrs(frequency.attrs)
-    ax = value_map(
-        ds.assign(dominant_frequency=loud),
-        "dominant_frequency",
-        ax,
-        x=x,
-        y=y,
-        at=at,
-        norm=norm,
-        title="dominant frequency (grey: quiet)",
-    )
+    norm = tones(np.ma.masked_invalid(told(cut(ds, (x, y), at)[0], TONE)))
+    ax = value_map(ds, TONE, ax, x=x, y=y, at=at, norm=norm, title="dominant frequency")
     bar = ax.collections[0].colorbar
     assert bar is not None  # value_map drew it
     bands = [

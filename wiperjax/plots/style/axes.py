@@ -1,5 +1,7 @@
 """Axes in units a person reads: labels, scales, borders of the cells of a map, and pages."""
 
+import math
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -42,16 +44,29 @@ def long_name(variable: xr.DataArray) -> str:
     return str(variable.attrs.get("long_name", str(variable.name).replace("_", " ")))
 
 
-def value_text(variable: xr.DataArray) -> str:
-    """`normal load 15 N/m`: one value of a coordinate."""
-    values, unit = shown(variable)
+def value_text(axis: xr.DataArray, place: int) -> str:
+    """`normal load 15 N/m`: one value of an axis."""
+    values, unit = shown(axis)
     gap = "" if unit == "deg" else " "
-    return f"{long_name(variable)} {number(values.item())}{gap}{unit.replace('deg', '°')}".strip()
+    return f"{long_name(axis)} {axis_numbers(values)[place]}{gap}{unit.replace('deg', '°')}".strip()
 
 
-def number(value: float) -> str:
-    """Number with four digits, without an exponent as long as that is readable."""
-    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:g}"
+def axis_numbers(values: np.ndarray) -> list[str]:
+    """The values of an axis or of its marks as text: no two of them read the same."""
+    values = np.asarray(values, dtype=float)
+    steps = np.abs(np.diff(values, prepend=np.nan, append=np.nan))
+    nearest = np.nan_to_num(np.fmin(steps[:-1], steps[1:]))  # of its neighbours
+    return [number(value, step) for value, step in zip(values.tolist(), nearest, strict=True)]
+
+
+def number(value: float, step: float = 0.0) -> str:
+    """Number with four digits, or as many as tell it from one that is a `step` away, without an
+    exponent as long as that is readable.
+    """
+    digits = 4 if abs(value) < 1e4 else 6
+    if step > 0 and value != 0:
+        digits = max(digits, math.floor(math.log10(abs(value))) - math.floor(math.log10(step)) + 1)
+    return f"{value:.{digits}g}"
 
 
 def is_geometric(values: np.ndarray) -> bool:
@@ -102,12 +117,14 @@ def log_marks(axis) -> None:
     """Marks 1, 2, 5, 10 on an axis that is logarithmic, as plain numbers; closer ones where the
     axis is so short that fewer than three of them lie on it.
     """
-    axis.set_major_locator(_LogMarks(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_locator(LogMarks(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
     axis.set_minor_formatter(NullFormatter())
 
 
-class _LogMarks(LogLocator):
+class LogMarks(LogLocator):
+    """Marks of a logarithmic axis; even ones where fewer than three of them lie on it."""
+
     def tick_values(self, vmin, vmax):
         marks = np.asarray(super().tick_values(vmin, vmax))
         low, high = sorted((vmin, vmax))

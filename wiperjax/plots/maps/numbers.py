@@ -1,0 +1,70 @@
+"""The numbers of a map's cells as they are shown: which cells have none and why, and scales."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.colors import LogNorm, Normalize, SymLogNorm
+
+from ...vocabulary.codes import LABELS, NOT_COMPUTED
+from ..style.palette import readable
+
+SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody
+TONE = "dominant_frequency"
+ENDED = {  # cells that hold what was counted until they ended, if anything
+    "failed": LABELS["failed"],
+    "collapsed": LABELS["collapsed"],
+    "not_computed": NOT_COMPUTED,
+}
+
+
+def told(ds: xr.Dataset, name: str) -> xr.DataArray:
+    """The number `name` of each cell; NaN in those that ended early, whose counts are of a part of
+    their motion, and for the frequency of quiet ones, which is that of rounding noise.
+    """
+    ended = ds["label"].isin(list(_untold(name).values()))
+    return ds[name].astype(float).where(~ended)
+
+
+def why_untold(ds: xr.Dataset, name: str) -> str:
+    """Why cells have no number `name`: `quiet, failed`; empty if all have one."""
+    lacking, label = ~np.isfinite(told(ds, name)), ds["label"]
+    codes = _untold(name)
+    words = [readable(one) for one, code in codes.items() if (lacking & (label == code)).any()]
+    other = (lacking & ~label.isin(list(codes.values()))).any()
+    return ", ".join(words + ["no number"] * bool(other))
+
+
+def _untold(name: str) -> dict[str, int]:
+    return {"quiet": LABELS["quiet"]} | ENDED if name == TONE else ENDED
+
+
+def tones(values: np.ma.MaskedArray) -> LogNorm:
+    """Scale for the frequencies of a plane: logarithmic, of three decades at most."""
+    heard = values.compressed()
+    heard = heard[heard > 0]
+    low, top = (float(heard.min()), float(heard.max())) if heard.size else (10.0, 1000.0)
+    return LogNorm(max(min(low, 0.9 * top), 1e-3 * top), max(top, 1.1 * low))
+
+
+def suited(
+    values: np.ma.MaskedArray, signed: bool, cmap: str = "viridis"
+) -> tuple[Normalize | None, str]:
+    """Scale and colour map for the numbers of a plane.
+
+    Numbers of both signs, or `signed` ones whatever these are, have two colours that part at zero,
+    as far to one side as to the other; beyond thirty times the typical size the scale is
+    logarithmic on either side. Positive ones that span three decades have a logarithmic scale, of
+    four decades at most: what quiet cells leave is rounding noise. All others: None and `cmap`.
+    """
+    if not values.count():
+        return None, cmap
+    low, high = float(values.min()), float(values.max())
+    if low > 0 and high > 1e3 * low and not signed:
+        return LogNorm(max(low, 1e-4 * high), high), cmap
+    if not (signed or low < 0 < high):
+        return None, cmap
+    sizes = np.abs(values.compressed())
+    top = float(sizes.max()) or 1.0
+    typical = float(np.median(sizes[sizes > 0])) if (sizes > 0).any() else top
+    if top > 30 * typical:
+        return SymLogNorm(typical, vmin=-top, vmax=top, base=10), SIGNED
+    return Normalize(-top, top), SIGNED
