@@ -17,8 +17,9 @@ from systems import (
 
 from wiperjax import SteadyBelt
 from wiperjax.cycles.branch import walk
+from wiperjax.cycles.branch.bifurcations import corner_kind
 from wiperjax.cycles.branch.follow import follow
-from wiperjax.cycles.cycle import Found, find_cycle
+from wiperjax.cycles.cycle import Cycle, Found, find_cycle, same_word
 from wiperjax.systems.oscillator import Oscillator
 
 
@@ -67,6 +68,55 @@ def test_branch_turns_at_the_fold_and_comes_to_the_hopf_point(stick_slip, belt, 
     stable = [cycle.stable for cycle in branch.cycles]
     assert all(stable[: fold.index + 1]) and not any(stable[fold.index + 1 :])
     assert no_gaps(branch, step)
+
+
+@pytest.mark.slow
+def test_a_corner_met_on_the_way_down_reads_as_on_the_way_up(stick_slip):
+    """A belt that runs the other way: the same cycles mirrored, the fold below the start."""
+    special = {}
+    for belt, low, high in ((0.2, 0.12, 0.35), (-0.2, -0.35, -0.12)):
+        branch = follow(stick_slip(belt), low, high, step=0.1)
+        (fold,) = [s for s in branch.special if s.kind == "grazing_sliding_fold"]
+        special[belt] = fold
+        here, on = branch.cycles[fold.index : fold.index + 2]
+        assert (here.stick_fraction > 0, on.stick_fraction > 0) == (belt > 0, belt < 0)
+    assert special[-0.2].parameter == pytest.approx(-special[0.2].parameter, abs=1e-6)
+    assert [special[belt].detail for belt in (0.2, -0.2)] == [
+        "-capture -release",
+        "+capture +release",
+    ]
+
+
+SLIPS = "slip_neg stick slip_neg"
+
+
+def of_words(word, regimes=SLIPS):
+    return Cycle(Ring(), Found.FOUND, word=word, regimes=regimes)
+
+
+def test_a_belt_that_reverses_is_no_event_of_the_contact():
+    """Capture and release passed by the reversal were called bifurcations."""
+    one = of_words("belt_reversal capture release belt_reversal capture release")
+    other = of_words("capture release belt_reversal capture release belt_reversal")
+    within = of_words("capture belt_reversal release capture belt_reversal release")
+    assert same_word(one, other) and same_word(one, within)
+    assert not same_word(one, of_words("belt_reversal capture release belt_reversal"))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "kind"),
+    [
+        ("belt_kink capture release", "capture belt_kink release", "shoulder"),
+        ("capture release", "capture kink kink release", "shoulder"),
+        ("kink capture kink release", "capture kink kink release", "shoulder"),
+        ("kink capture release", "capture kink release impact", "grazing"),
+        ("kink kink", "kink capture kink release", "grazing_sliding"),
+    ],
+)
+def test_corners_are_named_by_what_the_contact_does(one, other, kind):
+    slips = SLIPS if "capture" in one else "slip_neg"
+    for pair in ((of_words(one, slips), of_words(other)), (of_words(other), of_words(one, slips))):
+        assert corner_kind(*pair) == kind
 
 
 @pytest.mark.slow

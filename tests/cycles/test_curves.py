@@ -18,10 +18,13 @@ import wiperjax
 from wiperjax import AbstractSystem, SteadyBelt, Stribeck, Wiper
 from wiperjax.cycles import curves_dataset, find_cycle, follow, follow_curves
 from wiperjax.cycles.chart import chart
-from wiperjax.cycles.curve.equations import solve
+from wiperjax.cycles.curve.equations import Facts, solve
+from wiperjax.cycles.curve.follow import Curve, _on
 from wiperjax.cycles.curve.hopf import Hopf, first_lyapunov, opposite_pair, pair_sums
 from wiperjax.cycles.curve.plane import Plane
 from wiperjax.cycles.curve.walk import Walk
+from wiperjax.cycles.cycle import Cycle, Found
+from wiperjax.cycles.return_map import Shooting
 from wiperjax.datasets.branch_dataset import curves as curves_in
 from wiperjax.datasets.branch_dataset import with_curves
 from wiperjax.systems.oscillator import Oscillator
@@ -111,6 +114,23 @@ def test_two_folds_meet_in_a_cusp():
     np.testing.assert_allclose(a, 2 * s**3, atol=1e-5)
     cusp = next(mark for mark in curve.special if mark.kind == "cusp")
     assert curve.places[cusp.index] == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
+def test_a_fold_of_other_cycles_at_the_same_parameters_is_on_no_curve():
+    """Its curve was left out: only the two parameters were compared."""
+    ring = Ring()
+    plane = Plane(ring, ("a", "b"), np.array([-0.4, -0.2]), np.array([0.1, 0.2]))
+    family = Shooting(ring, "a", None, None, 1, np.array([1.6, 1.6]), 2 * math.pi)
+    places = np.array([[0.0, -0.1], [0.02, 0.1]])
+    facts = [Facts(np.zeros(2), amplitude, 2 * math.pi, {}) for amplitude in (1.64, 1.66)]
+    ends = (CurveEnd.RANGE, "")
+    curve = Curve("fold", ring, plane.names, places, facts, [], (ends, ends))
+
+    def on(amplitude, period=2 * math.pi, b=0.0):
+        cycle = Cycle(ring, Found.FOUND, period=period, maximum=amplitude, minimum=-amplitude)
+        return _on(curve, "fold", np.array([0.01, b]), cycle, plane, family)
+
+    assert on(1.65) and not on(1.14) and not on(1.65, 7.0) and not on(1.65, b=0.05)
 
 
 def touching_belt(damping: float) -> float:

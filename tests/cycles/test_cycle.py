@@ -1,6 +1,7 @@
 """Limit cycles, their multipliers and branches, against closed forms."""
 
 import math
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,13 +12,17 @@ from problems import CASES_V8, periodic_impacts
 from systems import Block, Ring, StopOscillator, turn
 
 import wiperjax
-from wiperjax import Coulomb
+from wiperjax import AbstractSystem, Coulomb
+from wiperjax.blade import numbers
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import chart
 from wiperjax.cycles.branch.dataset import branch_dataset
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.branch.up_and_down import repeat_time, up_and_down
+from wiperjax.cycles.clock import check_clock, refuse_a_clock
 from wiperjax.cycles.cycle import Found, find_cycle
+from wiperjax.cycles.first_guess import moving
+from wiperjax.cycles.return_map import Shooting
 from wiperjax.cycles.shooting import shoot
 from wiperjax.remedy.gradient import sensitivities
 from wiperjax.systems.oscillator import Oscillator
@@ -42,6 +47,39 @@ def test_circle_from_a_simulation(ring):
     )
     assert cycle.trivial_error < 1e-8
     assert cycle.word == ""
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.8])
+def test_a_section_finds_the_cycle_that_the_motion_settles_on(ring, place):
+    """A state moved straight onto it came to the unstable circle inside, or to rest."""
+    cycle = find_cycle(
+        Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a",
+        section=lambda t, q, v: q[0] - place,
+    )  # fmt: skip
+    assert cycle.state[0] == pytest.approx(place, abs=1e-9) and cycle.state[1] < 0
+    assert cycle.maximum == pytest.approx(ring[0].maximum, rel=1e-9) and cycle.stable
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        (lambda t, q, v: q[0] - 5.0, "somewhere on the settled motion, but there was -5.9.* to -4"),
+        (lambda t, q, v: 1.0, "section must fall through 0 .* but there was 1 to 1"),
+        (lambda t, q, v: 0.0 * q[0], "section must fall through 0 .* but there was "),
+        (lambda t, q, v: (v[0],), r"section must give one number, but gave \("),
+    ],
+)
+def test_a_section_that_the_motion_does_not_cross_is_refused(ring, section, message):
+    start = ((1.2,), (0.0,))
+    with pytest.raises(ValueError, match=message):
+        find_cycle(Ring(), settle=60.0, initial_state=start, over="a", section=section)
+
+
+def test_a_range_that_lacks_the_cycle_is_refused(ring):
+    """The answer was one point outside the range."""
+    for low, high in ((0.15, 0.3), (-0.5, 0.05)):
+        with pytest.raises(ValueError, match="must hold the cycle's own value 0.1 of a, but was"):
+            follow(ring[0], low, high)
 
 
 def test_branch_of_circles_with_fold_and_hopf(ring):
@@ -247,7 +285,6 @@ def test_squeal_and_the_unstable_cycle_that_bounds_it():
 
 @pytest.mark.slow
 def test_cycles_grow_out_of_the_hopf_point_of_v11():
-    from wiperjax.blade import numbers
     from wiperjax.cycles import cycle as cycles
     from wiperjax.cycles import return_map
 
@@ -256,7 +293,7 @@ def test_cycles_grow_out_of_the_hopf_point_of_v11():
     rest = steady_slip(blade)
     system = numbers.traceable(blade, "belt_speed")
     scale = np.array([1e-4, 1e-4, 0.5, 0.5])
-    section = chart.turning_point
+    section = chart.Turning(0)
     family = return_map.Shooting(system, "belt_speed", None, section, 1, scale, 1.0, 1.0)
     state = np.array([float(rest.x) + 4e-5, 0.0, 0.0, 0.0])
     small = cycles.close(family, state, wiperjax.Regime.SLIP_NEG, 1 / float(rest.frequency))
@@ -286,6 +323,99 @@ def test_a_system_with_a_clock_needs_its_period():
         find_cycle(forced, settle=200.0, initial_state=((1.0,), (0.0,)))
     with pytest.raises(ValueError, match="period must be given: .* of Wiper change with time"):
         find_cycle(wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 1.0)), settle=0.1)
+
+
+class ShakenStop(Ring):
+    """A stop that is shaken: what moves is no force."""
+
+    stops: ClassVar[tuple[int, ...]] = (0,)
+
+    def switches(self, t, q, v):
+        return (q[0] + 3.0 - jnp.cos(self.frequency * t),)
+
+    def rebound(self, stop, t, q, v, closed):
+        return (-v[0],)
+
+
+class ShakenWall(Ring):
+    """A soft wall that is shaken, reached by large motions only."""
+
+    def free_acceleration(self, t, q, v):
+        (free,) = super().free_acceleration(t, q, v)
+        return (free + 30.0 * jnp.maximum(0.0, 0.1 * jnp.cos(self.frequency * t) - 0.8 - q[0]),)
+
+
+def test_shaken_stops_and_walls_need_a_period_too():
+    with pytest.raises(ValueError, match="period must be given: .* or stops of ShakenStop change"):
+        find_cycle(ShakenStop(), settle=20.0, initial_state=((0.5,), (0.0,)))
+    near, far = np.array([[0.5, 0.0]]), np.array([[0.5, 0.0], [-0.9, 0.0]])
+    refuse_a_clock(ShakenWall(), near, 20.0)
+    with pytest.raises(ValueError, match="period must be given"):
+        refuse_a_clock(ShakenWall(), far, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("over", "period", "message"),
+    [
+        ("a", 1.1, "one after which forces, .* of Ring come again .*, but was 1.1 s$"),
+        ("frequency", 2 * math.pi / 1.7, "but was 3.69599 s at frequency = 1.7017"),
+        ("a", lambda s: -1.0, "period must be a finite number > 0, but was -1"),
+        ("a", lambda s: math.nan, "period must be a finite number > 0, but was nan"),
+        ("a", lambda s: 0.0, "period must be a finite number > 0, but was 0"),
+        ("a", lambda s: None, "period must be a finite number > 0, but was None"),
+        ("a", lambda s: (1.0, 2.0), r"period must be a finite number > 0, but was \(1.0, 2.0\)"),
+    ],
+)
+def test_a_period_that_is_not_that_of_the_clock_is_refused(over, period, message):
+    """A number followed over the frequency gave cycles of another system."""
+    forced, start = Ring(a=0.2, b=0.0, c=0.0, drive=1.0), ((0.1,), (0.0,))
+    with pytest.raises(ValueError, match=message):
+        find_cycle(forced, settle=60.0, initial_state=start, period=period, over=over)
+
+
+def test_belts_come_again_after_a_stroke_and_back():
+    for belt in (wiperjax.WipingBelt(0.3, 2.0), wiperjax.TrapezoidBelt(0.3, 2.0, 0.1)):
+        system = Oscillator(belt=belt)
+        for name, clock in (("belt_frequency", lambda s: 1 / s.belt.frequency), ("load", _half)):
+            varied = numbers.traceable(system, name)
+            family = Shooting(varied, name, clock, None, 1, np.ones(2), 1.0, varied=(name,))
+            check_clock(family, np.array([[0.1, 0.2]]))
+
+
+def _half(system):
+    return 0.5
+
+
+class Second(AbstractSystem):
+    """The first coordinate dies out, the second comes to a circle of radius 1."""
+
+    unilateral: ClassVar[bool] = False
+    a: float = 0.3
+
+    def free_acceleration(self, t, q, v):
+        return (-q[0] - 0.5 * v[0], self.a * (1 - q[1] ** 2 - v[1] ** 2) * v[1] - q[1])
+
+    def directions(self, t, q):
+        return (0.0, 0.0), (0.0, 0.0)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+
+@pytest.mark.slow
+def test_what_vibrates_in_another_coordinate_is_not_at_rest():
+    start = ((0.1, 1.0), (0.0, 0.0))
+    cycle = find_cycle(Second(), settle=100.0, initial_state=start, over="a")
+    assert cycle.found == Found.FOUND and cycle.period == pytest.approx(2 * math.pi, rel=1e-9)
+    assert np.ptp(cycle.motion.samples[:, 1]) == pytest.approx(2.0, rel=1e-7)
+    branch = follow(cycle, 0.2, 0.4, step=0.3)
+    assert branch.ends == ("the end of the range",) * 2 and len(branch.cycles) < 15
+
+
+def test_a_coordinate_moves_by_its_own_size():
+    samples = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 2e-9, 0.0, 0.0]])
+    assert list(moving(samples, np.array([1.0, 1e-3, 1.0, 1.0]))) == [False, True]
+    assert list(moving(samples, np.array([1.0, 1e-2, 1.0, 1.0]))) == [False, False]
 
 
 @pytest.mark.slow

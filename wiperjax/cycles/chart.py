@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -83,6 +84,10 @@ def _constraints(system, time, state, section):
     return values(state), jax.jacfwd(values)(state)
 
 
-def turning_point(t, q, v) -> Any:
-    """Zero where the first coordinate turns: the default section of a motion without a clock."""
-    return v[0]
+class Turning(eqx.Module):
+    """A section: zero where a coordinate turns."""
+
+    coordinate: int = eqx.field(static=True)
+
+    def __call__(self, t, q, v) -> Any:
+        return v[self.coordinate]

@@ -17,8 +17,9 @@ from ..contact.system import AbstractSystem
 from ..engine.arguments import check_system, coordinates
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, SETTINGS
-from .chart import chart, turning_point
-from .first_guess import STILL, driven_guess, free_guess, has_a_clock
+from .chart import chart
+from .clock import check_clock, refuse_a_clock
+from .first_guess import driven_guess, free_guess, moving
 from .orbit import slip_margin, words
 from .return_map import Found as Found
 from .return_map import Lost, Point, Shooting, correct
@@ -77,7 +78,7 @@ def find_cycle(
     settle: float,
     initial_state=None,
     period: Callable[[AbstractSystem], Any] | float | None = None,
-    section: Callable = turning_point,
+    section: Callable | None = None,
     over: str | None = None,
     varied: Sequence[str] = (),
     rtol: float = 1e-10,
@@ -90,7 +91,8 @@ def find_cycle(
     **Other arguments:** ``period`` of what drives the system [s], a number, or a function of the
     system if it depends on what will be varied; None: nothing depends on time (a steady belt).
     ``section(t, q, v)``, a function of positions and velocities q' on whose zeros the cycle of a
-    system without a clock starts (default: where the first coordinate turns). ``over``, name of the
+    system without a clock starts, where the settled motion falls through it (default: where the
+    first coordinate that moves is highest). ``over``, name of the
     number that `branch.follow` will vary; ``varied``, numbers that `remedy` will: named here, they
     share its compiled program. ``rtol`` of the integration.
 
@@ -102,7 +104,7 @@ def find_cycle(
     settle = checks.number("settle", settle, POSITIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
     checks.names("varied", varied)
-    if not callable(section):
+    if section is not None and not callable(section):
         raise ValueError(f"section must be a function, but was {checks.shown(section)}")
     if not callable(period) and period is not None:
         checks.number("period", period, POSITIVE)
@@ -111,17 +113,17 @@ def find_cycle(
     start = system.default_state() if initial_state is None else coordinates(system, initial_state)
     state = np.concatenate([np.asarray(part, float).ravel() for part in start])
     clock = period if callable(period) or period is None else _constant(float(period))
-    typical = np.concatenate([np.asarray(s, float) for s in system.scales(len(state) // 2)])
-    if clock is None and has_a_clock(system, state + 0.1 * typical, settle):
-        raise ValueError(
-            f"period must be given: forces or speeds of {type(system).__name__} change with time "
-            "(a scene can tell the period of its belt only)"
-        )
+    typical = _typical(system, len(state) // 2)
     shooting = Shooting(system, over, clock, None if clock else section, 1, typical, 1.0)
     shooting = replace(shooting, rtol=rtol, varied=varied)
     if over is not None:
         size = abs(numbers.value(system, over))
         shooting = replace(shooting, parameter_scale=size or 1.0)
+    beside = (state + 0.1 * typical)[None]
+    if clock is None:
+        refuse_a_clock(system, beside, settle)
+    else:
+        check_clock(shooting, beside)
     try:
         if clock is None:
             guess = free_guess(shooting, state, settle)
@@ -146,10 +148,9 @@ def close(shooting: Shooting, state, regime: int, period: float, phase: float = 
     point = correct(shooting, where, phase, np.append(guess, parameter / shooting.parameter_scale))
     if point is None:
         return Cycle(shooting.system, Found.NOT_CONVERGED, shooting=shooting)
-    cycle = cycle_at(shooting, point)
-    if cycle.amplitude < STILL * _typical(shooting.system, len(where.origin) // 2):
+    if not np.any(moving(point.motion.samples, _typical(shooting.system, len(where.origin) // 2))):
         return Cycle(shooting.system, Found.AT_REST, shooting=shooting)
-    return cycle
+    return cycle_at(shooting, point)
 
 
 def cycle_at(shooting: Shooting, point: Point) -> Cycle:
@@ -205,13 +206,18 @@ class _constant:
         return self.value
 
 
-def _typical(system, n: int) -> float:
-    return float(np.asarray(system.scales(n)[0][0]))
+def _typical(system, n: int) -> np.ndarray:
+    """Typical sizes of a state, (2n,)."""
+    return np.concatenate([np.asarray(s, float) for s in system.scales(n)])
 
 
 def same_word(a: Cycle, b: Cycle) -> bool:
-    """Whether two cycles pass the same events and regimes in one order, wherever they start."""
-    pairs = (a.word.split(), b.word.split()), (ring(a.regimes), ring(b.regimes))
+    """Whether two cycles pass the same events and regimes in one order, wherever they start.
+
+    Where a belt reverses nothing happens: that may come before or after another event.
+    """
+    words = ([n for n in c.word.split() if n != "belt_reversal"] for c in (a, b))
+    pairs = tuple(words), (ring(a.regimes), ring(b.regimes))
     return all(one in rotations(two) for one, two in pairs)
 
 

@@ -1,6 +1,7 @@
 """From a simulation to a first guess of its cycle: where it starts, and how long it takes."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import jax
@@ -8,53 +9,48 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..blade import numbers
-from ..contact.space import contact
-from ..contact.system import AbstractSystem
+from ..vocabulary import checks
 from ..vocabulary.codes import Result
-from .orbit import event_margin, far_from_events, smooth_intervals, turns
+from .chart import Turning
+from .clock import STATES, check_clock, refuse_a_clock
+from .orbit import crossings, event_margin, far_from_events, smooth_intervals
 from .return_map import FAIR, Found, Lost, Shooting
-from .shooting import Arc, shoot
+from .shooting import SAMPLES, Arc, shoot
 
-INSTANTS = 64  # at which forces are compared
-CHANGED = 1e-9  # of them: less is rounding
-STILL = 1e-6  # of the typical size: a smaller oscillation is rest
+STILL = 1e-6  # of the typical size: a coordinate that swings less rests
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
-MOST_RETURNS = 8  # turning points, or periods of the clock, in one period of the motion
-
-
-def has_a_clock(system: AbstractSystem, state, span: float) -> bool:
-    """Whether forces or prescribed speeds of a system in one ``state`` (2n,) change with time,
-    within ``span`` [s].
-    """
-    times = span * jnp.geomspace(1e-6, 1.0, INSTANTS)
-    n = len(state) // 2
-
-    def seen(t):
-        local = system.prepared().on_piece(system.first_piece(t))
-        q, rates = tuple(jnp.asarray(state[:n])), tuple(jnp.asarray(state[n:]))
-        return contact(local, t, q, local.from_rates(t, q, rates))
-
-    found = jax.tree.leaves(jax.vmap(seen)(times))
-    return any(np.ptp(x) > CHANGED * np.max(np.abs(x)) for x in map(np.asarray, found) if x.ndim)
+MOST_RETURNS = 8  # to the section, or periods of the clock, in one period of the motion
 
 
 def free_guess(shooting: Shooting, state, settle: float):
-    """Return (shooting, state, phase, regime, period) near the cycle of a steady system."""
+    """Return (shooting, state, phase, regime, period) near the cycle of a steady system.
+
+    Its section is, if ``shooting`` has none, where the first coordinate that moves turns. Raises
+    ValueError if the settled motion does not cross the section that it has.
+    """
     typical = shooting.scale
     motion = _run(shooting, state, -1, settle, 1e-7)
-    window = 0.25 * settle
+    refuse_a_clock(shooting.system, motion.samples[:: SAMPLES // STATES], settle)
+    window, section = 0.25 * settle, shooting.section
     for _ in range(8):
         motion = _run(shooting, motion.state, int(motion.regimes[-1]), window, 1e-8)
-        if np.ptp(motion.samples[:, 0]) < STILL * typical[0]:
+        moves = moving(motion.samples, typical)
+        if not np.any(moves):
             return Found.AT_REST
-        times, peak = turns(motion)
-        times = times[peak]
+        chosen = section or Turning(int(np.argmax(moves)))
+        values = _on_section(chosen, motion)
+        times = crossings(motion, values)
         if len(times) < 6 and window < 4 * settle:
             window *= 2
         elif len(times) > 14:  # enough samples for each of them
             window *= 9 / len(times)
         else:
             break
+    if section is not None and not len(times):
+        raise ValueError(
+            "section must fall through 0 somewhere on the settled motion, "
+            f"but there was {np.min(values):g} to {np.max(values):g}"
+        )
     if len(times) < 2:
         return Found.NOT_PERIODIC
     scale = _sizes(motion, typical)
@@ -70,8 +66,25 @@ def free_guess(shooting: Shooting, state, settle: float):
     whole = (motion.regimes[at] == motion.regimes[at + 1])[-k:]
     heights = np.where(whole | ~whole.any(), states[-k:, 0], -np.inf)
     best = len(states) - k + int(np.argmax(heights))  # the highest one away from events
-    shooting = replace(shooting, scale=scale)
+    shooting = replace(shooting, scale=scale, section=chosen)
     return shooting, states[best], 0.0, int(motion.regimes[at[best]]), length
+
+
+def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
+    """Whether each coordinate moves, (n,), of states (samples, 2n)."""
+    n = samples.shape[1] // 2
+    return np.ptp(samples[:, :n], axis=0) > STILL * typical[:n]
+
+
+def _on_section(section: Callable, motion: Arc) -> np.ndarray:
+    """Return ``section`` at the samples of a motion, (samples,)."""
+    n = motion.samples.shape[1] // 2
+    values = jax.vmap(lambda t, x: section(t, tuple(x[:n]), tuple(x[n:])))(
+        jnp.asarray(motion.times), jnp.asarray(motion.samples)
+    )
+    if np.shape(values) != motion.times.shape:
+        raise ValueError(f"section must give one number, but gave {checks.shown(values)}")
+    return np.asarray(values)
 
 
 def driven_guess(shooting: Shooting, state, settle: float):
@@ -85,7 +98,8 @@ def driven_guess(shooting: Shooting, state, settle: float):
         motions.append(motion)
         states.append(motion.state)
     samples = np.concatenate([m.samples for m in motions])
-    if np.ptp(samples[:, 0]) < STILL * shooting.scale[0]:
+    check_clock(shooting, samples[:: len(samples) // STATES])
+    if not np.any(moving(samples, shooting.scale)):
         return Found.AT_REST
     whole = motions[0]._replace(samples=samples)
     scale = _sizes(whole, shooting.scale)

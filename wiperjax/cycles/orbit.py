@@ -1,4 +1,4 @@
-"""What a motion over one period looks like: its events and regimes, and its turning points."""
+"""What a motion looks like: its events and regimes, and where it crosses a section."""
 
 import numpy as np
 
@@ -77,13 +77,11 @@ def _share(values: np.ndarray) -> np.ndarray:
     return values / largest if largest > 0 else np.ones_like(values)
 
 
-def turns(motion: Arc) -> tuple[np.ndarray, np.ndarray]:
-    """Return (times, is a maximum) of the turning points of the first coordinate, between the
-    samples."""
-    v = motion.samples[:, motion.samples.shape[1] // 2]
-    at = np.flatnonzero((np.sign(v[:-1]) != np.sign(v[1:])) & (v[:-1] != 0))
-    part = v[at] / (v[at] - v[at + 1])
-    return motion.times[at] + part * np.diff(motion.times)[at], v[at] > 0
+def crossings(motion: Arc, values: np.ndarray) -> np.ndarray:
+    """Return the times, between the samples, at which ``values`` (samples,) fall through zero."""
+    at = np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
+    part = values[at] / (values[at] - values[at + 1])
+    return motion.times[at] + part * np.diff(motion.times)[at]
 
 
 def slip_margin(motion: Arc) -> float:

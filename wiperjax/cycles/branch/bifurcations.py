@@ -22,7 +22,7 @@ class Special(NamedTuple):
     kind: str
     detail: str  # what changes
     parameter: float
-    index: int  # of the branch's point there
+    index: int  # of the branch's point there, or of the last one before a corner
 
 
 def _crossed(step: BranchStep) -> float:
@@ -102,17 +102,18 @@ def corner_kind(one: Cycle, two: Cycle) -> str:
 
     The four sliding bifurcations after di Bernardo, Kowalczyk and Nordmark (2002): what they call
     sliding is stick here. ``grazing`` is a contact or an impact that begins with zero speed;
-    ``shoulder`` a smooth passage over a switching function of the system.
+    ``shoulder`` a passage over a corner of the forces, that comes, goes or passes another event.
     """
-    short, long = sorted((one, two), key=lambda c: len(c.word.split()))
-    extra = change(short, long.word).split()
-    names = {part[1:] for part in extra}
-    if names and names <= {"kink", "belt_kink", "belt_reversal"}:
+    short, long = sorted((one, two), key=lambda c: (len(_of_contact(c)), len(ring(c.regimes))))
+    before, after = _of_contact(short), _of_contact(long)
+    regimes, moved = _compared(ring(short.regimes), ring(long.regimes))
+    if before in rotations(after) and not moved:
         return "shoulder"
+    turned, codes = _compared(before, after)
+    names = {name for a, b, c, d in codes for name in before[a:b] + turned[c:d]}
     if names & {"lift_off", "impact", "zeno", "touch"}:
         return "grazing"
-    regimes, codes = _compared(ring(short.regimes), ring(long.regimes))
-    for _, _, c, d in codes:
+    for _, _, c, d in moved:
         if c == d:
             continue
         inner, left, right = regimes[c:d], regimes[c - 1], regimes[d % len(regimes)]
@@ -122,3 +123,8 @@ def corner_kind(one: Cycle, two: Cycle) -> str:
             "switching_sliding" if "stick" in (left, right) and left != right else "adding_sliding"
         )
     return "grazing_sliding" if "capture" in names else "crossing_sliding"
+
+
+def _of_contact(cycle: Cycle) -> list[str]:
+    """Events of a cycle at which the contact changes: those of the forces and the belt left out."""
+    return [n for n in cycle.word.split() if n not in ("kink", "belt_kink", "belt_reversal")]

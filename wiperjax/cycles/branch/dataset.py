@@ -27,7 +27,7 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     """Return ``branch`` as a dataset with the dimensions ``point``, ``multiplier``, ``special``.
 
     The parameter has the name and the unit of files (angles in degrees). ``special_point`` is the
-    index of the point at which, or just before which, a special point lies.
+    index of the point that a special point is, or of the last one before it (corners).
     """
     checks.instance("branch", branch, Branch, "a branch of follow(...)")
     first = branch.cycles[0]

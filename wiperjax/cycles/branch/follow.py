@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...blade import numbers
 from ...vocabulary import checks
 from ...vocabulary.ranges import FINITE, Range
 from ..cycle import Cycle
@@ -22,6 +23,7 @@ from .step import first_step, place
 from .walk import Walk
 
 MOST_POINTS = 10**6
+ROUNDING = 1e-9  # of a range: a cycle so near to its end lies on it
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def follow(
 
     **Returns** a `Branch`; stable and unstable parts alike, since Newton's method does not mind.
 
-    Raises ValueError for a cycle that was not found, or not varied over anything.
+    Raises ValueError for a cycle that was not found, is varied over nothing, or outside the range.
     """
     checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
     low, high = (checks.number(n, x, FINITE) for n, x in (("low", low), ("high", high)))
@@ -68,6 +70,12 @@ def follow(
         raise ValueError("cycle must have been found with over=..., the number to vary")
     if not low < high:
         raise ValueError(f"low must be below high ({high:g}), but was {low:g}")
+    own, slack = numbers.value(cycle.system, over), ROUNDING * (high - low)
+    if not low - slack <= own <= high + slack:
+        raise ValueError(
+            f"low to high must hold the cycle's own value {own:g} of {over}, "
+            f"but was {low:g} to {high:g}"
+        )
     shooting = replace(cycle.shooting, parameter_scale=high - low, period_scale=cycle.period)
     first = first_step(shooting, cycle)
     if first is None:
@@ -82,7 +90,7 @@ def follow(
     back, ahead = walks[0], walks[-1]
     size = len(back.steps) - 1
     steps = [*reversed(back.steps), *(ahead.steps[1:] if ahead is not back else [])]
-    special = [s._replace(index=size - s.index) for s in reversed(back.special)]
+    special = [s._replace(index=max(0, size - s.index)) for s in reversed(back.special)]
     special += [s._replace(index=size + s.index) for s in ahead.special if ahead is not back]
     far = [np.linalg.norm(place(shooting, a) - place(shooting, b)) for a, b in pairwise(steps)]
     arclength = np.concatenate([[0.0], np.cumsum(far)])

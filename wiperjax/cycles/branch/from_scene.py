@@ -134,13 +134,16 @@ def _bounds(
     for end in (low, high):
         if problem := entry.problem(end):
             raise ValueError(f"{name}: {problem}")
-    own = float(entry.to_edge(numbers.value(system, name)))
-    if not low <= own <= high or low == high:
+    if not low < high:
+        raise ValueError(f"the range of {name} must go upwards, but was {low:g} to {high:g}")
+    bounds = float(entry.to_si(low)), float(entry.to_si(high))
+    own = numbers.value(system, name)
+    if not bounds[0] <= own <= bounds[1]:  # SI: the units of files round on the way there and back
         raise ValueError(
-            f"the range of {name} must hold the scene's own value {own:g}, "
+            f"the range of {name} must hold the scene's own value {entry.to_edge(own):g}, "
             f"but was {low:g} to {high:g}"
         )
-    return float(entry.to_si(low)), float(entry.to_si(high))
+    return bounds
 
 
 def _stroke(system):

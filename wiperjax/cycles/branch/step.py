@@ -80,6 +80,15 @@ def place(shooting: Shooting, step: BranchStep) -> np.ndarray:
     return np.array([*extremes, *rest])
 
 
+def swing(shooting: Shooting, cycle: Cycle) -> float:
+    """Half the range of the coordinate that swings most, in scaled numbers."""
+    assert cycle.motion is not None
+    n = len(shooting.scale) // 2
+    half = 0.5 * np.ptp(cycle.motion.samples[:, :n], axis=0)
+    half[0] = cycle.amplitude  # known between samples, too
+    return float(np.max(half / shooting.scale[:n]))
+
+
 def direction(shooting: Shooting, step: BranchStep) -> np.ndarray:
     """Unit tangent in scaled state, period and parameter."""
     d = step.point.where.basis.shape[1]

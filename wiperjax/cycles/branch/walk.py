@@ -8,7 +8,7 @@ from ..cycle import same_word
 from ..return_map import Shooting
 from .bifurcations import TESTS, Special, change, corner_kind, doubled, turning
 from .corner import SHORT, beyond, edge_of, smooth
-from .step import BranchStep, ahead_of, between, centred, direction, place, with_parameter
+from .step import BranchStep, ahead_of, between, centred, direction, place, swing, with_parameter
 
 STRAIGHT = 0.98  # cosine of a turn after which steps grow
 BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
@@ -28,10 +28,12 @@ class Walk:
         self.special: list[Special] = []
         self.end = ""
         self.closed = False  # back where it began
-        self.largest = 0.0
+        self.largest = 0.0  # swing on the way
+        self.sense = 1.0
 
     def run(self, first: BranchStep, sense: float) -> None:
         """Walk from ``first`` to where the parameter first goes as ``sense`` says."""
+        self.sense = sense
         turned = 1.0 if first.sense * sense >= 0 else -1.0
         first = replace(first, tangent=turned * first.tangent, sense=turned * first.sense)
         self._append(first)
@@ -52,7 +54,7 @@ class Walk:
 
     def _append(self, step: BranchStep) -> None:
         self.steps.append(step)
-        self.largest = max(self.largest, step.cycle.amplitude)
+        self.largest = max(self.largest, swing(self.shooting, step.cycle))
         if len(self.steps) > self.most and not self.end:
             self.end = f"{self.most} points"
 
@@ -60,7 +62,7 @@ class Walk:
         """Longest step: no longer than a part of the amplitude, where that vanishes."""
         if self.shooting.clock is not None:
             return self.longest
-        return min(self.longest, 0.3 * here.cycle.amplitude / self.shooting.scale[0])
+        return min(self.longest, 0.3 * swing(self.shooting, here.cycle))
 
     def _smoothly(
         self, here: BranchStep, ahead: BranchStep | None, length: float
@@ -188,11 +190,14 @@ class Walk:
         return 0.1 * self.longest
 
     def _name_corner(self, edge: BranchStep, other: BranchStep) -> None:
-        kind = corner_kind(edge.cycle, other.cycle)
+        """Note a corner as it is met in the order of the branch: a walk back is turned round."""
+        onward = self.sense > 0
+        before, after = (edge, other) if onward else (other, edge)
+        kind = corner_kind(before.cycle, after.cycle)
         name = f"{kind}_fold" if edge.sense * other.sense < 0 else kind
-        detail = change(edge.cycle, other.cycle.word)
-        parameter = edge.point.parameter
-        self.special.append(Special(name, detail, parameter, len(self.steps) - 1))
+        detail = change(before.cycle, after.cycle.word)
+        index = len(self.steps) - 1 if onward else len(self.steps)
+        self.special.append(Special(name, detail, edge.point.parameter, index))
 
     def _note_vanishing(self, here: BranchStep, ahead: BranchStep) -> None:
         """Note where the cycle shrinks onto steady slip (amplitude^2 -> 0), if it does.
@@ -202,7 +207,7 @@ class Walk:
         """
         if self.shooting.clock is not None:
             return
-        one, two = here.cycle.amplitude, ahead.cycle.amplitude
+        one, two = (swing(self.shooting, step.cycle) for step in (here, ahead))
         if two >= one or two > VANISHED * self.largest:
             return
         if abs(ahead.determinant) * one > abs(here.determinant) * two:

@@ -26,6 +26,7 @@ from .walk import Mark, Walk
 
 KINDS = (Hopf.kind, Fold.kind, Touch.kind)
 SEEN = 1e-3  # of the ranges: how near to a curve a special point lies that is on it
+ALIKE = 0.05  # of the size of the motion, and of its period: how near its cycle is to one there
 
 
 @dataclass(frozen=True)
@@ -81,22 +82,31 @@ def follow_curves(
     for special in branch.special:
         if special.kind != Hopf.kind and not special.kind.endswith("fold"):
             continue
-        place = np.array([special.parameter, own])
-        if not any(_on(curve, special.kind, place, plane) for curve in found):
+        place, cycle = np.array([special.parameter, own]), branch.cycles[special.index]
+        if not any(_on(curve, special.kind, place, cycle, plane, shooting) for curve in found):
             found.append(_curve(branch, special, plane, shooting, place, step, most))
     return found
 
 
-def _on(curve: Curve, kind: str, place: np.ndarray, plane: Plane) -> bool:
-    """Whether a special point lies on a curve that was followed from another one."""
+def _on(
+    curve: Curve, kind: str, place: np.ndarray, cycle: Cycle, plane: Plane, shooting: Shooting
+) -> bool:
+    """Whether a special point lies on a curve that was followed from another one: not only its
+    parameters, but its cycle too, for curves of other cycles cross there.
+    """
     if curve.kind != kind or len(curve.places) < 2:
         return False
+    sizes = shooting.scale[0], shooting.period_scale
+    alike = np.array([(f.amplitude, f.period) for f in curve.facts]) / sizes
     spots = curve.places / plane.scale
     chords = np.diff(spots, axis=0)
     offset = place / plane.scale - spots[:-1]
     part = np.sum(offset * chords, axis=1) / np.maximum(np.sum(chords**2, axis=1), 1e-30)
-    aside = offset - np.clip(part, 0, 1)[:, None] * chords
-    return bool(np.min(np.linalg.norm(aside, axis=1)) < SEEN)
+    part = np.clip(part, 0, 1)[:, None]
+    aside = np.linalg.norm(offset - part * chords, axis=1)
+    there = alike[:-1] + part * np.diff(alike, axis=0)
+    off = np.max(np.abs(np.divide((cycle.amplitude, cycle.period), sizes) - there), axis=1)
+    return bool(np.any((aside < SEEN) & (off < ALIKE)))
 
 
 def _curve(

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...vocabulary.codes import CurveEnd
 from ..branch.bifurcations import change, corner_kind
-from ..branch.step import chart_at
+from ..branch.step import chart_at, swing
 from ..chart import Chart
 from ..cycle import Cycle, cycle_at, same_word
 from ..orbit import event_margin, far_from_events, smooth_intervals, words
@@ -71,7 +71,7 @@ class OfCycles(Equations):
         assert cycle.state is not None
         size = 1.0
         if self.shooting.clock is None:  # no longer than a part of the amplitude, which may vanish
-            size = 0.3 * cycle.amplitude / self.shooting.scale[0]
+            size = 0.3 * swing(self.shooting, cycle)
         return Facts(cycle.state, cycle.amplitude, cycle.period, test, cycle, size)
 
     def moved(self, facts: Facts, place: np.ndarray):

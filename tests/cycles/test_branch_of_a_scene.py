@@ -1,0 +1,48 @@
+"""The command ``follow``: what of a scene's numbers it takes, and refuses."""
+
+import pytest
+
+from wiperjax.cycles.branch.from_scene import follow_scene
+from wiperjax.specs.load import load_scene
+
+SCENE = """
+title = "squeal"
+[blade]
+attack_angle = 3
+[belt]
+speed = 0.3
+[run]
+duration = 0.05
+"""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return load_scene(tmp_path / "scene.toml")
+
+
+def test_a_range_may_end_at_the_scenes_own_value(scene, monkeypatch):
+    """3 degrees in radians and back are no 3 degrees: it was refused."""
+    from wiperjax.cycles.branch import from_scene
+
+    def found(system, **arguments):
+        raise RuntimeError("far enough")
+
+    monkeypatch.setattr(from_scene, "find_cycle", found)
+    for low, high in ((0.0, 3.0), (3.0, 5.0)):
+        with pytest.raises(RuntimeError, match="far enough"):
+            follow_scene(scene, "attack_angle", low, high)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "message"),
+    [
+        (4.0, 5.0, "range of attack_angle must hold the scene's own value 3, but was 4 to 5"),
+        (5.0, 2.0, "range of attack_angle must go upwards, but was 5 to 2"),
+        (3.0, 3.0, "range of attack_angle must go upwards, but was 3 to 3"),
+    ],
+)
+def test_a_range_that_cannot_be_meant_is_refused(scene, low, high, message):
+    with pytest.raises(ValueError, match=message):
+        follow_scene(scene, "attack_angle", low, high)

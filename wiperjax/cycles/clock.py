@@ -1,0 +1,71 @@
+"""What drives a system: whether anything does, and whether it comes again after a period."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..blade import numbers
+from ..contact.space import contact
+from ..contact.system import AbstractSystem
+from ..vocabulary import checks
+from ..vocabulary.ranges import POSITIVE
+from .return_map import Shooting
+
+INSTANTS = 64  # at which what drives is compared
+STATES = 8  # of a settled motion, in which it is
+CHANGED = 1e-9  # of it: less is rounding
+AGAIN = 1e-6  # of it: how nearly it comes again
+ASIDE = 1e-3  # of a number that will be varied: at that distance the period is tried as well
+
+
+def refuse_a_clock(system: AbstractSystem, states, span: float) -> None:
+    """Raises ValueError if what drives a system in ``states`` (k, 2n) changes within ``span`` [s].
+
+    What is pushed against only now and then, a shaken wall say, is seen in the states of a motion.
+    """
+    seen = _seen(system, states, span * jnp.geomspace(1e-6, 1.0, INSTANTS))
+    if any(np.any(np.ptp(x, axis=1) > CHANGED * np.max(np.abs(x))) for x in seen):
+        raise ValueError(
+            f"period must be given: forces, speeds or stops of {type(system).__name__} change with "
+            "time (a scene can tell the period of its belt only)"
+        )
+
+
+def check_clock(shooting: Shooting, states) -> None:
+    """Raises ValueError unless what drives a system in ``states`` (k, 2n) comes again after its
+    period, also beside the values of what will be varied.
+    """
+    assert shooting.clock is not None
+    system = shooting.system
+    tried = [(system, "")]
+    for name in shooting.varied:
+        own = numbers.value(system, name)
+        aside = own + ASIDE * (abs(own) or 1.0)
+        tried.append((numbers.replaced(system, name, aside), f" at {name} = {aside:g}"))
+    for local, where in tried:
+        period = checks.number(f"period{where}", shooting.clock(local), POSITIVE)
+        times = period * (jnp.arange(INSTANTS) + 0.5**0.5) / INSTANTS  # no corner's own times
+        now, then = (_seen(local, states, t) for t in (times, times + period))
+        pairs = zip(now, then, strict=True)
+        if any(np.any(np.abs(a - b) > AGAIN * np.max(np.abs(a))) for a, b in pairs):
+            name = type(system).__name__
+            raise ValueError(
+                f"period must be one after which forces, speeds and stops of {name} come again "
+                f"(a function of the system where it changes), but was {period:g} s{where}"
+            )
+
+
+def _seen(system: AbstractSystem, states, times) -> list[np.ndarray]:
+    """All that depends on time beside the state, (states, instants, ...) each."""
+    n = np.shape(states)[1] // 2
+
+    def at(state, t):
+        local = system.prepared().on_piece(system.first_piece(t))
+        q = tuple(state[:n])
+        v = local.from_rates(t, q, tuple(state[n:]))
+        blows = tuple(local.rebound(k, t, q, v, jnp.zeros((), bool)) for k in local.stops)
+        return contact(local, t, q, v), local.switches(t, q, v), blows
+
+    over_times = jax.vmap(at, in_axes=(None, 0))
+    found = jax.vmap(over_times, in_axes=(0, None))(jnp.asarray(states, float), times)
+    return [np.asarray(x) for x in jax.tree.leaves(found)]
