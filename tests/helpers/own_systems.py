@@ -172,3 +172,27 @@ class Lifted(Oscillator):
 
     def normal_force(self, t, q, v):
         return 0.3 + jnp.sin(t)
+
+
+class Rod(wiperjax.AbstractSystem):
+    """A rod that leans and slides on the ground (Painleve); its mass, half its length, g are 1."""
+
+    coordinates = ("x", "y", "angle")
+    inertia: float = parameter(1 / 3, above=0)
+    friction: wiperjax.AbstractFriction = wiperjax.Coulomb(0.3)
+
+    def free_acceleration(self, t, q, v):
+        return 0.0, -1.0, 0.0
+
+    def directions(self, t, q):
+        sin, cos = jnp.sin(q[2]), jnp.cos(q[2])
+        return (1.0, 0.0, sin / self.inertia), (0.0, 1.0, -cos / self.inertia)
+
+    def gap(self, t, q):
+        return q[1] - jnp.sin(q[2])
+
+    def slip_speed(self, t, q, v):
+        return v[0] + jnp.sin(q[2]) * v[2]
+
+    def output(self, t, q, v):
+        return v[2]

@@ -32,8 +32,8 @@ class AbstractBelt(eqx.Module):
 
     @abstractmethod
     def velocity(self, time, piece):
-        """V [m/s] at ``time`` [s] by the formula of piece ``piece``, smooth within it and continuous
-        from one to the next: what slips keeps its side of V where a piece ends.
+        """V [m/s] at ``time`` [s] by the formula of piece ``piece``, smooth within it and going on
+        in the next where it ends: what slips keeps its side of V there.
         """
 
     def motion(self, time, piece):

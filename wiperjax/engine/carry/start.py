@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from ...contact.guards import (
     first_switch,
+    gap_rounding,
     guard_values,
     start_of_slip_order,
     starting_sides,
@@ -18,6 +19,7 @@ from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.arrays import where
 from ...numerics.bernstein import largest
+from ...numerics.elementary import smaller
 from ...numerics.types import Scalar
 from ...vocabulary.codes import RUNNING, Regime, Result
 from .problem import Problem
@@ -35,23 +37,30 @@ def _no_rest(position: tuple, velocity: tuple):
 
 
 def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
-    """Return the velocity and the contact of a start: at rest where it slips by rounding only.
+    """Return the velocity and the contact of a start: closed where it is open, or moves apart, by
+    rounding only, and at rest where it slips by that.
 
     sin(pi) is 1e-16, not zero: a belt that turns round at the start would leave the tip a slip
-    speed, whose sign alone, by Painleve, may throw it off the glass into bounces of 1e-22 s.
+    speed, whose sign alone, by Painleve, may throw it off the glass into bounces of 1e-22 s; and a
+    gap between large numbers, such as that of a leaning rod, is hardly ever 0 where it is meant.
     """
     c = contact(system, start, position, velocity)
     eps = float(jnp.finfo(position[0].dtype).eps)
     speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
-    rests = (c.normal_speed == 0) & (jnp.abs(c.slip_speed) <= ROUNDINGS * eps * speed)
+    closed = jnp.abs(c.normal_speed) <= ROUNDINGS * eps * speed
     if system.unilateral:
-        rests = rests & (c.gap <= 0)
-    _, still = project(system, c, position, velocity, False, rests, rests)
-    still = where(rests & (c.slip_speed != 0), still, velocity)
+        closed = closed & (c.gap <= gap_rounding(system, start, position))
+    rests = closed & (jnp.abs(c.slip_speed) <= ROUNDINGS * eps * speed)
+    moves = (closed & (c.normal_speed != 0)) | (rests & (c.slip_speed != 0))
+    _, still = project(system, c, position, velocity, False, closed, rests)
+    still = where(moves, still, velocity)
     c = contact(system, start, position, still)
     # to the last digit, which the projection leaves
-    zero = [jnp.where(rests, 0.0, x) for x in (c.normal_speed, c.slip_speed)]
-    return still, c._replace(normal_speed=zero[0], slip_speed=zero[1])
+    return still, c._replace(
+        gap=jnp.where(closed, smaller(c.gap, 0.0), c.gap),
+        normal_speed=jnp.where(closed, 0.0, c.normal_speed),
+        slip_speed=jnp.where(rests, 0.0, c.slip_speed),
+    )
 
 
 class _Entry(NamedTuple):
