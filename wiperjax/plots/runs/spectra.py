@@ -29,7 +29,7 @@ def spectrum(
 
     Arguments:
 
-    - `ds`: a run, or its settled part (`runs.settled`).
+    - `ds`: a run, or its settled part (`run_dataset.settled`).
     - `quantity`, `component`: by default the velocity that the motion is judged by, that of
         the tip along the glass or the output of a system of one's own (`signal`).
 
