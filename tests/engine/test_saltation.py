@@ -13,7 +13,7 @@ import pytest
 from matching import doubles
 from saltation import saltation
 from scipy.linalg import expm
-from systems import Block, Puck, events
+from systems import Ball, Block, Puck, events
 
 import wiperjax
 from wiperjax import Event
@@ -85,6 +85,17 @@ def test_lift_off():
     slip[2, 0], flight[3, 0] = mu * rise, rise
     closed = matrix(flight, end - t) @ matrix(slip, t)
     np.testing.assert_allclose(derivative[:, [0, 2]], closed[:, [0, 2]], rtol=1e-9, atol=1e-9)
+
+
+def test_a_second_derivative_is_refused():
+    """It was zero, to rounding: the saltation was taken for one that does not change."""
+
+    def end(gravity):
+        start = ((1.0,), (0.0,))
+        return wiperjax.solve(Ball(gravity), 1.0, initial_state=start, max_events=0).final_position
+
+    with pytest.raises(NotImplementedError, match="must be differentiated once, but was twice"):
+        jax.eval_shape(jax.jacfwd(jax.jacfwd(end)), 9.81)
 
 
 @pytest.mark.slow

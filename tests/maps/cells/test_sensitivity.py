@@ -219,6 +219,18 @@ def test_a_largest_value_about_to_be_overtaken_is_masked():
     assert np.all(slopes["gap_max"] == 0)
 
 
+def test_the_first_trace_of_a_bounce_has_no_derivative():
+    """At restitution 0 derivatives by it were those of a landing: 570 times too large, or too small
+    by the time of the bounces."""
+    theta = {"restitution": jnp.array([0.0, 0.3]), "attack_angle": jnp.zeros(2)}
+    ways = {name: (name,) for name in theta}
+    bounces = tangents.starts_to_bounce(Wiper(), ways, theta)
+    slopes = {"final_x": np.ones((2, 2)), "stick_fraction": np.zeros((2, 2))}
+    validity.mask_first_bounces(slopes, bounces)
+    for slope in slopes.values():
+        assert np.isnan(slope).tolist() == [[True, False], [False, False]]
+
+
 def test_settled_is_judged_by_the_first_and_the_last_periods():
     spec = parse_sweep(
         {

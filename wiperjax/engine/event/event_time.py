@@ -44,6 +44,21 @@ def time_to_event(correction, located, system, t, q, v, regime, sides, slot):
     return correction
 
 
+@jax.custom_jvp
+def once(slope):
+    """Return ``slope``, with no derivative but an error: what follows from the value of a guard at
+    an event alone, as ours does, would be zero or wrong in second derivatives."""
+    return slope
+
+
+@once.defjvp
+def _no_second(primals, tangents):
+    raise NotImplementedError(
+        "a motion with events must be differentiated once, but was twice: difference its first "
+        "derivatives (docs/gradients.md)"
+    )
+
+
 @time_to_event.def_jvp
 def _time_to_event_jvp(primals, tangents):
     correction, located, system, t, q, v, regime, sides, slot = primals
@@ -59,6 +74,7 @@ def _time_to_event_jvp(primals, tangents):
     c = contact(system, t, q, v)
     motion = rates(system, t, q, v), acceleration(c, forces(system, c, regime))
     _, slope = jax.jvp(lambda *x: guard(system, *x), (t, q, v), (jnp.ones_like(t), *motion))
+    slope = once(slope)
     _, change = eqx.filter_jvp(guard, (system, t, q, v), tuple(moved))
     if change is None:
         return correction, jnp.zeros_like(correction)

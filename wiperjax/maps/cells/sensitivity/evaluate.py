@@ -24,8 +24,23 @@ from ..columns import columns_of
 from ..devices import alike, deal, dearest_first
 from ..linear import slips
 from .differences import move
-from .tangents import SECOND, check_fields, start_with_tangents, tangents_of, whole
-from .validity import GRAZING, check, drawn, is_settled, mask_contested, mask_rounding
+from .tangents import (
+    SECOND,
+    check_fields,
+    start_with_tangents,
+    starts_to_bounce,
+    tangents_of,
+    whole,
+)
+from .validity import (
+    GRAZING,
+    check,
+    drawn,
+    is_settled,
+    mask_contested,
+    mask_first_bounces,
+    mask_rounding,
+)
 
 
 def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
@@ -70,6 +85,7 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
             slip = None if slip is None else slip.result()
             moved = None if moved is None else moved.result()
     columns = columns_of(spec, outcome, signal, effort, built, slip, count)
+    mask_first_bounces(slopes, starts_to_bounce(base, ways, theta))
     slopes |= {name: np.asarray(x).T[:count] for name, x in dknown.items()}
 
     watched = outcome.observed

@@ -102,6 +102,23 @@ def plain(system, state, count, run: Run, s: Settings):
     return found_of(system, outcome, run.window), outcome.observed.word, effort
 
 
+def starts_to_bounce(system, ways, theta) -> dict[str, np.ndarray]:
+    """Return where a coefficient of restitution that is 0 grows with a parameter, name -> (cells,):
+    the bounces that come then are not in the motion whose derivatives are taken."""
+
+    def bounce(theta):
+        size = next(iter(theta.values())).shape
+        found = with_parameters(system, ways, theta).bounce
+        return jnp.broadcast_to(jnp.asarray(found, float), size)
+
+    still = jax.tree.map(jnp.zeros_like, theta)
+    found = {}
+    for name, value in theta.items():
+        e, change = jax.jvp(bounce, (theta,), (still | {name: jnp.ones_like(value)},))
+        found[name] = np.asarray((e == 0) & (change != 0))
+    return found
+
+
 @Kept
 def start_of(system, ways, theta, stated: Start, names: tuple[str, ...]):
     """Return the initial state, as ``stated`` for coordinates of these ``names``, and the outcomes

@@ -61,6 +61,14 @@ def mask_rounding(slopes, columns, spec) -> None:
         slopes[name] = np.where(where[:, None], np.nan, slopes[name])
 
 
+def mask_first_bounces(slopes, bounces: dict[str, np.ndarray]) -> None:
+    """Make NaN the derivatives, in ``slopes``, of a trajectory by what makes it bounce
+    (`tangents.starts_to_bounce`) where it does not."""
+    for name, slope in slopes.items():
+        masks = np.stack([mask[: len(slope)] for mask in bounces.values()], axis=1)
+        slopes[name] = np.where(masks, np.nan, slope)
+
+
 def check(spec, moved: Moved, base, columns, slopes, word):
     """Return (whether the events are others, relative differences) of the ``moved`` cells.
 
