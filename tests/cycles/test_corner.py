@@ -2,8 +2,10 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.integrate
 import scipy.optimize
 from problems import periodic_impacts
 from systems import (
@@ -155,6 +157,35 @@ def test_closed_branch_is_walked_once():
     np.testing.assert_allclose(a**2 + a + (r2 - 1) ** 2, 0.0, atol=1e-8)
     assert no_gaps(branch, 0.1)
     assert branch.cycles[-1].maximum == pytest.approx(branch.cycles[0].maximum, abs=1e-5)
+
+
+class Mathieu(Ring):
+    """x'' + a x' + (1 + b cos(w t)) x = cos(w t): its multipliers are those of Mathieu."""
+
+    def free_acceleration(self, t, q, v):
+        beat = jnp.cos(self.frequency * t)
+        return (beat - self.a * v[0] - (1 + self.b * beat) * q[0],)
+
+
+@pytest.mark.slow
+def test_a_tongue_narrower_than_a_step_is_not_passed_over():
+    """Multipliers pass -1 at w = 1.985 and come back at 2.015: tests of both ends were positive."""
+    damping, depth = 0.02, 0.05
+
+    def one_plus_trace(w):
+        def rates(t, y):
+            return [y[1], -damping * y[1] - (1 + depth * math.cos(w * t)) * y[0]]
+
+        span, exact = (0.0, 2 * math.pi / w), {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
+        ends = [scipy.integrate.solve_ivp(rates, span, y, **exact).y[:, -1] for y in np.eye(2)]
+        return 1 + np.trace(ends) + np.linalg.det(ends)
+
+    system, start = Mathieu(a=damping, b=depth), ((0.0,), (0.0,))
+    cycle = find_cycle(system, settle=800.0, initial_state=start, period=turn, over="frequency")
+    branch = follow(cycle, 1.5, 2.5, step=0.1)
+    assert [s.kind for s in branch.special] == ["period_doubling"] * 2
+    exact = [scipy.optimize.brentq(one_plus_trace, *ends) for ends in ((1.95, 2.0), (2.0, 2.05))]
+    assert [s.parameter for s in branch.special] == pytest.approx(exact, abs=1e-6)
 
 
 @pytest.fixture(scope="module")

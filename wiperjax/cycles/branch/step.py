@@ -48,6 +48,9 @@ class BranchStep:
         return int(np.sign(self.determinant * self.sense))
 
 
+Reached = tuple[float, BranchStep]  # distance from the step where one stands, and the step there
+
+
 def first_step(shooting: Shooting, cycle: Cycle) -> BranchStep | None:
     """Return the step at a found cycle, or None if it cannot be closed again."""
     assert shooting.over is not None
@@ -116,15 +119,14 @@ def near(
 def between(
     shooting: Shooting,
     here: BranchStep,
-    ahead: BranchStep,
-    length: float,
+    ends: tuple[Reached, Reached],
     test: Callable[[BranchStep], float],
-) -> tuple[float, BranchStep] | None:
-    """Return (distance, step) at which ``test`` vanishes between two steps ``length`` apart.
+) -> Reached | None:
+    """Return (distance, step) at which ``test`` vanishes between two steps ahead of ``here``.
 
     None if it does not, if it jumps over zero, or if a cycle on the way is lost.
     """
-    known = {0.0: here, length: ahead}
+    known = dict(ends)
 
     def value(distance: float) -> float:
         if distance not in known:
@@ -134,11 +136,12 @@ def between(
             known[distance] = step
         return test(known[distance])
 
-    a, b = value(0.0), value(length)
+    low, high = known
+    a, b = value(low), value(high)
     if not (np.isfinite(a) and np.isfinite(b)) or a * b >= 0:
         return None
     try:
-        root = float(scipy.optimize.brentq(value, 0.0, length, xtol=LOCATED))  # type: ignore[arg-type]
+        root = float(scipy.optimize.brentq(value, low, high, xtol=LOCATED))  # type: ignore[arg-type]
     except Lost:
         return None
     if abs(value(root)) > JUMP * max(abs(a), abs(b)):

@@ -1,6 +1,8 @@
 """The walk along a branch in one direction: its steps, its special points, and why it ended."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -8,7 +10,17 @@ from ..cycle import same_word
 from ..return_map import Shooting
 from .bifurcations import TESTS, Special, change, corner_kind, doubled, turning
 from .corner import SHORT, beyond, edge_of, smooth
-from .step import BranchStep, ahead_of, between, centred, direction, place, swing, with_parameter
+from .step import (
+    BranchStep,
+    Reached,
+    ahead_of,
+    between,
+    centred,
+    direction,
+    place,
+    swing,
+    with_parameter,
+)
 
 STRAIGHT = 0.98  # cosine of a turn after which steps grow
 BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
@@ -80,14 +92,41 @@ class Walk:
         """Return the special points between two steps of one word, in order."""
         found: Located = []
         for kind, detail, test in TESTS:
-            place = between(self.shooting, here, ahead, length, test)
-            if place is None:
-                continue
-            if kind == "neimark_sacker" and not turning(place[1].cycle):
-                continue  # a product of two real multipliers passes 1: nothing happens
-            found.append((place[0], kind, detail, place[1]))
+            for ends in pairwise(self._apart(here, ahead, length, test)):
+                place = between(self.shooting, here, ends, test)
+                if place is None:
+                    continue
+                if kind == "neimark_sacker" and not turning(place[1].cycle):
+                    continue  # a product of two real multipliers passes 1: nothing happens
+                found.append((place[0], kind, detail, place[1]))
         found.sort(key=lambda item: item[0])
         return [item for item in found if not _shadow(item, found, length)]
+
+    def _apart(
+        self, here: BranchStep, ahead: BranchStep, length: float, test: Callable
+    ) -> list[Reached]:
+        """Return the ends of a step, and between them the place where ``test`` has the other sign.
+
+        It is looked for where the parabola through the step before turns: a tongue in which
+        multipliers pass -1, and come back, may be narrower than a step.
+        """
+        ends = [(0.0, here), (length, ahead)]
+        if len(self.steps) < 2 or not same_word(self.steps[-2].cycle, here.cycle):
+            return ends
+        spots = [place(self.shooting, step) for step in (self.steps[-2], here, ahead)]
+        back, on = (float(np.linalg.norm(b - a)) for a, b in pairwise(spots))
+        before, one, two = (test(step) for step in (self.steps[-2], here, ahead))
+        if not (min(back, on) > 0 and np.isfinite(before) and one * two > 0):
+            return ends
+        bend, slope, _ = np.polyfit([-back / on, 0.0, 1.0], [before, one, two], 2)
+        part = -0.5 * slope / bend if bend * one > 0 else 0.0
+        if not 0 < part < 1:
+            return ends
+        at = part * length
+        middle = ahead_of(self.shooting, here, at)
+        if middle is None or not smooth(self.shooting, here, middle) or test(middle) * one >= 0:
+            return ends
+        return [ends[0], (at, middle), ends[1]]
 
     def _take(self, here: BranchStep, ahead: BranchStep, length: float, found: Located) -> None:
         """Append the way to ``ahead``, up to where it ends."""
@@ -112,13 +151,11 @@ class Walk:
         self, here: BranchStep, ahead: BranchStep, length: float
     ) -> tuple[float, BranchStep | None]:
         """Return how far the way to ``ahead`` counts, and the step there if it has one."""
-        parameter = ahead.point.parameter
+        parameter, ends = ahead.point.parameter, ((0.0, here), (length, ahead))
         if not self.low <= parameter <= self.high:
             self.end = "the end of the range"
             border = self.low if parameter < self.low else self.high
-            found = between(
-                self.shooting, here, ahead, length, lambda step: step.point.parameter - border
-            )
+            found = between(self.shooting, here, ends, lambda step: step.point.parameter - border)
             if found is None:
                 return 0.0, None
             return found[0], with_parameter(self.shooting, found[1], border)
@@ -135,8 +172,7 @@ class Walk:
         found = between(
             self.shooting,
             here,
-            ahead,
-            length,
+            ends,
             lambda step: float((place(self.shooting, step) - start) @ onward),
         )
         return (0.0, None) if found is None else found
