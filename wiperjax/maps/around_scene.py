@@ -65,7 +65,7 @@ def around(scene: SceneSpec) -> SweepSpec:
     keys = {name: key for key, name in BELTS[scene.belt.kind].items()}
     data["blade"] = _without(data.get("blade", {}), "normal_load")
     data["belt"] = _without(data.get("belt", {}), keys["belt_speed"])
-    transient = usual_transient(scene.run.duration, scene.belt_kind)
+    transient = usual_transient(scene.run.duration, scene.belt_kind or "")
     return parse_sweep(
         _without(data, "title")
         | {
