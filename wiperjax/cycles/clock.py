@@ -7,6 +7,7 @@ import numpy as np
 from ..blade import numbers
 from ..contact.space import contact
 from ..contact.system import AbstractSystem
+from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE
 from .return_map import Shooting
@@ -57,7 +58,13 @@ def check_clock(shooting: Shooting, states) -> None:
 
 def _seen(system: AbstractSystem, states, times) -> list[np.ndarray]:
     """All that depends on time beside the state, (states, instants, ...) each."""
-    n = np.shape(states)[1] // 2
+    found = _looked_at(system, jnp.asarray(states, float), times)
+    return [np.asarray(x) for x in jax.tree.leaves(found)]
+
+
+@Kept
+def _looked_at(system, states, times):
+    n = states.shape[1] // 2
 
     def at(state, t):
         local = system.prepared().on_piece(system.first_piece(t))
@@ -66,6 +73,4 @@ def _seen(system: AbstractSystem, states, times) -> list[np.ndarray]:
         blows = tuple(local.rebound(k, t, q, v, jnp.zeros((), bool)) for k in local.stops)
         return contact(local, t, q, v), local.switches(t, q, v), blows
 
-    over_times = jax.vmap(at, in_axes=(None, 0))
-    found = jax.vmap(over_times, in_axes=(0, None))(jnp.asarray(states, float), times)
-    return [np.asarray(x) for x in jax.tree.leaves(found)]
+    return jax.vmap(jax.vmap(at, in_axes=(None, 0)), in_axes=(0, None))(states, times)
