@@ -255,7 +255,7 @@ CASES = {
             "settle": LENGTH,
             "initial_state": MOTION["initial_state"],
             "period": LENGTH,
-            "section": ["x", 3, None],
+            "section": ["x", 3],
             "over": NO_NAME,
             "varied": ["attack_angle", 3, [3], ["no such"]],
             "rtol": RTOL,

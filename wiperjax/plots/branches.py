@@ -209,7 +209,7 @@ def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
     size = -np.sort(-size, axis=1)
     x = shown(over)[0]
     smooth = np.isin(branch["special_kind"].values, SMOOTH)
-    corners = branch["special_point"].values[~smooth]  # each lies at this point or just before it
+    corners = branch["special_point"].values[~smooth]  # each lies between this point and the next
     jumps = np.unique(np.concatenate([corners, corners + 1]))
     x, size = np.insert(x, jumps, np.nan), np.insert(size, jumps, np.nan, axis=0)
     for k in range(size.shape[1]):

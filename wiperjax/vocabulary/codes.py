@@ -80,7 +80,7 @@ ADVICE = {
     "nowhere: loosen rtol, look for a parameter many decades off, or for a max_step far too small",
     Result.STEP_BUDGET_SPENT: "max_steps were spent before the end: raise max_steps",
     Result.NON_FINITE: "an acceleration became infinite or undefined, or a tolerance was no number "
-    "> 0: look at the parameters and the initial state",
+    "> 0, or the end lies before the start: look at the parameters and the initial state",
     Result.ZENO_UNRESOLVED: "impacts accumulate and could not be completed by their limit: "
     "raise zeno_time, or check restitution (of blows against a stop there is no limit: it cannot "
     "be rested against)",
