@@ -297,6 +297,7 @@ MISTAKES = {
         r"^Listing.gap must return a number, but returned a tuple of 1$",
     ),
     "Bodiless": ({"position": [1.0]}, r"^Bodiless.gap is missing: a unilateral system must define"),
+    "Floating": (None, r"^Floating.default_state must return 1 positions and 1 velocities .* 1.0"),
     "Ball": (None, r"^start.position: is missing; \[start\] must have it"),
 }
 

@@ -139,7 +139,9 @@ def _default_state(system: AbstractSystem, n: int) -> tuple[tuple, tuple]:
     except ValueError:
         must = "is missing; [start] must have it, for this system has no start of its own"
         raise ValueError(f"start.position: {must}") from None
-    if [np.size(part) for part in found or ()] != [n, n]:
+    parts = found if isinstance(found, tuple | list) else ()
+    lengths = [len(x) if isinstance(x, tuple | list) or np.ndim(x) else 0 for x in parts]
+    if lengths != [n, n]:
         must = f"must return {n} positions and {n} velocities (coordinates), but returned"
         raise ValueError(f"{type(system).__name__}.default_state {must} {checks.shown(found)}")
     return found
