@@ -146,6 +146,13 @@ class Listing(Ball):
         return (q[0],)
 
 
+class Floating(Ball):
+    """Its start is a number."""
+
+    def default_state(self):
+        return 1.0
+
+
 class Bodiless(Ball):
     """It may open, but does not say when."""
 

@@ -289,11 +289,15 @@ def test_numbers_outside_their_range_are_one_line_in_files_and_in_python():
 MISTAKES = {
     "Lopsided": (
         {"position": [0.0, 1.0]},
-        r"^Lopsided.free_acceleration must return 2 numbers, one a coordinate, but returned 1$",
+        r"^Lopsided.free_acceleration must return 2 numbers, .*, but returned a tuple of 1$",
     ),
     "Failing": ({"position": [1.0]}, r"^Failing.free_acceleration fails: IndexError: tuple index"),
-    "Listing": ({"position": [1.0]}, r"^Listing.gap must return a number, but returned 1$"),
+    "Listing": (
+        {"position": [1.0]},
+        r"^Listing.gap must return a number, but returned a tuple of 1$",
+    ),
     "Bodiless": ({"position": [1.0]}, r"^Bodiless.gap is missing: a unilateral system must define"),
+    "Floating": (None, r"^Floating.default_state must return 1 positions and 1 velocities .* 1.0"),
     "Ball": (None, r"^start.position: is missing; \[start\] must have it"),
 }
 

@@ -32,7 +32,10 @@ class AbstractFriction(eqx.Module):
         numbers = jax.tree.leaves(self)
         if any(checks.is_traced(x) or not checks.is_number(x) for x in numbers):
             return
-        at_rest = np.asarray(self.coefficient(jnp.zeros(())))
+        at_rest = self.coefficient(jnp.zeros(()))
+        if not checks.is_number(at_rest):  # said where a motion is asked for (`fits`)
+            return
+        at_rest = np.asarray(at_rest)
         if np.any(at_rest > np.asarray(self.static) * (1 + 1e-9)):
             was, most = checks.digits(at_rest.max()), checks.digits(np.max(self.static))
             what = f"{type(self).__name__}: its coefficient at speed 0"

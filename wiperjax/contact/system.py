@@ -16,7 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..numerics.types import Coordinates, Scalar
-from ..vocabulary import declared
+from ..vocabulary import checks, declared
 from ..vocabulary.parameters import Parameter
 from .card import card
 from .friction import AbstractFriction
@@ -41,6 +41,7 @@ class AbstractSystem(eqx.Module):
     known: ClassVar[Mapping[str, Parameter]] = {}  # of parameters that it does not declare itself
 
     def __check_init__(self):
+        checks.names(f"{type(self).__name__}.coordinates", self.coordinates)
         declared.check(self)
 
     def _repr_html_(self) -> str:

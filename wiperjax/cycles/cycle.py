@@ -110,7 +110,7 @@ def find_cycle(
         checks.number("period", period, POSITIVE)
     varied = tuple(varied) if over is None else (over, *varied)
     system = numbers.traceable(system, *varied)
-    start = system.default_state() if initial_state is None else coordinates(system, initial_state)
+    start = coordinates(system, initial_state)
     state = np.concatenate([np.asarray(part, float).ravel() for part in start])
     clock = period if callable(period) or period is None else _constant(float(period))
     typical = _typical(system, len(state) // 2)

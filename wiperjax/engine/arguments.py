@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..contact import fits
 from ..contact.system import AbstractSystem
 from ..numerics.runge_kutta import check_solver
 from ..vocabulary import checks
@@ -78,11 +79,11 @@ def regular_times(duration: float, interval: float) -> np.ndarray:
     return times
 
 
-def check_state(system: AbstractSystem, initial_state) -> int:
+def check_state(system: AbstractSystem, initial_state, name: str = "initial_state") -> int:
     """Return n, the number of coordinates. Raises ValueError unless it is (position, velocity), of
-    as many as ``system`` says it has.
+    as many as ``system`` says it has, and the system answers there as it is asked (`contact.fits`).
     """
-    must = "initial_state must be (position, velocity), each n >= 1 finite numbers"
+    must = f"{name} must be (position, velocity), each n >= 1 finite numbers"
     try:
         position, velocity = (tuple(part) for part in initial_state)
     except (TypeError, ValueError):
@@ -94,7 +95,15 @@ def check_state(system: AbstractSystem, initial_state) -> int:
             continue
         if not checks.is_number(value) or FINITE.outside(value) is not None:
             raise ValueError(f"{must}, but was {checks.shown(initial_state)}")
-    check_coordinates("initial_state", system, len(position))
+    check_coordinates(name, system, len(position))
+    try:
+        fits.check(system, position, velocity)
+    except ValueError as error:
+        if system.coordinates:  # else nobody knows which is wrong
+            raise
+        kind, had = type(system).__name__, len(position)
+        must = f"{name} must have the coordinates of {kind}, but had {had}"
+        raise ValueError(f"{must}; or {error}") from error
     return len(position)
 
 
@@ -108,8 +117,12 @@ def check_coordinates(name: str, system: AbstractSystem, n: int) -> None:
 
 
 def coordinates(system: AbstractSystem, initial_state) -> tuple[tuple, tuple]:
-    """Return (position, velocity) as tuples of floats. Raises ValueError for other shapes."""
-    check_state(system, initial_state)
+    """Return (position, velocity) as tuples of floats, those of the system's own start if none is
+    given. Raises ValueError for other shapes."""
+    name = "initial_state"
+    if initial_state is None:
+        name, initial_state = f"{type(system).__name__}.default_state()", system.default_state()
+    check_state(system, initial_state, name)
     position, velocity = (tuple(float(x) for x in part) for part in initial_state)
     return position, velocity
 

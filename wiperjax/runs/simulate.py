@@ -101,8 +101,7 @@ def simulate(
     times = regular_times(duration, sample_interval)
 
     given, system = system, traceable(system)
-    start = system.default_state() if initial_state is None else initial_state
-    start = coordinates(system, start)
+    start = coordinates(system, initial_state)
     atol = tolerances(atol, len(start[0]))
     integration = Integration(solver, float(rtol), atol, most, zeno_time=zeno_time)
     padded = _padded(times)

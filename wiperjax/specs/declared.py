@@ -149,7 +149,8 @@ def declared(path: str) -> Declared:
 def _read(path: str, found: type) -> Declared:
     needs("system", found, ("free_acceleration", "directions"), "system (wiperjax.AbstractSystem)")
     own = own_parameters("system", path, found)
-    if not (coordinates := tuple(getattr(found, "coordinates", ()))):
+    coordinates = getattr(found, "coordinates", ())
+    if not coordinates or not isinstance(coordinates, tuple | list):
         raise Fault("system", f"{path} must name its coordinates: coordinates = ('x', ...)")
     held = {field.name: field.default for field in fields(found)}  # type: ignore[arg-type]
     for name, attribute in (("belt", "kind"), ("friction", "coefficient")):
@@ -160,7 +161,7 @@ def _read(path: str, found: type) -> Declared:
     belt, law = (None if (x := held.get(key)) is MISSING else x for key in ("belt", "friction"))
     return Declared(
         path,
-        coordinates,
+        tuple(coordinates),
         found,
         own,
         belt,

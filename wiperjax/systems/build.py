@@ -11,6 +11,7 @@ from ..blade import numbers
 from ..blade.build import build_wiper, continued_state, make_law, start_state
 from ..blade.rungs import on_rung, start_on_rung
 from ..blade.wiper import Wiper
+from ..contact import fits
 from ..contact.belts import CLASSES as BELT_CLASSES
 from ..contact.belts import AbstractBelt
 from ..contact.system import AbstractSystem
@@ -22,7 +23,6 @@ from ..specs.tables import Start
 from ..vocabulary import checks
 from ..vocabulary.codes import Regime, Result
 from ..vocabulary.kinds import BELTS
-from . import fits
 
 
 class Built(NamedTuple):
@@ -31,10 +31,12 @@ class Built(NamedTuple):
     Attributes:
         system: what the engine runs.
         wiper: the blade that it stands for (`blade.rungs`); None of another system.
+        shape: of its parameters, () or (cells,); None: of all that it holds.
     """
 
     system: AbstractSystem
     wiper: Wiper | None
+    shape: tuple[int, ...] | None = None
 
 
 def belt_of(system: AbstractSystem) -> AbstractBelt | None:
@@ -49,8 +51,8 @@ def build(spec: System, parameters: Mapping[str, Any]) -> Built:
     Raises ValueError for values that the system refuses and, where there are arrays, for fields
     that have no place in a map.
     """
-    made = _made(spec, parameters)
-    if any(np.ndim(value) for value in parameters.values()):
+    made = _made(spec, parameters)._replace(shape=_shape(parameters))
+    if made.shape:
         first = {name: x[..., 0] if np.ndim(x) else x for name, x in parameters.items()}
         _check_fields(_made(spec, first).system)
     return made
@@ -113,31 +115,47 @@ def start(spec: System, built: Built, stated: Start | None = None):
 
 def start_at(built: Built, stated: Start, names: tuple[str, ...]):
     """`start` of a system whose coordinates have these ``names``; it needs no more of a file."""
-    system, wiper = built
+    system, wiper, shape = built
     if wiper is not None:
+        if wiper.friction is not None:
+            fits.check_law(wiper.friction, _shape(wiper.friction))
         return start_on_rung(system, start_state(wiper, stated), stated.kind)
     if stated.position is not None:
         position, velocity = stated.position, stated.velocity or (0.0,) * len(stated.position)
-        fits.check(system, names, position, velocity)
-        return position, velocity
+        for what, state in (("position", position), ("velocity", velocity)):
+            if len(state) != len(names):
+                must = f"must have {len(names)} numbers ({', '.join(names)})"
+                raise ValueError(f"start.{what} {must}, had {len(state)}")
+    else:
+        position, velocity = _default_state(system, len(names))
+    shape = _shape((system, position, velocity)) if shape is None else shape
+    fits.check(numbers.traceable(system), position, velocity, shape)
+    return position, velocity
+
+
+def _default_state(system: AbstractSystem, n: int) -> tuple[tuple, tuple]:
     try:
-        position, velocity = system.default_state()
+        found = system.default_state()
     except ValueError:
         must = "is missing; [start] must have it, for this system has no start of its own"
         raise ValueError(f"start.position: {must}") from None
-    if (n := len(names)) != len(position) or n != len(velocity):
-        name = type(system).__name__
+    parts = found if isinstance(found, tuple | list) else ()
+    lengths = [len(x) if isinstance(x, tuple | list) or np.ndim(x) else 0 for x in parts]
+    if lengths != [n, n]:
         must = f"must return {n} positions and {n} velocities (coordinates), but returned"
-        raise ValueError(f"{name}.default_state {must} {len(position)} and {len(velocity)}")
-    fits.check(system, names, position, velocity)
-    return position, velocity
+        raise ValueError(f"{type(system).__name__}.default_state {must} {checks.shown(found)}")
+    return found
+
+
+def _shape(tree: Any) -> tuple[int, ...]:
+    return np.broadcast_shapes(*(np.shape(leaf) for leaf in jax.tree.leaves(tree)))
 
 
 def go_on(spec: System, built: Built, ended: Mapping[str, Any]):
     """Return the state (position, velocity) of motions that go on where others ``ended`` (columns
     `schema.ENDED`), and where they can: not where the other failed or the model ends.
     """
-    system, wiper = built
+    system, wiper, _ = built
     if wiper is not None:
         there, can = continued_state(wiper, ended)
         return start_on_rung(system, there, "state"), can

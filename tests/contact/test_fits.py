@@ -1,0 +1,135 @@
+"""Mistakes in a system of one's own: one line that names the class and the method."""
+
+import jax.numpy as jnp
+import own_systems
+import pytest
+
+import wiperjax
+from wiperjax import Coulomb, parameter
+from wiperjax.contact import fits
+from wiperjax.cycles.cycle import find_cycle
+from wiperjax.engine.arguments import check_state
+from wiperjax.systems.oscillator import Oscillator
+
+NUMBERS = "must return 1 numbers, one a coordinate, but returned"
+PAIRS = "must return two tuples of 1 numbers, one a coordinate, but returned"
+NUMBER = "must return a number, but returned"
+IF = "must not have an if of values that are known only when it runs"
+METHODS = {
+    "free_acceleration": [
+        (lambda s, t, q, v: -q[0], f"{NUMBERS} one number"),
+        (lambda s, t, q, v: None, f"{NUMBERS} None"),
+        (lambda s, t, q, v: (-q[0], 0.0), f"{NUMBERS} a tuple of 2"),
+        (lambda s, t, q, v: (None,), f"{NUMBERS} None for one of them"),
+        (lambda s, t, q, v: (1j * q[0],), f"{NUMBERS} one complex number for one of them"),
+        (lambda s, t, q, v: (jnp.stack([q[0]]),), f"{NUMBERS} an array of shape .1,. for one"),
+        (lambda s, t, q, v: (1.0,) if q[0] > 0 else (0.0,), IF),
+        (lambda s, t, q, v: (q[3],), "fails: IndexError: tuple index out of range"),
+    ],
+    "directions": [
+        (lambda s, t, q: (1.0,), f"{PAIRS} a tuple of 1"),
+        (lambda s, t, q: (1.0, 0.0), f"{PAIRS} one number"),
+        (lambda s, t, q: ((-1.0,), (0.0,)), "must have a unit tangential force .* by -1"),
+    ],
+    "scales": [
+        (lambda s, n: (1.0,), f"{PAIRS} a tuple of 1"),
+        (lambda s, n: ((1.0, 1.0), (1.0,)), f"{PAIRS} a tuple of 2"),
+    ],
+    "normal_force": [
+        (lambda s, t, q, v: None, f"{NUMBER} None"),
+        (wiperjax.AbstractSystem.normal_force, "is missing: a bilateral system must define"),
+    ],
+    "slip_speed": [(lambda s, t, q, v: (v[0],), f"{NUMBER} a tuple of 1")],
+    "output": [(lambda s, t, q, v: None, f"{NUMBER} None")],
+    "switches": [(lambda s, t, q, v: q[0], "must return a tuple of numbers, .* one number")],
+    "ends": [(lambda s, t, q, v: (True,), "must return 0 answers, one a switch, .* a tuple of 1")],
+}
+CASES = [(name, *case) for name, cases in METHODS.items() for case in cases]
+
+
+def made(**methods):
+    return type("Mine", (own_systems.Oscillator,), methods)
+
+
+@pytest.mark.parametrize(("name", "method", "words"), CASES)
+def test_a_method_that_says_something_else_than_asked_is_one_line(name, method, words):
+    with pytest.raises(ValueError, match=rf"^Mine.{name} {words}") as caught:
+        check_state(made(**{name: method})(), ((0.1,), (0.0,)))
+    assert "\n" not in str(caught.value)
+
+
+def test_stops_and_what_is_behind_them():
+    wall = {"switches": lambda s, t, q, v: (0.3 - q[0],)}
+    for stops in (0, (3,)):
+        with pytest.raises(ValueError, match=r"^Mine.stops must be a tuple of places of its 1 sw"):
+            fits.check(made(stops=stops, **wall)(), (0.0,), (0.0,))
+    short = made(stops=(0,), rebound=lambda s, stop, t, q, v, closed: -v[0], **wall)
+    with pytest.raises(ValueError, match=rf"^Mine.rebound {NUMBERS} one number$"):
+        fits.check(short(), (0.0,), (0.0,))
+
+
+class Wrong(wiperjax.AbstractFriction):
+    static: float = parameter(1.0)
+
+    def coefficient(self, speed):
+        return None
+
+
+class Jerky(wiperjax.SteadyBelt):
+    def velocity(self, time, piece):
+        return (0.1, 0.2)
+
+
+PARTS = {
+    "belt must be a belt such as SteadyBelt": {"belt": 0.3},
+    "friction must be a law such as Coulomb": {"friction": 0.5},
+    "friction must be a law such as Coulomb.0.5., but was <class": {"friction": Coulomb},
+    f"Wrong.coefficient {NUMBER} None": {"friction": Wrong()},
+    f"Jerky.velocity {NUMBER} a tuple of 2": {"belt": Jerky(0.2)},
+}
+
+
+@pytest.mark.parametrize("words", PARTS)
+def test_laws_and_belts_that_are_none(words):
+    """Of a system of the package, too; where a motion begins, not inside the engine."""
+    with pytest.raises(ValueError, match=f"^{words}"):
+        wiperjax.simulate(Oscillator(**PARTS[words]), 1.0)
+    with pytest.raises(ValueError, match=f"^{words}"):
+        wiperjax.solve(Oscillator(**PARTS[words]), 1.0)
+    with pytest.raises(ValueError, match=f"^{words}"):
+        find_cycle(Oscillator(**PARTS[words]), settle=1.0)
+
+
+def test_a_start_of_its_own_that_is_none_is_named():
+    with pytest.raises(ValueError, match=r"^Mine.default_state\(\) must be \(position, velocity\)"):
+        wiperjax.simulate(made(default_state=lambda s: None)(), 1.0)
+    with pytest.raises(ValueError, match=r"^Mine.coordinates must be a list of names, but was 'x'"):
+        made(coordinates="x")()
+
+
+class Leaning(own_systems.Ball):
+    """Directions of no mass matrix: W_tn is not W_nt."""
+
+    coordinates = ("x", "y")
+    friction: wiperjax.AbstractFriction = Coulomb(0.3)
+
+    def free_acceleration(self, t, q, v):
+        return 0.0, -self.gravity
+
+    def directions(self, t, q):
+        return (1.0, 0.2), (0.0, 1.0)
+
+    def gap(self, t, q):
+        return q[1]
+
+    def slip_speed(self, t, q, v):
+        return v[0]
+
+
+def test_a_unit_force_moves_the_contact_its_own_way():
+    ball = type("Mine", (own_systems.Ball,), {"directions": lambda s, t, q: ((0.0,), (-1.0,))})
+    words = "must have a unit normal force accelerate the gap in its own direction"
+    with pytest.raises(ValueError, match=f"^Mine.directions {words}, but it does by -1$"):
+        wiperjax.simulate(ball(), 1.0, initial_state=((1.0,), (0.0,)))
+    with pytest.raises(ValueError, match=r"^Leaning.directions must be those of one mass matrix"):
+        wiperjax.simulate(Leaning(), 1.0, initial_state=((0.0, 1.0), (0.0, 0.0)))

@@ -1,0 +1,196 @@
+"""Whether a system says what the engine asks, before anything is computed.
+
+Its methods are asked at its start for the kinds of what they return. What is wrong with one is one
+line that names it: else it is an error somewhere in the engine, of its arithmetic.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..vocabulary import checks
+from .belts import AbstractBelt
+from .friction import AbstractFriction
+from .on_belt import AbstractBeltSystem
+from .space import contact
+from .system import AbstractSystem, cast
+
+SAME = 1e-6  # of W_tn and W_nt, relative
+
+
+def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple = ()) -> None:
+    """Raises ValueError, one line that names the method, unless each of ``system`` answers at this
+    state with as many numbers as are asked, and a unit force moves the contact its own way.
+
+    ``shape``: of time and state, that of the numbers which there is one of for each cell. Of a
+    system of this package only law and belt are asked, and those only if they are none of it.
+    """
+    n, kind = len(position), type(system).__name__
+    t = jnp.zeros(shape)
+    q, v = (tuple(x + t for x in part) for part in (position, velocity))
+    _check_partner(system, t)
+    if _is_ours(system):
+        return
+    system = system.on_piece(system.first_piece(t))
+
+    def numbers(method: str, count: int | None, *given) -> list:
+        found = _asked(system, method, *given)
+        return _numbers(f"{kind}.{method}", "", found, count, shape)
+
+    numbers("free_acceleration", n, t, q, v)
+    numbers("rates", n, t, q, v)
+    for method, given in (("directions", (t, q)), ("scales", (n,))):
+        found = _asked(system, method, *given)
+        what = "two tuples of "
+        if not isinstance(found, tuple | list) or len(found) != 2:
+            must = f"must return {what}{n} numbers, one a coordinate, but returned {_told(found)}"
+            raise ValueError(f"{kind}.{method} {must}")
+        for part in found:
+            _numbers(f"{kind}.{method}", what, part, n, shape)
+    touches = ("gap", t, q) if system.unilateral else ("normal_force", t, q, v)
+    for method, *given in (touches, ("slip_speed", t, q, v), ("output", t, q, v)):
+        _number(f"{kind}.{method}", _asked(system, method, *given), shape)
+    switches = len(numbers("switches", None, t, q, v))
+    ends = _asked(system, "ends", t, q, v)
+    if not isinstance(ends, tuple | list) or len(ends) != switches:
+        must = f"must return {switches} answers, one a switch, but returned {_told(ends)}"
+        raise ValueError(f"{kind}.ends {must}")
+    _check_stops(system, switches, (t, q, v))
+    _check_inertia(system, t, q, v)
+
+
+def check_law(law: Any, shape: tuple = ()) -> None:
+    """Raises ValueError, one line that names it, unless a friction law is one."""
+    checks.instance("friction", law, AbstractFriction, "a law such as Coulomb(0.5)")
+    if _is_ours(law):
+        return
+    kind = type(law).__name__
+    _number(f"{kind}.coefficient", _asked(law, "coefficient", jnp.zeros(shape)), shape)
+    static = _called(f"{kind}.static", lambda law: law.static, law)
+    _number(f"{kind}.static", static, shape, "be")
+
+
+def _check_partner(system: AbstractSystem, t) -> None:
+    """Raises ValueError unless law and belt of a system are such, and its pieces are numbers."""
+    shape, owner = jnp.shape(t), system
+    if (law := system.law) is not None:
+        check_law(law, shape)
+    if isinstance(system, AbstractBeltSystem):
+        owner = system.belt
+        checks.instance("belt", owner, AbstractBelt, "a belt such as SteadyBelt(0.3)")
+    if _is_ours(owner):
+        return
+    kind = type(owner).__name__
+    piece = _asked(owner, "first_piece", t)
+    _number(f"{kind}.first_piece", piece, shape)
+    if np.dtype(getattr(piece, "dtype", type(piece))).kind not in "iu":
+        raise ValueError(f"{kind}.first_piece must return a whole number, but returned {piece}")
+    piece = jnp.zeros(shape, int)
+    _number(f"{kind}.break_time", _asked(owner, "break_time", piece), shape)
+    if isinstance(owner, AbstractBelt):
+        _number(f"{kind}.velocity", _asked(owner, "velocity", t, piece), shape)
+
+
+def _is_ours(part: Any) -> bool:
+    """Whether a system, law or belt is one of this package: its tests have asked it."""
+    return type(part).__module__.split(".")[0] == "wiperjax"
+
+
+def _check_stops(system: AbstractSystem, switches: int, state: tuple) -> None:
+    """Raises ValueError unless the stops are switches, and each has as many velocities behind it as
+    there are coordinates."""
+    kind, (t, q, _) = type(system).__name__, state
+    stops: Any = system.stops
+    whole = isinstance(stops, tuple | list) and all(isinstance(stop, int) for stop in stops)
+    if not whole or not set(stops) <= set(range(switches)):
+        must = f"must be a tuple of places of its {switches} switches, counted from 0"
+        raise ValueError(f"{kind}.stops {must}, but was {stops!r}")
+    for stop in stops:
+        found = _asked(system, "rebound", stop, *state, t > 0)
+        _numbers(f"{kind}.rebound", "", found, len(q), jnp.shape(t))
+
+
+def _check_inertia(system: AbstractSystem, t, q, v) -> None:
+    """Raises ValueError where a unit force at the contact drives it against itself: friction would
+    drive what it is to hold. Traced values pass (`checks`).
+    """
+    if any(map(checks.is_traced, jax.tree.leaves((system, t, q, v)))):
+        return
+    c, kind = contact(system, t, q, v), type(system).__name__
+    if checks.is_traced(c.w_tt):
+        return
+    asked = (("tangential", "slip_speed", c.w_tt, system.law is not None),)
+    asked += (("normal", "the gap", c.w_nn, system.unilateral),)
+    for which, of, w, counts in asked:
+        if counts and np.any(np.asarray(w) <= 0):
+            must = f"must have a unit {which} force accelerate {of} in its own direction"
+            raise ValueError(f"{kind}.directions {must}, but it does by {np.min(w):g}")
+    if not system.coupled:
+        return
+
+    def approach(v):
+        one = (jnp.ones_like(t), cast(system.rates(t, q, v), v))
+        return jax.jvp(lambda t, q: system.gap(t, q) + 0 * t, (t, q), one)[1]
+
+    w_nt = jax.jvp(approach, (v,), (cast(c.along_t, v),))[1]
+    if np.any(np.abs(w_nt - c.w_tn) > SAME * np.sqrt(c.w_tt * c.w_nn)):
+        must = "must be those of one mass matrix: what a unit tangential force does to the gap, a"
+        must += " unit normal force does to slip_speed"
+        raise ValueError(f"{kind}.directions {must}, but they do {w_nt} and {c.w_tn}")
+
+
+def _asked(owner: Any, method: str, *given) -> Any:
+    """Return the kinds of what a method returns."""
+    name = f"{type(owner).__name__}.{method}"
+    return _called(name, lambda owner, *given: getattr(owner, method)(*given), owner, *given)
+
+
+def _called(name: str, function: Callable, *given) -> Any:
+    try:
+        return eqx.filter_eval_shape(function, *given)
+    except NotImplementedError as error:
+        raise ValueError(f"{name} is missing: {error}") from None
+    except jax.errors.TracerBoolConversionError as error:
+        must = "must not have an if of values that are known only when it runs: jnp.where chooses"
+        raise ValueError(f"{name} {must}") from error
+    except Exception as error:  # whatever it does wrong
+        said = str(error).splitlines()[0] if str(error) else ""
+        raise ValueError(f"{name} fails: {type(error).__name__}: {said}") from error
+
+
+def _numbers(name: str, what: str, found: Any, count: int | None, shape: tuple) -> list:
+    """Return what was found, a tuple of numbers. Raises ValueError for anything else."""
+    asked = "a tuple of numbers" if count is None else f"{what}{count} numbers, one a coordinate"
+    if hasattr(found, "dtype") and len(found.shape) == len(shape) + 1:  # an array of them
+        found = [jax.ShapeDtypeStruct(found.shape[1:], found.dtype)] * found.shape[0]
+    fine = isinstance(found, tuple | list) and (count is None or len(found) == count)
+    wrong = next((x for x in found if not _is_number(x, shape)), found) if fine else found
+    if not fine or wrong is not found:
+        at = "" if wrong is found else " for one of them"
+        raise ValueError(f"{name} must return {asked}, but returned {_told(wrong)}{at}")
+    return list(found)
+
+
+def _number(name: str, found: Any, shape: tuple, verb: str = "return") -> None:
+    if not _is_number(found, shape):
+        was = "returned" if verb == "return" else "was"
+        raise ValueError(f"{name} must {verb} a number, but {was} {_told(found)}")
+
+
+def _is_number(found: Any, shape: tuple) -> bool:
+    if not checks.is_number(found) and getattr(found, "dtype", np.dtype("V")).kind not in "iuf":
+        return False
+    return np.shape(found) in ((), shape)
+
+
+def _told(found: Any) -> str:
+    if isinstance(found, tuple | list):
+        return f"a tuple of {len(found)}"
+    if isinstance(found, jax.ShapeDtypeStruct):
+        kind = {"c": "complex number", "b": "truth value"}.get(found.dtype.kind, "number")
+        return f"an array of shape {found.shape}" if found.shape else f"one {kind}"
+    return "one number" if checks.is_number(found, arrays=False) else checks.shown(found)
