@@ -7,6 +7,7 @@ import importlib
 import inspect
 import sys
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -77,9 +78,11 @@ def needs(key: str, found: type, methods: tuple[str, ...], what: str) -> None:
         raise Fault(key, f"{found.__name__} is no {what}: it lacks {', '.join(missing)}")
 
 
+@cache
 def fingerprint(key: str, found: type) -> str:
     """SHA-256 of the sources that a class stands in: its module's, or in a session its own, and
-    those of the classes it inherits from. (What their functions call elsewhere is not seen.)
+    those of the classes it inherits from. (What their functions call elsewhere is not seen.) Read
+    once: a source that is changed meanwhile is not what this process computes with.
 
     Raises: Fault, of the key, where there is no source.
     """
