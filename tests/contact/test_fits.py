@@ -80,12 +80,18 @@ class Jerky(wiperjax.SteadyBelt):
         return (0.1, 0.2)
 
 
+class Halting(wiperjax.SteadyBelt):
+    def break_time(self, piece):
+        return 1.0
+
+
 PARTS = {
     "belt must be a belt such as SteadyBelt": {"belt": 0.3},
     "friction must be a law such as Coulomb": {"friction": 0.5},
     "friction must be a law such as Coulomb.0.5., but was <class": {"friction": Coulomb},
     f"Wrong.coefficient {NUMBER} None": {"friction": Wrong()},
     f"Jerky.velocity {NUMBER} a tuple of 2": {"belt": Jerky(0.2)},
+    "Halting.break_time must be later for each piece": {"belt": Halting(0.2)},
 }
 
 

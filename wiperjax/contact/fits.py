@@ -20,6 +20,7 @@ from .space import contact
 from .system import AbstractSystem, cast
 
 SAME = 1e-6  # of W_tn and W_nt, relative
+PIECES = 4  # of a prescribed motion that are looked at
 
 
 def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple = ()) -> None:
@@ -93,6 +94,21 @@ def _check_partner(system: AbstractSystem, t) -> None:
     _number(f"{kind}.break_time", _asked(owner, "break_time", piece), shape)
     if isinstance(owner, AbstractBelt):
         _number(f"{kind}.velocity", _asked(owner, "velocity", t, piece), shape)
+    _check_pieces(owner, t)
+
+
+def _check_pieces(owner: Any, t) -> None:
+    """Raises ValueError unless pieces of a motion end one after the other: time would stand still.
+    Traced values pass (`checks`)."""
+    if any(map(checks.is_traced, jax.tree.leaves((owner, t)))):
+        return
+    begin, piece = np.asarray(t), owner.first_piece(t)
+    for _ in range(PIECES):
+        end = np.asarray(owner.break_time(piece))
+        if np.any(~(end > begin) & np.isfinite(begin)):
+            must = "must be later for each piece, and than the time that it is the first piece of"
+            raise ValueError(f"{type(owner).__name__}.break_time {must}, but was {end}")
+        begin, piece = end, piece + 1
 
 
 def _is_ours(part: Any) -> bool:
