@@ -168,9 +168,11 @@ def test_a_frequency_that_samples_do_not_tell_is_no_failure():
     }
     quiet = seen | {"velocity_rms": 0.002}
     assert classify(**quiet, settled=settled, frequency_told=untold) == "quiet"
-    # told, and yet without a line; or nobody has looked
-    told = {"frequency_told": codes.TOLD["yes"]}
-    assert classify(**seen, **told, settled=settled) == "failed"
+    # told, and yet none: it has no line
+    assert classify(**seen, settled=settled, frequency_told=codes.TOLD["yes"]) == "other"
+    # nobody has looked
+    unknown = {"frequency_told": codes.TOLD["unknown"]}
+    assert classify(**seen, **unknown, settled=settled) == "failed"
     assert classify(**seen, settled=settled) == "failed"
 
 

@@ -156,7 +156,7 @@ def test_what_falls_from_the_first_bin_on_has_no_line():
         for phase in range(7)
     ]
     found = strongest_lines(np.array(decaying), 0.025 / 128, averaged=True)
-    assert np.isnan(found.frequency).any() and not found.told[np.isnan(found.frequency)].any()
+    assert np.isnan(found.frequency).any()
     assert np.nanmin(found.frequency) * 0.025 > 1.0  # else no line of less than a period
 
 

@@ -214,7 +214,7 @@ def info(
             print_classes(dataset)
             of = counted(dataset)
             if fast := untold(dataset):
-                print(f"not told     {fast} {of}: too fast or slow for samples (frequency: NaN)")
+                print(f"not told     {fast} {of}: faster than the finest samples (frequency: NaN)")
             if lost := unsettled(dataset):
                 print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
             if "mechanism" in dataset:

@@ -3,13 +3,11 @@
 All at acceleration level with the set-valued law: no velocity threshold stands in for stick.
 """
 
-from functools import reduce
 from typing import NamedTuple
 
 import jax.numpy as jnp
 
 from ..numerics.bernstein import largest
-from ..numerics.elementary import smaller
 from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent, plus, times
 from ..numerics.tracing import traced_once
@@ -86,12 +84,13 @@ def acceleration(c: Contact, f: Forces):
 
 
 def pulls(system: AbstractSystem, loads):
-    """Whether one of some ``loads`` that a system prescribes on its friction is below zero, by more
-    than rounding: the law says nothing of that, and friction would drive what it should brake.
+    """Whether the last of some ``loads`` that a system prescribes on its friction is below zero, by
+    more than a switch is off that is to keep it above: the law says nothing of that, and friction
+    would drive what it should brake.
     """
     if system.unilateral or system.law is None:
         return jnp.zeros_like(loads[0], bool)
-    return reduce(smaller, loads) < -1e-9 * largest(loads)
+    return loads[-1] < -1e-6 * largest(loads)
 
 
 class Decision(NamedTuple):

@@ -263,7 +263,7 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     running = state.result == RUNNING
     result = jnp.where(running & too_small, why, state.result)
     pulled = pulls(problem.system, [n.forces.normal for n in trial.nodes])
-    pulled = running & (plan.accept | plan.arrive) & pulled
+    pulled = running & plan.accept & pulled
     result = jnp.where(pulled, int(Result.NO_CONSISTENT_REGIME), result)
     spent = (result == RUNNING) & (state.attempts >= problem.max_steps)
     result = jnp.where(spent, int(Result.STEP_BUDGET_SPENT), result)

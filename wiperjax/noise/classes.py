@@ -52,8 +52,9 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
 
     A finished cell with NaN among the columns its class rests on is `failed`, never silently
     another class. One exception: a motion whose frequency the finest samples do not tell
-    (`frequency_told` is "no"). Its shares and its standard deviation are exact, its frequency is
-    NaN: `other`, without a band, and `settled` comes back `unknown`.
+    (`frequency_told` is "no"), or that has no line (it is "yes" all the same). Its shares and its
+    standard deviation are exact, its frequency is NaN: `other`, without a band, and `settled` comes
+    back `unknown`.
 
     A tip that rides on the belt for the whole window is neither quiet, though a steady belt gives
     it a constant velocity (the spring must pull it back sooner or later: the window is too short),
@@ -90,7 +91,7 @@ class _Heard(NamedTuple):
     carried: np.ndarray
     quiet: np.ndarray
     at_turn: np.ndarray  # silent strokes with a tone at the turn: `frequency` is that of the tone
-    unseen: np.ndarray  # a sound whose frequency the samples do not tell
+    unseen: np.ndarray  # a sound whose frequency the samples do not tell, or that has no line
     below: Any  # m/s, the rms velocity of what is quiet
 
 
@@ -121,7 +122,8 @@ def _heard(columns: Mapping[str, Any], limits: Any) -> _Heard:
     tone = np.fmax(of("tone_time_before"), of("tone_time_after"))
     at_turn = silent & reverses & (tone >= limits.tone_time)
     quiet = silent & ~at_turn
-    unseen = ~quiet & ~carried & np.isnan(frequency) & (of("frequency_told") == TOLD["no"])
+    looked = np.isin(of("frequency_told"), [TOLD["no"], TOLD["yes"]])
+    unseen = ~quiet & ~carried & np.isnan(frequency) & looked
 
     known = np.isfinite(speed) & np.isfinite(below) & np.isfinite(stick) & np.isfinite(flight)
     # a constant velocity has no line

@@ -150,10 +150,9 @@ def _strongest(signal, inner, bins: Bins, minimum_cycles: float, harmonics: int)
     offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
     place = refined(spectrum, peak + offset, bins, harmonics)
     frequency = np.where(found, place / bins.length, np.nan)
-    told = finite & (found | (spread == 0))
     if inner is None or bins.response is None:
-        return Lines(frequency, told)
-    return Lines(frequency, told & _told(seen, power, highest, inner, scale, bins))
+        return Lines(frequency, finite)
+    return Lines(frequency, finite & _told(seen, power, highest, inner, scale, bins))
 
 
 def _highest(power, start: int) -> np.ndarray:

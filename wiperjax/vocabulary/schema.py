@@ -82,7 +82,7 @@ _TABLE = (
     ),
     Column(
         "frequency_told", "int8", "", "whether the samples tell the frequency", TOLD,
-        comment="no: something faster than the finest samples may be as strong, or no line is seen",
+        comment="no: something faster than the finest samples may be as strong; yes, NaN: no line",
     ),
     Column("velocity_rms", "float64", "m/s", "rms of the tip velocity about its mean"),
     Column(
