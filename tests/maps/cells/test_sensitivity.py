@@ -48,7 +48,7 @@ def blades(**extra):
             "belt": {"kind": "wiping", "phase": 90.0},
             "blade": {"support_stiffness": 8000.0},
             "run": {"transient": 0.001, "window": 0.019, "rtol": 1e-11, "samples": 128},
-            "classes": {"reversal_window": 0.01},
+            "classes": {"reversal_window": 0.005},
             "sensitivities": {"check": 1.0, "step": 6e-6} | extra,
         },
         "test.toml",
