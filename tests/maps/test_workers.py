@@ -125,7 +125,6 @@ def elsewhere(name, monkeypatch):
     with monkeypatch.context() as patched:
         for module in (name, f"{name}_law"):
             patched.delitem(sys.modules, module)
-        patched.setattr(worker, "_first", {})
         yield patched
 
 
@@ -146,7 +145,6 @@ def test_a_worker_that_imported_an_older_module_is_refused(
 ):
     """On a common disk: what lies there is what is meant, and not what the worker runs."""
     spec, name = own
-    monkeypatch.setattr(worker, "_first", {})
     worker.check_own(spec, worker.Own.of(spec))
     path = tmp_path / f"{name}{ending}.py"
     path.write_text(path.read_text() + "\n# other physics\n")
@@ -163,6 +161,5 @@ def test_a_worker_of_another_source_is_asked_before_every_block(own, tmp_path, m
     spec, name = own
     sent = worker.Own.of(spec)
     other = sent._replace(meaning=sent.meaning | {"system_source": "other"})
-    monkeypatch.setattr(worker, "_first", {})
     with pytest.raises(cluster.ClusterError, match=f"a worker has another {name}:Block"):
         worker.compute(spec, other, 0, 2, stub.evaluate)

@@ -57,7 +57,6 @@ class Answer(NamedTuple):
 
 
 _one_block = threading.Lock()
-_first: dict[str, str] = {}  # what a name of one's own was when it was imported: it stays that
 
 
 def compute(spec: Any, own: Own, start: int, stop: int, evaluate: block.Evaluate | None) -> Answer:
@@ -93,10 +92,8 @@ def check_own(spec: Any, own: Own) -> None:
     except Fault as fault:
         raise ClusterError(f"a worker lacks what is swept: {fault}") from None
     for key, theirs in own.meaning.items():
-        name, here = str(own.meaning[key.removesuffix("_source")]), str(mine.get(key, "none"))
-        if key.endswith("_source"):
-            here = _first.setdefault(name, here)
-        if here != str(theirs):
+        name = str(own.meaning[key.removesuffix("_source")])
+        if str(mine.get(key, "none")) != str(theirs):
             raise ClusterError(
                 f"a worker has another {name} than this process: its module lies there in another "
                 "version, or was changed since the worker imported it; start the workers anew"
