@@ -25,22 +25,29 @@ def test_a_step_of_few_digits_ends_when_the_clock_says(window, monkeypatch):
     np.testing.assert_allclose(np.sum(ring.samples.output), 0.1 * window, rtol=1e-5)
 
 
-@pytest.mark.slow
-def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
-    """Where a full ring was emptied within a step, the first instant after it had none: 7 of the 50
-    of a raster."""
-    monkeypatch.setattr(means, "outputs", lambda stretch: [jnp.full(1, 0.1)] * 5)
-    signal = Signal(0.0, 0.1, 11, room=15, ring=4, regimes=True)
-    begin, none = jnp.zeros(1), jnp.zeros(1)
+def recorded(monkeypatch, signal, parts):
+    """Record of one lane that steps from start to end, with these node values, in this regime."""
+    none = jnp.zeros(1)
     record, ring, case = signal.record(), signal.empty(none), jnp.zeros(1, jnp.int32)
-    for start, end, regime in ((0.0, 0.83, 2), (0.83, 1.1, 1)):
-        length = jnp.full(1, end - start)
-        stretch = Stretch(None, begin + start, length, none, jnp.full(1, regime), (), (), (), ())
+    for start, end, values, regime in parts:
+        monkeypatch.setattr(means, "outputs", lambda _, v=values: [jnp.full(1, x) for x in v])
+        begin, length = jnp.full(1, start), jnp.full(1, end - start)
+        stretch = Stretch(None, begin, length, none, jnp.full(1, regime), (), (), (), ())
         moves, full = True, True
         while full:
             ring, full = take_means(signal, ring, stretch, moves)
             record, ring = flush(signal, record, ring, case)
             moves = False
+    return record
+
+
+@pytest.mark.slow
+def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
+    """Where a full ring was emptied within a step, the first instant after it had none: 7 of the 50
+    of a raster."""
+    signal = Signal(0.0, 0.1, 11, room=15, ring=4, regimes=True)
+    even = [0.1] * 5
+    record = recorded(monkeypatch, signal, ((0.0, 0.83, even, 2), (0.83, 1.1, even, 1)))
     np.testing.assert_array_equal(record.regime[:11], [2] * 9 + [1] * 2)
     np.testing.assert_allclose(record.output[:11], 0.1, rtol=1e-6)
 
@@ -50,19 +57,9 @@ def test_a_sequence_of_impacts_before_a_step_keeps_the_output(step, monkeypatch)
     """It took its time, and the samples in it were read off the polynomial of the step behind: of
     a short one thousands of m/s."""
     signal = Signal(0.0, 0.1, 6, room=10, ring=4, inner=True, regimes=True)
-    begin, none = jnp.zeros(1), jnp.zeros(1)
-    record, ring, case = signal.record(), signal.empty(none), jnp.zeros(1, jnp.int32)
     after = 0.7 - step
     parts = ((0.0, 0.15, [1.0] * 5, 2), (after, 0.7, [3.0, 4.0, 6.0, 5.0, 3.0], 1))
-    for start, end, values, regime in parts:
-        monkeypatch.setattr(means, "outputs", lambda _, v=values: [jnp.full(1, x) for x in v])
-        length = jnp.full(1, end - start)
-        stretch = Stretch(None, begin + start, length, none, jnp.full(1, regime), (), (), (), ())
-        moves, full = True, True
-        while full:
-            ring, full = take_means(signal, ring, stretch, moves)
-            record, ring = flush(signal, record, ring, case)
-            moves = False
+    record = recorded(monkeypatch, signal, parts)
     flown = int(after / 0.1)  # whole intervals up to the end of the sequence
     np.testing.assert_allclose(record.output[:flown], [1.0, 2.0, *[3.0] * 4][:flown], rtol=1e-6)
     np.testing.assert_allclose(record.inner[:flown], [0.0, 1.0, *[0.0] * 4][:flown], atol=1e-6)

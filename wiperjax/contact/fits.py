@@ -88,8 +88,9 @@ def _check_partner(system: AbstractSystem, t) -> None:
     kind = type(owner).__name__
     piece = _asked(owner, "first_piece", t)
     _number(f"{kind}.first_piece", piece, shape)
-    if np.dtype(getattr(piece, "dtype", type(piece))).kind not in "iu":
-        raise ValueError(f"{kind}.first_piece must return a whole number, but returned {piece}")
+    if (found := np.dtype(getattr(piece, "dtype", type(piece)))).kind not in "iu":
+        must = "must return a whole number (an index)"
+        raise ValueError(f"{kind}.first_piece {must}, but returned one of {found}")
     piece = jnp.zeros(shape, int)
     _number(f"{kind}.break_time", _asked(owner, "break_time", piece), shape)
     if isinstance(owner, AbstractBelt):

@@ -130,8 +130,8 @@ def solve(
     ``sample_times`` must be left out.
 
     Raises ValueError, naming the argument, for what cannot be meant. Values that are traced are not
-    looked at: a tolerance that is no number > 0, or an end before the start, then
-    ends as ``non_finite``.
+    looked at: a tolerance that is no number > 0, or an end before the start, then ends as
+    ``non_finite``.
     """
     check_system(system)
     checks.numbers("duration", duration, POSITIVE, arrays=False)

@@ -47,7 +47,7 @@ class Problem(eqx.Module):
     mark: Scalar  # a time to be stepped onto exactly (start of observation)
     observer: AbstractObserver
     sample_times: jax.Array | None  # increasing
-    signal: Any  # an `sampling.means.Signal`, or None
+    signal: Any  # a `sampling.means.Signal`, or None
     log_start: Scalar  # time of the first event that is logged
     solver: diffrax.AbstractERK = eqx.field(static=True)
     record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree

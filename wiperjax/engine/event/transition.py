@@ -136,7 +136,9 @@ def _bounce(before: Contact, after: Contact, leaving):
     return jnp.where(top < 0, -2 * leaving / top * (1 - slope * leaving / (3 * top)), 0.0)
 
 
-def _sizes(problem: Problem, system, c: Contact, regime, time, q, switches: int):
+def _sizes(
+    problem: Problem, system, c: Contact, regime, time, q, switches: int
+) -> tuple[Scalar, ...]:
     """Return the sizes that rounding errors of the guards scale with, as a regime begins."""
     speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
     sizes = contact_sizes(system, c, regime, jnp.broadcast_to(speed, c.b_t.shape))
