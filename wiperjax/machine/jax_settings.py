@@ -4,6 +4,7 @@ A library cannot impose them on a process that already computes, so they are one
 ``wiperjax.configure()`` before the first computation. The command line makes it itself.
 """
 
+import importlib.util
 import os
 
 from ..vocabulary import checks
@@ -21,7 +22,12 @@ COMPILER = {
 
 # What is the same in every turn of a loop is found by LLVM too, in the one function that the loop
 # becomes: XLA's own search is a twentieth of compiling, for not a bit and not a microsecond.
+# Not on an accelerator: a turn of a loop whose end is not known costs a question to the device.
 SKIPPED = ("while-loop-invariant-code-motion", "while-loop-trip-count-annotator")
+
+# On a GPU loops run on the device, as graphs: else every turn waits until the host has read whether
+# it is the last (162 instead of 189 us a turn of 65,536 lanes, on an H200).
+GRAPHS = "+WHILE,+CONDITIONAL"
 
 MOST_CORES = 1024  # more is a slip
 
@@ -36,17 +42,24 @@ def cores(untold: int | None = None) -> int:
     return _configured or untold or os.cpu_count() or 1
 
 
+def accelerators() -> bool:
+    """Whether a plugin of JAX's for an accelerator is installed. JAX is not loaded for it."""
+    return importlib.util.find_spec("jax_plugins") is not None
+
+
 def configure(cores: int | None = None, *, keep: bool = True) -> int:
-    """Set JAX up for batches on this machine's processor; return the number of cores.
+    """Set JAX up for batches on this machine; return the number of cores.
 
     ``cores`` to use, a thread each (default: those this process may run on), for XLA's default pool
     burns two cores for the speed of one on work as small as a block of lanes; 512-bit vectors,
     which XLA avoids unless told; a whole loop in one compiled function (`COMPILER`), compiled
-    without what it gains nothing by (`SKIPPED`). ``keep``: what is compiled is kept for later
-    processes (`compiled.keep_programs`).
+    without what it gains nothing by (`SKIPPED`); with `accelerators`, loops that run there
+    (`GRAPHS`). ``keep``: what is compiled is kept for later processes (`compiled.keep_programs`).
     Settings already made by the user win. JAX's have no effect once it has started a device. Raises
     ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
     """
+    import jax  # it reads the settings later, when it starts a device
+
     global _configured
     keep = checks.flag("keep", keep)
     if cores is None:
@@ -56,13 +69,17 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
     _configured = count
     wanted = {
         "--xla_cpu_prefer_vector_width": "512",
+        "--xla_backend_extra_options": ",".join(f"{k}={v}" for k, v in COMPILER.items()),
+    }
+    if accelerators():
+        wanted["--xla_gpu_enable_command_buffer"] = GRAPHS
+    else:
+        wanted["--xla_disable_hlo_passes"] = ",".join(SKIPPED)
+    if jax.__version_info__ < (0, 11):  # later ones end the process that names what is gone
         # its emitters of fusions have a scatter of their own, which has no place in the function
         # that a loop becomes (`COMPILER`): what keeps a log, such as a few blades under `vmap`, ran
-        # kernel by kernel, ten times slower
-        "--xla_cpu_use_fusion_emitters": "false",
-        "--xla_backend_extra_options": ",".join(f"{k}={v}" for k, v in COMPILER.items()),
-        "--xla_disable_hlo_passes": ",".join(SKIPPED),
-    }
+        # kernel by kernel, four to ten times slower
+        wanted["--xla_cpu_use_fusion_emitters"] = "false"
     flags = os.environ.get("XLA_FLAGS", "")
     for name, value in wanted.items():
         if name not in flags:

@@ -5,7 +5,6 @@
 jax comes in only with `cells`, and only when no other `evaluate` is given.
 """
 
-import importlib.util
 import platform
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -84,7 +83,7 @@ def accelerated() -> bool:
     """Whether this process computes cells on an accelerator. jax is asked, and so loaded, only
     where a plugin of it for one is installed.
     """
-    if importlib.util.find_spec("jax_plugins") is None:
+    if not jax_settings.accelerators():
         return False
     from .cells.devices import on_accelerator
 

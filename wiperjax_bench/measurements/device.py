@@ -6,7 +6,9 @@ against the scalar loop at rtol 1e-12 on this machine's processor.
 """
 
 import json
+import os
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import jax
@@ -48,29 +50,40 @@ def run(output: Path, kind: str, *, quick: bool = False, repeats: int = 3, say=p
     duration, sizes = (ACCURACY, (1024,)) if quick else (0.1, SIZES)
     judged = families.workload(16 if quick else 512, ACCURACY)
     true = errors.truth(judged)
-    rows, calls = [], []
     variants: list[tuple[type, str]] = [PLAINEST] if quick else list(RTOL)
-    for variant in variants:
-        method, rtol = Engine(*variant), RTOL[variant]
-        right = errors.judge(judged, true, method.prepare(judged, rtol).answer())
-        for cells in sizes:
-            call = method.prepare(families.workload(cells, duration), rtol)
-            started = time.perf_counter()
-            call.warm()
-            rows.append(
-                {
-                    "method": method.name,
-                    "rtol": rtol,
-                    "cells": cells,
-                    "lanes": lane_count(variant[1], cells),
-                    "first_call": time.perf_counter() - started,
-                    "state_error": right.state,
-                    "event_time_error": right.event_time,
-                    "wrong_events": right.wrong,
-                }
-            )
-            calls.append(Remembering(call))
-            say(f"{method.name}, {cells} trajectories: ready in {rows[-1]['first_call']:.1f} s")
+    methods = {variant: Engine(*variant) for variant in variants}
+    cases = [(variant, cells) for variant in variants for cells in sizes]
+
+    def made(case):
+        """Return (call, seconds) of a batch whose program is compiled, beside the others."""
+        variant, cells = case
+        call = methods[variant].prepare(families.workload(cells, duration), RTOL[variant])
+        started = time.perf_counter()
+        call.warm()
+        say(f"{methods[variant].name}, {cells} trajectories: ready")
+        return call, time.perf_counter() - started
+
+    def judge(variant):
+        return errors.judge(judged, true, methods[variant].prepare(judged, RTOL[variant]).answer())
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        judgements = pool.map(judge, variants)
+        ready = list(pool.map(made, cases))
+        right = dict(zip(variants, judgements, strict=True))
+    calls = [Remembering(call) for call, _ in ready]
+    rows = [
+        {
+            "method": methods[variant].name,
+            "rtol": RTOL[variant],
+            "cells": cells,
+            "lanes": lane_count(variant[1], cells),
+            "first_call": seconds,
+            "state_error": right[variant].state,
+            "event_time_error": right[variant].event_time,
+            "wrong_events": right[variant].wrong,
+        }
+        for (variant, cells), (_, seconds) in zip(cases, ready, strict=True)
+    ]
     costs = measure.interleaved(calls, repeats)
     for row, call, cost in zip(rows, calls, costs, strict=True):
         row |= timed(cost, row["cells"]) | effort(call.result)
