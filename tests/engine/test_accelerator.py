@@ -79,6 +79,7 @@ def test_blocks_and_lanes_fill_an_accelerator(monkeypatch):
     spec = sweep(transient=0.05, window=0.05)
     axis = spec.axes["attack_angle"].model_copy(update={"num": 4_000_000})
     spec = spec.model_copy(update={"axes": {"attack_angle": axis}})
+    monkeypatch.setattr(block, "accelerated", lambda: False)
     here = block.block_size(spec)
     monkeypatch.setattr(block, "accelerated", lambda: True)
     monkeypatch.setattr(devices, "on_accelerator", lambda: True)

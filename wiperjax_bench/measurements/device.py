@@ -24,7 +24,7 @@ from . import errors
 from .speed import ACCURACY, PLAINEST, Remembering, effort, timed
 
 KINDS = ("cpu", "gpu")
-SIZES = (2**14, 2**17, 2**20)
+SIZES = (2**17, 2**20)
 
 
 def found(kind: str) -> str:
