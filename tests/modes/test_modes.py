@@ -137,6 +137,35 @@ def test_a_stiffer_glass_makes_the_rigid_lip_at_first_order():
     np.testing.assert_allclose(orders, -1.0, atol=0.05)
 
 
+@pytest.mark.parametrize("weights", [{}, {"hinge_mass": 3e-3, "gravity": -50.0}])
+@pytest.mark.parametrize("degrees, speed", [(-30, 0.3), (-37, 0.9), (10, 0.3), (20, -0.5)])
+def test_steady_sliding_of_a_soft_lip_is_found_where_moments_balance(degrees, speed, weights):
+    """At -30 degrees it was sought from the rigid lip's, 18 degrees away, and none was found."""
+    numbers = {"belt": wiperjax.SteadyBelt(speed), "attack_angle": math.radians(degrees)}
+    lip = SoftLip(**numbers, **weights)
+    k, kc, length, along = 2000.0, 2000.0, 6e-3, math.copysign(1.0, speed)
+    tip, hinge = (m * lip.gravity for m in (lip.tip_mass, lip.hinge_mass))
+    mu = float(lip.law.coefficient(abs(speed)))
+
+    def depth(phi):  # the support gives way by as much as the tip sinks in
+        lift = length * (math.cos(phi) - math.cos(lip.attack_angle))
+        return (lip.normal_load + tip + hinge + k * lift) / (k + kc)
+
+    def moment(phi):
+        down = kc * depth(phi) - tip
+        arms = down * math.sin(phi) + along * mu * kc * depth(phi) * math.cos(phi)
+        return length * arms - float(lip.moment(phi - lip.attack_angle))
+
+    grid = np.linspace(-1.55, 1.55, 1001) * along
+    signs = np.sign([moment(phi) for phi in grid])
+    last = np.flatnonzero(np.diff(signs))[-1]  # the farthest along the belt's motion
+    phi = brentq(moment, grid[last], grid[last + 1], xtol=1e-14)
+    found = wiperjax.modes(lip)
+    exact = length * math.sin(phi), -depth(phi)
+    np.testing.assert_allclose(found.position, exact, rtol=1e-9)
+    np.testing.assert_allclose(place_near(lip), exact, rtol=1e-9)
+
+
 @pytest.mark.slow
 def test_a_soft_glass_flutters_within_the_closed_border():
     """4 k t (mu k_c - k t) > (k + k_c - k t^2 - k_theta)^2, with the geometric part of the load and

@@ -28,7 +28,8 @@ CLOSED = 1e-8  # of usual accelerations and places: what is larger is no equilib
 class Linear(NamedTuple):
     """Steady sliding and its linearisation z' = A z, z = (positions, velocities) along the contact.
 
-    Where there is no steady sliding, ``exists`` is False and the numbers mean nothing.
+    ``exists``: one was found; else the numbers mean nothing, and there may be one elsewhere: a
+    system that knows where says so (`sliding_near`).
     """
 
     position: jax.Array  # (n,)

@@ -46,13 +46,29 @@ class SoftLip(Wiper):
         return (x, -self.normal_load / self.contact_stiffness), rest
 
     def sliding_near(self):
-        """The steady slip of the rigid lip, pressed in by its normal force there."""
+        """The steady slip that leans farthest with the belt.
+
+        At rest glass and support are springs in series under the load and the weights: the lip
+        leans as a rigid one on both would. That one has the weight of the hinge in its load, and no
+        hinge mass: the D <= 0 of a rigid contact does not bind here. A tip too heavy for its load
+        leaves none, and is sought from a light one.
+        """
+        k, k_c, weight = (
+            self.support_stiffness,
+            self.contact_stiffness,
+            self.tip_mass * self.gravity,
+        )
+        share = k_c / (k + k_c)
+        load = share * (self.normal_load + weight + self.hinge_mass * self.gravity) - weight
         names = (field.name for field in fields(Wiper) if field.name not in SET_BY_THE_ENGINE)
-        rigid = judged_slip(Wiper(**{name: getattr(self, name) for name in names}))
-        x, y = self.default_state()[0]
-        known = jnp.isfinite(rigid.x)
-        depth = rigid.normal_force / self.contact_stiffness
-        return jnp.where(known, rigid.x, x), jnp.where(known, -depth, y)
+        numbers = {name: getattr(self, name) for name in names} | {
+            "support_stiffness": share * k,
+            "normal_load": jnp.maximum(load, 1e-3 * self.normal_load),
+            "hinge_mass": 0.0,
+        }
+        slip, (x, y) = judged_slip(Wiper(**numbers)), self.default_state()[0]
+        known = jnp.isfinite(slip.x)
+        return jnp.where(known, slip.x, x), jnp.where(known, -slip.normal_force / k_c, y)
 
     def scales(self, n):
         _, speeds = super().scales(n)
