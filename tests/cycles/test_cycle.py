@@ -1,6 +1,7 @@
 """Limit cycles, their multipliers and branches, against closed forms."""
 
 import math
+from dataclasses import replace
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -447,6 +448,25 @@ def test_smallest_change_that_makes_steady_slip_stable():
     )
     assert found.parameters.meets.all() and not none.parameters.meets.any()
     assert float(none.parameters.growth_rate[0]) > -50
+
+
+@pytest.mark.slow
+def test_smallest_change_beyond_an_edge_where_branches_are_born():
+    """The rate of the branch that leans farthest jumps from 7 to -130 1/s there: searches by its
+    slope ended on the near side, and none met what can be met."""
+    from wiperjax import remedy
+
+    blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.3), attack_angle=math.radians(-30.0))
+    bounds = {"normal_load": (1.0, 40.0), "support_stiffness": (200.0, 9000.0)}
+    found = remedy.stabilise(blade, bounds, starts=2).parameters
+    assert found.meets.any() and not np.any(np.diff(found.meets.values.astype(int)) > 0)
+    low, high = np.array(list(bounds.values())).T
+    share = np.linspace(0.0, 1.0, 81)
+    load, stiffness = np.meshgrid(*(low[:, None] + share * (high - low)[:, None]))
+    every = replace(blade, normal_load=load, support_stiffness=stiffness)
+    stable = np.asarray(steady_slip(every).growth_rate) < -50
+    cost = ((load - 15.0) / 39.0) ** 2 + ((stiffness - 2000.0) / 8800.0) ** 2
+    assert float(found.cost[0]) < np.min(cost[stable]) < 1.2 * float(found.cost[0])
 
 
 def test_a_measure_of_zero_has_no_way_down(ring):

@@ -1,7 +1,7 @@
 """Remedies by gradient: which parameter buys most quiet, and the way there.
 
-Three questions, three tools. `stabilise` asks for steady slip that is stable: a smooth function of
-the blade, minimised from many starts at once. But loss of stability is subcritical: a blade whose
+Three questions, three tools. `stabilise` asks for steady slip that is stable, the smallest change
+that makes it so; no motion is simulated. But loss of stability is subcritical: a blade whose
 steady slip is stable may squeal all the same. `quieten` minimises the simulated noise itself, from
 many starts at once; its derivatives are those of a window, whose cut through the last period moves
 with the parameter: good enough to search with. `descend` follows the limit cycle downhill until it

@@ -78,8 +78,8 @@ def search(
     """Return (shares, steps) where a search from each of ``shares`` (starts, n) ends, in the box.
 
     At most ``most`` steps each; ``tolerance``: relative change of the value that ends it;
-    ``demand``: what must be >= 0 at the end. A price with jumps may end a search early: it keeps
-    the best it has seen. Searches run outside of the compiled program, of which there is one
+    ``demand``: what must be >= 0 at the end. A jump may end a search early, and one of a demand on
+    its wrong side. Searches run outside of the compiled program, of which there is one
     however often they look.
     """
     how: dict[str, Any] = {"method": "L-BFGS-B"}

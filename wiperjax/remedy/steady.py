@@ -1,4 +1,4 @@
-"""The smallest change of a blade that makes its steady slip stable, from many starts at once."""
+"""The smallest change of a blade that makes its steady slip stable."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,13 +10,16 @@ import numpy as np
 import xarray as xr
 
 from ..blade import numbers
-from ..blade.steady_slip import equilibria
+from ..blade.steady_slip import equilibria, steady_slip
 from ..blade.wiper import Wiper
 from ..contact.belts import SteadyBelt, operating_speed
 from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.ranges import FINITE
 from .box import Box, check_search, search
+from .nearest import best_first, distance, nearest
+
+CLOSE = 1e-6  # of the demand: a search by derivatives ends on its border
 
 
 class Stabilised(NamedTuple):
@@ -36,13 +39,17 @@ def stabilise(
 ) -> Stabilised:
     """Return the smallest change of ``blade`` whose steady slip decays at ``margin`` [1/s] or more.
 
-    **Arguments:** ``bounds``, name -> (low, high), SI units; a change costs the square of its share
-    of that range; ``starts``, points in the bounds that the search begins from, the blade itself
-    and random ones of ``seed``, one after the other (`scipy.optimize.minimize`, SLSQP).
+    That branch of steady slip counts which leans farthest along the belt's motion; its rate jumps
+    where branches are born or end. So the rate is looked at in `nearest.AT_ONCE` points spread over
+    the bounds, the cheapest that meet the demand are drawn in to any such edge, and from there
+    derivatives lead on (`scipy.optimize.minimize`, SLSQP).
 
-    **Returns** a `Stabilised`. ``meets`` says whether the demand is met; what does not meet it
-    comes last, and where nothing does, ``blade`` does not. Stable steady slip is no promise of
-    quiet: see `verdict`.
+    **Arguments:** ``bounds``, name -> (low, high), SI units; a change costs the square of its share
+    of that range; ``starts``, points that are drawn in, apart from each other, spread by ``seed``.
+
+    **Returns** a `Stabilised`. ``meets`` says whether the demand is met there; what does not meet
+    it comes last, and where nothing does, ``blade`` does not: no point that was looked at did,
+    which is no proof that none does. Stable steady slip is no promise of quiet: see `verdict`.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
     margin = checks.number("margin", margin, FINITE)
@@ -50,18 +57,29 @@ def stabilise(
     box, system = Box.of(blade, bounds), numbers.traceable(blade, *bounds)
     given, scale = box.shares_of(blade), max(abs(margin), 1.0)
 
+    def excess(rate):
+        """How far a rate is above the demand, relative to it; what there is no steady slip for, is
+        farthest."""
+        over = (np.asarray(rate) + margin) / scale - CLOSE
+        return np.where(np.isnan(over), np.inf, over)
+
     def change(share):
-        return np.sum((share - given) ** 2), 2 * (share - given)
+        return distance(share, given), 2 * (share - given)
 
     def decay(share):
-        rate, slope = _rate(system, box, jnp.asarray(share))
-        return -(float(rate) + margin) / scale, -np.asarray(slope) / scale
+        rate, slope = (np.asarray(x) for x in _rate(system, box, jnp.asarray(share)))
+        known = np.isfinite(rate)
+        return (-(rate + margin) / scale, -slope / scale) if known else (-1.0, 0 * given)
 
-    shares, _ = search(change, box.starts(blade, starts, seed), 1e-9, 100, decay)
-    rate = np.array([float(_rate(system, box, jnp.asarray(share))[0]) for share in shares])
-    cost = np.sum((shares - given) ** 2, axis=1)
-    meets = rate + margin <= 1e-6 * scale
-    rank = np.argsort(np.where(meets, cost, np.inf))
+    near = nearest(lambda shares: excess(_rates(system, box, shares)), given, starts, seed)
+    ends, _ = search(change, near, 1e-9, 100, decay)
+    both = np.stack([near, np.clip(ends, 0, 1)], axis=1)  # a jump may have led a search astray
+    rate = np.array([[_rate(system, box, jnp.asarray(x))[0] for x in pair] for pair in both])
+    cost = distance(both, given)
+    better = best_first(excess(rate), cost)[:, 0]
+    shares, rate, cost = (x[np.arange(starts), better] for x in (both, rate, cost))
+    rank = best_first(excess(rate), cost)
+    meets = excess(rate) <= 0
     found = xr.Dataset(
         box.columns(shares[rank])
         | {
@@ -71,6 +89,12 @@ def stabilise(
         }
     )
     return Stabilised(found, box.blade(system, shares[rank[0]]))
+
+
+def _rates(system: Any, box: Box, shares: np.ndarray) -> np.ndarray:
+    """Growth rates of steady slip (1/s) at ``shares`` (points, n), NaN where there is none."""
+    changed = box.blade(system, jnp.asarray(shares).T)
+    return np.asarray(steady_slip(changed, operating_speed(changed.belt)).growth_rate)
 
 
 @Kept
