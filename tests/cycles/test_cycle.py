@@ -512,6 +512,19 @@ def test_least_noise_from_several_starts():
 
 
 @pytest.mark.slow
+def test_what_has_come_to_rest_is_reported_at_rest():
+    """The floor under the search's root, 1e-6 of the belt's speed, was reported as its noise."""
+    from wiperjax import remedy
+
+    blade = wiperjax.Wiper(attack_angle=math.radians(5.0), support_damping=11.0)
+    found = remedy.quieten(
+        blade, {"support_damping": (9.0, 12.0)}, window=0.02, starts=1, most=1
+    ).parameters
+    levels = float(found.velocity_rms[0]), found.attrs["velocity_rms_before"]
+    assert max(levels) < 5e-7 * blade.belt.speed  # the steps of a loose tolerance
+
+
+@pytest.mark.slow
 def test_derivatives_hold_where_a_recalled_stay_ends_on_its_other_side():
     """On a belt that turns one stick lasts as long as the one before, but ends at the other edge of
     the cone. The step that was made to end at the first ended at the second, was taken whole, and

@@ -16,8 +16,9 @@ from ..vocabulary import checks
 from ..vocabulary.codes import Result
 from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range
 from .box import Box, check_period, check_search, search
+from .nearest import distance
 
-_FLOOR = 1e-6  # of the belt's speed: the level of a tip at rest, whose root has no derivative
+_FLOOR = 1e-6  # of the belt's speed, to the search alone: at rest the root has no derivative
 
 
 class Quietened(NamedTuple):
@@ -68,22 +69,25 @@ def quieten(
     times = jnp.array([duration, window]), jnp.asarray(rtol, float)
 
     def noise(share):
-        value, slope, fine = _noise(system, box, jnp.asarray(share), *times)
-        return (float(value), np.asarray(slope)) if fine else (np.nan, np.zeros(len(share)))
+        """What the search sees, its slope, and what is reported."""
+        level, slope, rms, fine = _noise(system, box, jnp.asarray(share), *times)
+        if not fine:
+            return np.nan, np.zeros(len(share)), np.nan
+        return float(level), np.asarray(slope), float(rms)
 
-    before = noise(given)[0]
+    before, _, rms_before = noise(given)
     if np.isnan(before):
         raise ValueError("blade must be one whose simulation finishes, but this one's fails")
 
     def price(share):
-        value, slope = noise(share)
+        value, slope, _ = noise(share)
         level = 2.0 if np.isnan(value) else value / before
-        change = share - given
-        return level + effort * np.sum(change**2), slope / before + 2 * effort * change
+        paid = effort * distance(share, given), 2 * effort * (share - given)
+        return level + paid[0], slope / before + paid[1]
 
     shares, steps = search(price, box.starts(blade, starts, seed), 1e-6, most)
-    levels = np.array([noise(share)[0] for share in shares])
-    cost = np.sum((shares - given) ** 2, axis=1)
+    levels = np.array([noise(share)[2] for share in shares])
+    cost = distance(shares, given)
     rank = np.argsort(levels + effort * before * cost)
     found = xr.Dataset(
         box.columns(shares[rank])
@@ -92,14 +96,15 @@ def quieten(
             "cost": ("start", cost[rank], {"long_name": "squared share of the ranges"}),
             "steps": ("start", steps[rank], {"long_name": "steps of the search"}),
         },
-        attrs={"velocity_rms_before": before},
+        attrs={"velocity_rms_before": rms_before},
     )
     return Quietened(found, box.blade(system, shares[rank[0]]))
 
 
 @Kept
 def _noise(system: Any, box: Box, share, times, rtol):
-    """Spread of the tip's velocity, its slope by the shares, and whether the motion finished."""
+    """Spread of the tip's velocity over its floor, the slope of that by the shares, the spread
+    itself, and whether the motion finished."""
     duration, window = times
 
     def noise(share):
@@ -108,7 +113,7 @@ def _noise(system: Any, box: Box, share, times, rtol):
         fine = run.result == Result.FINISHED
         spread = jnp.where(fine, run.statistics.variance(window), 0.0)
         level = jnp.sqrt(spread + (_FLOOR * changed.belt.peak) ** 2)
-        return level, (level, fine)
+        return level, (level, run.statistics.deviation(window), fine)
 
-    slope, (level, fine) = jax.jacfwd(noise, has_aux=True)(share)
-    return level, slope, fine
+    slope, (level, rms, fine) = jax.jacfwd(noise, has_aux=True)(share)
+    return level, slope, rms, fine
