@@ -7,21 +7,25 @@ grazing it is zero and the derivative infinite (di Bernardo et al., "Piecewise-s
 Systems", 2008, chapter 6).
 
 A largest value has two derivatives where two peaks are equally high: the runner-up is kept with its
-own, to tell how near the next peak is to overtaking.
+own, to tell how near the next peak is to overtaking. A peak goes on over all steps until the value
+rises again, or jumps: the step beside that of the vertex, whose largest value is where they meet,
+is no runner-up.
 """
 
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 
 from ...contact.guards import first_switch, stop_slots
 from ...numerics.types import Scalar
-from ...vocabulary.codes import Event
+from ...vocabulary.codes import Event, Regime
 from .base import END_SLOPE, AbstractObserver, extremes
 from .reversal import ReversalTotals
 from .totals import RegimeTotals, Totals
 
 # corners of the vector field and of the prescribed motion keep its value: no jump of a derivative
+SLIGHT = 1e-6  # of a value: what differs by less has neither jumped nor risen
 HARMLESS = (Event.NONE, Event.KINK, Event.BELT_REVERSAL, Event.BELT_KINK)
 
 
@@ -33,6 +37,14 @@ class Peaks(NamedTuple):
     impulse_max: Scalar
 
 
+class Hump(NamedTuple):
+    """The peak that a value is on, from where it last began to rise, or jumped."""
+
+    last: Scalar  # value at the end of the last stretch
+    down: Scalar  # whether it has come down from the peak
+    leads: Scalar  # whether no earlier peak is higher
+
+
 class Watched(NamedTuple):
     """Record of `Margins`: of another observer, and of the events from the start on."""
 
@@ -41,6 +53,7 @@ class Watched(NamedTuple):
     word: Scalar  # hash of the sequence of events, and of which come before the window
     falling: tuple  # whether each guard fell at the end of the last stretch
     seconds: Peaks  # the runners-up
+    humps: tuple[Hump, Hump]  # of the normal force, and of the gap
 
 
 class Margins(AbstractObserver):
@@ -57,8 +70,9 @@ class Margins(AbstractObserver):
         no = (jnp.zeros(shape, bool),) * len(self.slots)
         margin, word = jnp.ones(shape, dtype), jnp.zeros(shape, jnp.int32)
         zero = jnp.zeros(shape, dtype)
-        seconds = Peaks(zero, zero, zero)
-        return Watched(self.observer.init(dtype, shape), margin, word, no, seconds)
+        seconds, hump = Peaks(zero, zero, zero), Hump(zero, zero > 0, zero > 0)
+        totals = self.observer.init(dtype, shape)
+        return Watched(totals, margin, word, no, seconds, (hump, hump))
 
     def stretch(self, record, stretch):
         margin, falling = record.margin, []
@@ -76,11 +90,15 @@ class Margins(AbstractObserver):
             here = jnp.where(ends, depth, jnp.where(turns, clear, scale)) / scale
             margin = jnp.minimum(margin, jnp.where(size > 0, here, 1.0))
             falling.append(slope < 0)
-        force, gap = extremes(stretch)
-        on = stretch.start >= self.observer.start
-        seconds = _beaten(record, on, normal_force_max=force, gap_max=gap)
+        on, best = stretch.start >= self.observer.start, regime_totals(record)
+        seconds, humps = record.seconds, []
+        names, peaks = ("normal_force_max", "gap_max"), extremes(stretch)
+        for name, hump, peak, ends in zip(names, record.humps, peaks, _ends(stretch), strict=True):
+            hump, same = _passed(hump, *ends, peak, getattr(best, name), on)
+            seconds = _beaten(seconds, best, name, peak, on & ~same)
+            humps.append(hump)
         totals = self.observer.stretch(record.totals, stretch)
-        return Watched(totals, margin, record.word, tuple(falling), seconds)
+        return Watched(totals, margin, record.word, tuple(falling), seconds, tuple(humps))
 
     def event(self, record, happening):
         kind = happening.kind
@@ -92,9 +110,10 @@ class Margins(AbstractObserver):
         word = jnp.where(counts, 31 * record.word + symbol, record.word).astype(jnp.int32)
         still = tuple(f & ~counts for f in record.falling)
         on = happening.time >= self.observer.start
-        seconds = _beaten(record, on, impulse_max=happening.impulse)
+        best = regime_totals(record)
+        seconds = _beaten(record.seconds, best, "impulse_max", happening.impulse, on)
         totals = self.observer.event(record.totals, happening)
-        return Watched(totals, record.margin, word, still, seconds)
+        return Watched(totals, record.margin, word, still, seconds, record.humps)
 
 
 def regime_totals(record) -> Totals:
@@ -104,14 +123,34 @@ def regime_totals(record) -> Totals:
     return record
 
 
-def _beaten(record, on, **peaks) -> Peaks:
-    """Return the runners-up after new ``peaks``, where ``on``."""
-    best, seconds = regime_totals(record), record.seconds
-    for name, peak in peaks.items():
-        loser = jnp.minimum(getattr(best, name), peak)
-        second = getattr(seconds, name)
-        seconds = seconds._replace(**{name: jnp.where(on, jnp.maximum(second, loser), second)})
-    return seconds
+def _beaten(seconds: Peaks, best: Totals, name: str, peak, on) -> Peaks:
+    """Return the runners-up after a new ``peak`` of the value ``name``, where ``on``."""
+    second, loser = getattr(seconds, name), jnp.minimum(getattr(best, name), peak)
+    return seconds._replace(**{name: jnp.where(on, jnp.maximum(second, loser), second)})
+
+
+def _ends(stretch) -> tuple:
+    """First and last normal force of a stretch, and its first and last gap (`extremes`)."""
+    ends = stretch.nodes[0], stretch.nodes[-1]
+    force = [node.forces.normal for node in ends]
+    if not stretch.system.unilateral:
+        return force, [jnp.zeros_like(x) for x in force]
+    flying = stretch.regime == Regime.FLIGHT
+    gap = [stretch.system.gap(node.time, node.position) for node in ends]
+    return force, [
+        jnp.where(flying, g, 0.0).astype(f.dtype) for g, f in zip(gap, force, strict=True)
+    ]
+
+
+def _passed(hump: Hump, first, last, peak, best, on) -> tuple[Hump, Scalar]:
+    """Return the hump after a stretch from ``first`` over ``peak`` to ``last``, and whether it went
+    on that of the largest value so far, ``best``."""
+    first, last, peak = (stop_gradient(x) for x in (first, last, peak))
+    least = SLIGHT * jnp.maximum(jnp.abs(peak), jnp.abs(hump.last))
+    goes_on = (jnp.abs(first - hump.last) <= least) & ~(hump.down & (peak - first > least))
+    same = goes_on & hump.leads
+    down = (peak - last > least) | (goes_on & hump.down)
+    return Hump(last, down, on & (same | (peak >= best))), same
 
 
 def watch(system, observer: RegimeTotals | ReversalTotals) -> Margins:

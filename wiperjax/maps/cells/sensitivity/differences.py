@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ....vocabulary.parameters import Parameter
+from ....vocabulary.parameters import REFERENCE, Parameter
 from ..batch import Run, Settings
 from ..devices import capacity, deal
 from .tangents import plain, start_of, with_parameters
@@ -15,6 +15,12 @@ from .tangents import plain, start_of, with_parameters
 STENCIL = {1: 2 / 3, -1: -2 / 3, 2: -1 / 12, -2: 1 / 12}  # steps -> weight
 
 FINER = 1e-3  # times the tolerance of the cells themselves
+
+SIZES = {  # of what the reference blade has none of, by what else it has
+    "hinge_mass": REFERENCE["tip_mass"],
+    "hinge_damping": REFERENCE["neck_stiffness"]
+    * (REFERENCE["tip_mass"] / REFERENCE["support_stiffness"]) ** 0.5,
+}
 
 
 class Moved(NamedTuple):
@@ -71,7 +77,7 @@ def scale_of(entry: Parameter, value: np.ndarray) -> np.ndarray:
     """Return the size of a parameter, which its step is relative to."""
     if entry.unit == "rad":
         return np.ones_like(value)
-    return np.where(value == 0, entry.reference or 1.0, np.abs(value))
+    return np.where(value == 0, entry.reference or SIZES.get(entry.name, 1.0), np.abs(value))
 
 
 def _is_inside(entry: Parameter, value: np.ndarray, step: np.ndarray) -> np.ndarray:

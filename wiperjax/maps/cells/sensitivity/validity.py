@@ -30,21 +30,25 @@ SAME = 1e-5  # relative difference of two derivatives that are one
 
 
 def mask_contested(slopes, columns, theta, system, spec) -> None:
-    """Make NaN the derivatives, in ``slopes``, of a largest value that another peak, with another
-    derivative, overtakes within the finite-difference step."""
+    """Make NaN the derivatives, in ``slopes``, of a largest value by a parameter along which
+    another peak, with another derivative, overtakes it within the finite-difference steps."""
     count, asked = len(columns["result"]), spec.sensitivities
+    entries = [spec.parameter_table[name] for name in theta]
+    scale = np.stack(
+        [
+            scale_of(entry, np.asarray(value)[:count]) / float(entry.to_si(1.0))
+            for entry, value in zip(entries, theta.values(), strict=True)
+        ],
+        axis=1,
+    )
     for field, second in SECOND.items():
         name = LARGEST[field]
-        gap = columns[name] - columns[second]
-        least = FLOOR * _outcome_scale(name, columns, system)
-        contested = np.zeros(count, bool)
-        for k, parameter in enumerate(theta):
-            entry = spec.parameter_table[parameter]
-            scale = scale_of(entry, np.asarray(theta[parameter])[:count]) / float(entry.to_si(1.0))
-            slope, jump = scale * slopes[name][:, k], scale * (slopes[name] - slopes[second])[:, k]
-            differs = np.abs(jump) > SAME * np.maximum(np.abs(slope), least)
-            contested |= differs & (gap < max(STENCIL) * asked.step * np.abs(jump))
-        slopes[name] = np.where(contested[:, None], np.nan, slopes[name])
+        gap = (columns[name] - columns[second])[:, None]
+        least = FLOOR * _outcome_scale(name, columns, system)[:, None]
+        slope, jump = scale * slopes[name], scale * (slopes[name] - slopes[second])
+        differs = np.abs(jump) > SAME * np.maximum(np.abs(slope), least)
+        contested = differs & (gap < max(STENCIL) * asked.step * np.abs(jump))
+        slopes[name] = np.where(contested, np.nan, slopes[name])
 
 
 def mask_rounding(slopes, columns, spec) -> None:
