@@ -35,7 +35,7 @@ def nearest(excess: Excess, given: np.ndarray, count: int, seed: int) -> np.ndar
     few are found that do, come nearest to meeting it."""
     inside = np.clip(given, 0, 1)
     # the nearer to the given point, the denser
-    draws = qmc.Sobol(len(given) + 1, seed=seed).random(AT_ONCE)
+    draws = qmc.Sobol(len(given) + 1, rng=seed).random(AT_ONCE)
     shares = inside + draws[:, :1] * (draws[:, 1:] - inside)
     shares[0] = inside
     rank = best_first(excess(shares), distance(shares, given))

@@ -82,7 +82,7 @@ def quieten(
     def price(share):
         value, slope, _ = noise(share)
         level = 2.0 if np.isnan(value) else value / before
-        paid = effort * distance(share, given), 2 * effort * (share - given)
+        paid = effort * float(distance(share, given)), 2 * effort * (share - given)
         return level + paid[0], slope / before + paid[1]
 
     shares, steps = search(price, box.starts(blade, starts, seed), 1e-6, most)

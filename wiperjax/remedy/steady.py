@@ -58,18 +58,18 @@ def stabilise(
     given, scale = box.shares_of(blade), max(abs(margin), 1.0)
 
     def excess(rate):
-        """How far a rate is above the demand, relative to it; what there is no steady slip for, is
-        farthest."""
+        """How far a rate is above the demand, relative to it; without steady slip, infinitely."""
         over = (np.asarray(rate) + margin) / scale - CLOSE
         return np.where(np.isnan(over), np.inf, over)
 
     def change(share):
-        return distance(share, given), 2 * (share - given)
+        return float(distance(share, given)), 2 * (share - given)
 
     def decay(share):
-        rate, slope = (np.asarray(x) for x in _rate(system, box, jnp.asarray(share)))
-        known = np.isfinite(rate)
-        return (-(rate + margin) / scale, -slope / scale) if known else (-1.0, 0 * given)
+        rate, slope = _rate(system, box, jnp.asarray(share))
+        if not np.isfinite(rate):
+            return -1.0, np.zeros(len(share))
+        return -(float(rate) + margin) / scale, -np.asarray(slope) / scale
 
     near = nearest(lambda shares: excess(_rates(system, box, shares)), given, starts, seed)
     ends, _ = search(change, near, 1e-9, 100, decay)

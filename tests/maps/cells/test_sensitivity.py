@@ -249,7 +249,7 @@ def test_the_runner_up_is_another_peak(heights, steps):
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         inside = value(np.linspace(low, high, 101))
         peak, best = jnp.asarray(inside.max()), totals.normal_force_max
-        hump, same = margins._passed(hump, inside[0], inside[-1], peak, best, True)
+        hump, same = margins._passed(hump, (inside[0], inside[-1]), peak, best, True)
         seconds = margins._beaten(seconds, totals, "normal_force_max", peak, ~same)
         totals = totals._replace(normal_force_max=jnp.maximum(best, peak))
     first, second = sorted(heights, reverse=True)[:2]

@@ -94,7 +94,7 @@ class Margins(AbstractObserver):
         seconds, humps = record.seconds, []
         names, peaks = ("normal_force_max", "gap_max"), extremes(stretch)
         for name, hump, peak, ends in zip(names, record.humps, peaks, _ends(stretch), strict=True):
-            hump, same = _passed(hump, *ends, peak, getattr(best, name), on)
+            hump, same = _passed(hump, ends, peak, getattr(best, name), on)
             seconds = _beaten(seconds, best, name, peak, on & ~same)
             humps.append(hump)
         totals = self.observer.stretch(record.totals, stretch)
@@ -142,10 +142,10 @@ def _ends(stretch) -> tuple:
     ]
 
 
-def _passed(hump: Hump, first, last, peak, best, on) -> tuple[Hump, Scalar]:
-    """Return the hump after a stretch from ``first`` over ``peak`` to ``last``, and whether it went
-    on that of the largest value so far, ``best``."""
-    first, last, peak = (stop_gradient(x) for x in (first, last, peak))
+def _passed(hump: Hump, ends, peak, best, on) -> tuple[Hump, Scalar]:
+    """Return the hump after a stretch between ``ends`` with the largest value ``peak``, and whether
+    it went on that of the largest value so far, ``best``."""
+    first, last, peak = (stop_gradient(x) for x in (*ends, peak))
     least = SLIGHT * jnp.maximum(jnp.abs(peak), jnp.abs(hump.last))
     goes_on = (jnp.abs(first - hump.last) <= least) & ~(hump.down & (peak - first > least))
     same = goes_on & hump.leads
