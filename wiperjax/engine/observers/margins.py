@@ -25,8 +25,8 @@ from .reversal import ReversalTotals
 from .totals import RegimeTotals, Totals
 
 # corners of the vector field and of the prescribed motion keep its value: no jump of a derivative
-SLIGHT = 1e-6  # of a value: what differs by less has neither jumped nor risen
 HARMLESS = (Event.NONE, Event.KINK, Event.BELT_REVERSAL, Event.BELT_KINK)
+SLIGHT = 1e-6  # of a value: what differs by less has neither jumped nor risen
 
 
 class Peaks(NamedTuple):
