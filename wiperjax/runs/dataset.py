@@ -33,7 +33,7 @@ OF_A_RUN = frozenset(
         *("Conventions", SYSTEM, "duration", "sample_interval", "initial_position"),
         *("initial_velocity", "max_steps", "solver", "rtol", "atol_position", "atol_velocity"),
         *("zeno_time", "steps", "rejected_steps", "unproved_steps", "result_message", "source"),
-        *("versions", "statistics_start"),
+        *("versions", "statistics_start", "max_step"),
     )
 )
 """Attributes of every run: a parameter of such a name is an attribute by another (`beside`)."""

@@ -70,6 +70,7 @@ def run_scene(
         atol=asked.atol,
         sample_interval=asked.sample_interval,
         max_steps=asked.max_steps,
+        max_step=asked.max_step,
         zeno_time=asked.zeno_time,
         observer=observer,
     )

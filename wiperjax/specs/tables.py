@@ -137,6 +137,7 @@ class SweepRun(Table):
         solver: Runge-Kutta method; left out: "dopri8", in single precision or with
             sensitivities "tsit5".
         max_steps: step budget of one cell; a cell that spends it gets that result code.
+        max_step: longest step [s]; left out: as long as the motion is smooth.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
         samples: of the settled window, at a first look; left out: as many as the highest squeal
             needs. Cells that they cannot tell the frequency of are looked at again.
@@ -152,6 +153,7 @@ class SweepRun(Table):
     precision: Literal["float64", "float32"] = "float64"
     solver: SolverName | None = None
     max_steps: int = 200_000
+    max_step: float | None = None
     zeno_time: float = 1e-8
     samples: int | None = None
     raster: int | None = None
@@ -176,6 +178,7 @@ class SceneRun(Table):
         rtol: relative tolerance of the integrator.
         solver: Runge-Kutta method.
         max_steps: step budget; left out: no end but that of the run.
+        max_step: longest step [s]; left out: as long as the motion is smooth.
     """
 
     duration: float
@@ -184,6 +187,7 @@ class SceneRun(Table):
     atol: float | None = None
     solver: SolverName = "tsit5"
     max_steps: int | None = None
+    max_step: float | None = None
     zeno_time: float = 1e-8
 
 
