@@ -232,6 +232,14 @@ def test_simulate(folder, stubs, capsys):
         assert run.position.shape == (3, 2)
 
 
+def test_a_window_too_short_for_the_flip_is_noted(folder, stubs, capsys):
+    belt = '[belt]\nkind = "wiping"\namplitude = 0.8\nfrequency = 5\n'
+    Path("s.toml").write_text(f"{SCENE}{belt}[classes]\nreversal_window = 0.02\n")
+    assert main(["simulate", "s.toml", "-o", "r.h5"]) == 0
+    note = "note: classes.reversal_window is 0.02 s, but the glass needs up to 0.028 s after V = 0"
+    assert capsys.readouterr().err.startswith(note)
+
+
 def test_ctrl_c_in_simulate(folder, stubs, capsys):
     stubs.error = KeyboardInterrupt()
     line = failed(capsys, main(["simulate", "scene.toml", "-o", "r.h5"]), 130)

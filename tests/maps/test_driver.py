@@ -220,6 +220,17 @@ def test_a_damaged_block_is_named_and_computed_again(tmp_path, caplog, damage):
     assert_same_map(path, spec)
 
 
+def test_notes_on_what_a_mapping_or_a_file_asks_are_logged(tmp_path, caplog):
+    """From Python nobody else says them; the command line shows those of its own file."""
+    asked = make_spec().document()
+    asked["axes"]["attack_angle"] = {"values": [-0.5, 0.5]}
+    driver.sweep(asked, evaluate=evaluate, progress=False)
+    note = "note: axes.attack_angle reaches 0.5 degrees only; it is not in radians"
+    assert caplog.messages == [note]
+    driver.sweep(parse_sweep(asked), evaluate=evaluate, progress=False)
+    assert len(caplog.messages) == 1
+
+
 def test_a_block_damaged_while_the_sweep_runs_stops_the_map_not_the_store(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
 

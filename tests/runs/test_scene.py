@@ -274,6 +274,23 @@ def test_reversal_file_has_its_pulse():
     assert float(found.normal_force_max_reversal) == pytest.approx(15.0, abs=0.05)
 
 
+FLIPS = {
+    "blade": {"attack_angle": 0, "mu_static": 0.6, "mu_minimum": 0.5, "support_damping": 40},
+    "belt": {"kind": "wiping", "amplitude": 0.8, "frequency": 5},
+    "run": {"duration": 0.825, "sample_interval": 2e-4},
+}
+
+
+def test_a_silent_blade_that_flips_over_is_quiet(caplog):
+    """On a quick belt the window around V = 0 was cut to 20 ms, and the flip, 28 ms, was called
+    chattering at the 13th multiple of the wiping frequency. A window that is too short is noted."""
+    assert words(assess(scene.run_scene(FLIPS)))["label"] == "quiet" and not caplog.messages
+    short = FLIPS | {"classes": {"reversal_window": 0.02}}
+    assert words(assess(scene.run_scene(short)))["label"] == "chattering"
+    (note,) = caplog.messages
+    assert note.startswith("note: classes.reversal_window is 0.02 s, but the glass needs up to")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("interval", "frequency"), [(2e-4, None), (5e-5, 3200.7)])
 def test_a_run_sampled_too_coarsely_does_not_say_what_it_seems(interval, frequency):

@@ -18,6 +18,11 @@ def print_plan(spec: Any, cores: int) -> None:
         unit = "" if known[name].edge_unit == "1" else f"{known[name].edge_unit} "
         print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit}({values.size} values)")
     print(f"{'cells':<17} {words(spec, cores)}")
+    print_notes(spec)
+
+
+def print_notes(spec: Any) -> None:
+    """What is allowed in a sweep or a scene, but rarely meant."""
     for note in spec.notes():
         print(f"note: {note}", file=sys.stderr)
 

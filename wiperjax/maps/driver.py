@@ -59,7 +59,7 @@ def sweep(
     Main arguments:
 
     - `spec`: the sweep: a `SweepSpec`, a mapping shaped like a sweep file, or the
-        path of one.
+        path of one; the notes of these two are logged as warnings.
     - `output`: HDF5 file to make; finished blocks are kept in `<output>.parts` until it is
         complete. None keeps everything in memory.
     - `resume`: go on with a sweep that was cut short, or mend its finished map that was damaged
@@ -180,11 +180,12 @@ def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
 
 
 def _sweep(spec: Any) -> Any:
-    """The sweep that `spec` is, names or describes."""
-    if isinstance(spec, str | os.PathLike):
-        return load_sweep(Path(spec))
-    if isinstance(spec, Mapping):
-        return parse_sweep(spec)
+    """The sweep that `spec` is, names or describes; its notes, if read only here."""
+    if isinstance(spec, str | os.PathLike | Mapping):
+        sweep = parse_sweep(spec) if isinstance(spec, Mapping) else load_sweep(Path(spec))
+        for note in sweep.notes():
+            log.warning("note: %s", note)
+        return sweep
     if not hasattr(spec, "axes_values"):
         must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
         raise ValueError(f"{must}, but was {checks.shown(spec)}")
