@@ -10,6 +10,7 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -71,7 +72,7 @@ def run(output: Path, kind: str, *, quick: bool = False, repeats: int = 3, say=p
         ready = list(pool.map(made, cases))
         right = dict(zip(variants, judgements, strict=True))
     calls = [Remembering(call) for call, _ in ready]
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "method": methods[variant].name,
             "rtol": RTOL[variant],
