@@ -129,6 +129,16 @@ def test_pecks_that_pile_up_end_with_a_code():
     assert "a stop" in held.attrs["result_message"]
 
 
+@pytest.mark.slow
+def test_blows_at_one_instant_have_piled_up_too():
+    """A short arm: the last of them are lower than a digit of the bird's angle."""
+    piled = simulated(0.5, bird_arm=0.0101)
+    assert int(piled.result) == Result.ZENO_UNRESOLVED
+    assert float(piled.final_time) == pytest.approx(0.1642754, abs=1e-6)
+    assert piled.event_kind[-1] == piled.event_kind[-20] == Event.BLOW
+    assert piled.event_time[-1] == piled.event_time[-20]
+
+
 def test_what_cannot_be_is_refused_in_one_line():
     for radius in (0.004, 0.0031):
         with pytest.raises(
