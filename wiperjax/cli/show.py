@@ -83,7 +83,11 @@ def plot(
     ] = None,
     component: Annotated[
         int | None,
-        typer.Option(min=0, help="Run: 0 along the glass, 1 normal to it.", show_default="0"),
+        typer.Option(
+            min=0,
+            help="Run: which coordinate; of a lip 0 along the glass, 1 normal to it.",
+            show_default="that of the contact",
+        ),
     ] = None,
     seconds: Annotated[
         float | None,

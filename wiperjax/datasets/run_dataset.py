@@ -104,12 +104,31 @@ def sample_interval(ds: xr.Dataset) -> float:
     return float(steps.mean())
 
 
+def contact_axis(ds: xr.Dataset) -> int | None:
+    """Number of the coordinate whose velocity is that of the contact point, which slides over its
+    partner; None where it is no coordinate's, as on the rim of a shaft, or nothing tells it.
+    """
+    if "slip_speed" not in ds:
+        return None
+    contact = np.asarray(ds["slip_speed"] + ds.get("belt_velocity", 0.0), dtype=float)
+    velocity = np.asarray(ds["velocity"].transpose("time", ...), dtype=float)
+    velocity = velocity.reshape(len(contact), -1)
+    room = 1e-9 * np.abs([contact.max(initial=0.0), contact.min(initial=0.0)]).max()
+    same = (np.abs(velocity - contact[:, None]) <= room).all(axis=0)
+    return int(same.argmax()) if same.any() else None
+
+
+def usual_axis(ds: xr.Dataset) -> int:
+    """Number of the coordinate that stands for a motion: the contact's, if it is one's."""
+    return contact_axis(ds) or 0
+
+
 def signal(
     ds: xr.Dataset, quantity: str | None = None, component: int | None = None
 ) -> xr.DataArray:
     """One number over time: a scalar quantity of a run, or one component of position or velocity
-    (the first, if None). Without either it is the velocity that the motion is judged by: that of
-    the tip along the glass, of a system of one's own its output.
+    (`usual_axis`, if None). Without either it is the velocity that the motion is judged by: that
+    of the tip along the glass, of a system of one's own its output.
 
     Raises: `ValueError` if the run has no such quantity or component.
     """
@@ -118,7 +137,7 @@ def signal(
     values = check_quantity(ds, quantity)
     if values.ndim == 1:
         return values
-    component = component or 0
+    component = usual_axis(ds) if component is None else component
     other = next(dim for dim in values.dims if dim != "time")
     if not 0 <= component < values.sizes[other]:
         raise ValueError(f"component must be 0 ... {values.sizes[other] - 1}, was {component}")
