@@ -1,4 +1,4 @@
-"""What a run consists of: regimes and events in time, a stretch of it, its settled half, its last
+"""What a run consists of: regimes and events in time, a stretch of it, its settled part, its last
 periods, its pitch.
 """
 
@@ -14,7 +14,7 @@ from ..vocabulary.cf import flag_names
 from ..vocabulary.thresholds import silence
 from ..vocabulary.wording import not_there
 
-FEWEST_PERIODS = 2  # in the settled half: less is no period
+FEWEST_PERIODS = 2  # in the settled part: less is no period
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
 
 
@@ -151,13 +151,19 @@ def is_steady(ds: xr.Dataset) -> bool:
 
 
 def settled(ds: xr.Dataset) -> xr.Dataset:
-    """Second half of a run on a steady belt; all of it on another."""
+    """A run on a steady belt after its transient, by which it is judged (`statistics_start`): where
+    none is stored, or it is longer, the second half. All of a run on another belt.
+    """
     time = np.asarray(ds["time"], dtype=float)
-    return between(ds, 0.5 * (time[0] + time[-1])) if is_steady(ds) and time.size >= 16 else ds
+    if not is_steady(ds) or time.size < 16:
+        return ds
+    begin = float(ds.attrs.get("statistics_start", np.inf))
+    known = np.count_nonzero(time >= begin) >= 8
+    return between(ds, begin if known else 0.5 * (time[0] + time[-1]))
 
 
 def pitch(ds: xr.Dataset) -> float:
-    """Dominant frequency (Hz) of what the motion is judged by, in the settled half.
+    """Dominant frequency (Hz) of what the motion is judged by, in the settled part.
 
     NaN if it is quiet or has no two periods there, or is too fast for its samples; and on a belt
     that is not steady: there the stroke itself is the strongest line.

@@ -43,8 +43,8 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     - `run`: a run of a scene file (`run_scene`, or a file of `wiperjax simulate`); its attributes
         tell the belt.
     - `thresholds`: `Thresholds`; None: those stored with the run.
-    - `transient`: time [s] that is left out; None: the first half on a steady belt, the first
-        eighth on one that reverses.
+    - `transient`: time [s] that is left out; None: what the engine left out (`statistics_start`),
+        of a run without that `usual_transient`.
 
     Returns: a dataset of scalars named as the columns of a map (`label` and the like hold codes,
     see `words`). Those of `GATHERED` are exact where the run was gathered from `transient` on
@@ -67,7 +67,8 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     if transient is not None:
         transient = checks.number("transient", transient, Range(0, end, high_open=True, unit="s"))
     else:
-        transient = usual_transient(float(run.attrs["duration"]), kind)
+        usual = usual_transient(float(run.attrs["duration"]), kind)
+        transient = float(run.attrs.get("statistics_start", usual))
     kept = run.sel(time=slice(transient, None))
     time = np.asarray(kept["time"], dtype=float)
     finished = int(run["result"]) == RESULTS["finished"]

@@ -160,7 +160,7 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             settled,
         ),
         "spectrum": Picture(
-            "spectrum of the settled half, with the bands of the classes",
+            "spectrum of the settled part, with the bands of the classes",
             lambda part, whole, **options: spectra.spectrum(part, **options),
             ("quantity", "component", *_TIMES),
             (),
