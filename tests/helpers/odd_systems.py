@@ -72,6 +72,14 @@ class Pulsed(own_systems.Oscillator):
     duration: float = parameter(3.0, "s", above=0)
 
 
+class Spelled(own_systems.Oscillator):
+    """Parameters that have the names of variables of branches and of modes."""
+
+    period: float = parameter(1.0, "s", above=0)
+    amplitude: float = parameter(1.0, "N", above=0)
+    frequency: float = parameter(1.0, "Hz", above=0)
+
+
 class Undefined(own_systems.Oscillator):
     """Its acceleration is no number from the start on."""
 
