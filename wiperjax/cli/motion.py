@@ -16,7 +16,7 @@ from .options import (
     check_output,
     configure,
 )
-from .tables import print_curves, print_special
+from .tables import print_curves, print_end, print_special
 
 
 def simulate(
@@ -42,6 +42,7 @@ def simulate(
         raise typer.Exit(INTERRUPTED) from None
     write_dataset(dataset, output, force)
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
+    print_end(dataset)
 
 
 def follow(

@@ -26,6 +26,7 @@ from .tables import (
     print_class,
     print_classes,
     print_curves,
+    print_end,
     print_events,
     print_sensitivities,
     print_special,
@@ -182,8 +183,9 @@ def listen(
         if not is_run(dataset):
             what = "is a map" if "label" in dataset else "holds no trajectory"
             raise StoreError(f"{file}: {what}; only a run can be heard ('wiperjax simulate')")
+        run = dataset.load()
         heard = sound(
-            dataset.load(),
+            run,
             quantity=quantity,
             reference=reference,
             start=start,
@@ -195,6 +197,7 @@ def listen(
     print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
     if warning := heard.warning():
         print(f"note: {warning}", file=sys.stderr)
+    print_end(run)
 
 
 def info(
