@@ -12,9 +12,7 @@ import scipy.integrate
 import scipy.optimize
 
 import wiperjax
-from wiperjax import plots
 from wiperjax.noise.run_class import GATHERED
-from wiperjax.plots.catalogue import draw, find
 from wiperjax.specs.errors import SpecError
 from wiperjax.store.whole import write_dataset
 from wiperjax.vocabulary.codes import LABELS
@@ -197,8 +195,6 @@ def test_a_bouncing_ball_swept_over_its_restitution_keeps_what_it_must():
     q, v = float(last.final_position[0]), float(last.final_velocity[0])
     assert gravity * q + v**2 / 2 == pytest.approx(gravity * height, rel=1e-9)
     assert "belt_speed_rms" not in ds and ds.attrs["class_quiet_velocity"] == 1e-6
-    draw(ds, "map", "regimes", find("map", "regimes", "map.h5"), "map.h5", {})  # without it, too
-    plots.regime_map(ds)
 
 
 @pytest.mark.slow
