@@ -11,6 +11,7 @@ from .options import (
     SOUND_SUFFIXES,
     STILL_SUFFIXES,
     Begin,
+    Component,
     Curves,
     End,
     Force,
@@ -82,14 +83,7 @@ def plot(
         str | None,
         typer.Option(metavar="NAME", help="Variable for history, spectrum, spectrogram, value."),
     ] = None,
-    component: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            help="Run: which coordinate; of a lip 0 along the glass, 1 normal to it.",
-            show_default="that of the contact",
-        ),
-    ] = None,
+    component: Component = None,
     seconds: Annotated[
         float | None,
         typer.Option(metavar="S", min=0.1, max=120, help="Animation: how long it plays (s)."),

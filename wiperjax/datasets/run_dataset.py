@@ -118,6 +118,11 @@ def contact_axis(ds: xr.Dataset) -> int | None:
     return int(same.argmax()) if same.any() else None
 
 
+def on_belt(ds: xr.Dataset) -> bool:
+    """Whether a coordinate slides on a belt, so that its velocity lies beside the belt's."""
+    return "belt_velocity" in ds and contact_axis(ds) is not None
+
+
 def usual_axis(ds: xr.Dataset) -> int:
     """Number of the coordinate that stands for a motion: the contact's, if it is one's."""
     return contact_axis(ds) or 0

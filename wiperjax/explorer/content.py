@@ -7,10 +7,10 @@ import numpy as np
 import xarray as xr
 
 from ..datasets.run_dataset import (
-    contact_axis,
     event_times,
     is_steady,
     last_periods,
+    on_belt,
     pitch,
     settled,
     signal,
@@ -86,11 +86,6 @@ def _words(run: xr.Dataset, values: xr.DataArray) -> str:
     return plain(quantity_words(run, values), 60)
 
 
-def _glass(part: xr.Dataset) -> bool:
-    """Whether the speed of the glass belongs beside the velocity that is shown."""
-    return "belt_velocity" in part and contact_axis(part) is not None
-
-
 def thinned(*curves: np.ndarray, most: int = MOST_POINTS, even: bool = True) -> np.ndarray:
     """Places of the samples that are drawn: of each stretch the least and the greatest of every
     curve, so that no peak is lost. The stretches are `even`, or so on a logarithmic axis.
@@ -125,7 +120,7 @@ def _history(content: Content, part: xr.Dataset) -> None:
     speed = orbit(part, usual_axis(part))[1]
     chosen = thinned(speed)
     content.columns["velocity"] = {"t": time[chosen], "v": speed[chosen]}
-    glass = shown(part["belt_velocity"])[0][chosen] if _glass(part) else speed[:0]
+    glass = shown(part["belt_velocity"])[0][chosen] if on_belt(part) else speed[:0]
     content.columns["glass"] = {"t": time[chosen][: glass.size], "v": glass}
     boxes: dict[str, list] = {"left": [], "right": [], "bottom": [], "top": [], "colour": []}
     for start, stop, shares in pieces(part):
@@ -162,7 +157,7 @@ def _portrait(content: Content, part: xr.Dataset) -> None:
         "v": [v[a:b] for a, b in spans],
         "colour": [REGIMES.get(names.get(int(codes[a]), ""), UNKNOWN) for a, _ in spans],
     }
-    steady = _glass(part) and is_steady(part)
+    steady = on_belt(part) and is_steady(part)
     glass = float(part["belt_velocity"][0]) if steady else np.nan
     content.ranges["position"], content.ranges["speed"] = with_room(x), with_room(v)
     ends = np.array(content.ranges["position"]) if steady else np.zeros(0)

@@ -51,14 +51,13 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
         check_over(stored)
         names.append(stored)
         variables[stored] = ("point", to_file(places[:, k]), attrs)
-    lyapunov = [each.test.get("bautin", np.nan) for each in facts]
     half = f"half the range of the {words['position']}"
     variables |= {
         "amplitude": ("point", [each.amplitude for each in facts], about(half, "m")),
         "period": ("point", [each.period for each in facts], about("period", "s")),
         "lyapunov": (
             "point",
-            np.array(lyapunov),
+            np.array([each.test.get("bautin", np.nan) for each in facts]),
             about("first Lyapunov coefficient of a Hopf point; above 0 the onset is hard", "1"),
         ),
         "row_size": (

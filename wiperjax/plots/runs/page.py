@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ...datasets.run_dataset import contact_axis, last_periods, regime_spans, settled, usual_axis
+from ...datasets.run_dataset import last_periods, on_belt, regime_spans, settled, usual_axis
 from ..style.axes import legend_below, page
 from ..style.caption import is_own, partner, set_caption, with_noise
 from ..style.palette import BELT
@@ -138,6 +138,6 @@ def _handles(part: xr.Dataset, whole: xr.Dataset) -> list:
             Line2D([], [], color="black", linestyle="solid", label="along the glass"),
             Line2D([], [], color="black", linestyle="dashed", label="normal to it"),
         ]
-    if "belt_velocity" in part and contact_axis(part) is not None:
+    if on_belt(part):
         handles.append(Line2D([], [], color=BELT, label=f"speed of the {partner(whole)}"))
     return handles
