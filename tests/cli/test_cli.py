@@ -52,6 +52,7 @@ class Stubs:
     def __init__(self, monkeypatch):
         self.calls = []
         self.error = None
+        self.run = xr.Dataset({"position": (("time", "axis"), np.zeros((3, 2)))})
         self.report = types.SimpleNamespace(
             cells=2,
             points=0,
@@ -102,7 +103,7 @@ class Stubs:
         self.calls.append(("simulate", spec))
         if self.error:
             raise self.error
-        return xr.Dataset({"position": (("time", "axis"), np.zeros((3, 2)))})
+        return self.run
 
     def plot_all(self, path, output, **options):
         self.calls.append(("plot_all", path, output, options))
@@ -238,6 +239,24 @@ def test_a_window_too_short_for_the_flip_is_noted(folder, stubs, capsys):
     assert main(["simulate", "s.toml", "-o", "r.h5"]) == 0
     note = "note: classes.reversal_window is 0.02 s, but the glass needs up to 0.028 s after V = 0"
     assert capsys.readouterr().err.startswith(note)
+
+
+def test_what_did_not_reach_its_end_is_said_by_all_that_write_it(folder, stubs, capsys):
+    time = np.arange(800) / 8000
+    speed = ("time", np.sin(5000 * time), {"units": "m/s"})
+    regime = ("time", np.ones(800, np.int8), {"flag_values": [1], "flag_meanings": "slip_pos"})
+    stubs.run = xr.Dataset(
+        {"velocity": speed, "position": speed, "regime": regime, "result": 5, "final_time": 0.1},
+        coords={"time": time},
+        attrs={"duration": 0.2, "result_message": "impacts accumulate"},
+    )
+    expected = "note: the run ended at 0.1 of 0.2 s, zeno_unresolved: impacts accumulate\n"
+    for command in ("simulate scene.toml -o r.h5", "listen r.h5", "export r.h5 -o r.csv"):
+        assert main(command.split()) == 0
+        said = capsys.readouterr().err
+        assert said.endswith(expected) and said.count("the run ended") == 1, command
+    stubs.run["result"] = 0
+    assert main("simulate scene.toml -o s.h5".split()) == 0 and not capsys.readouterr().err
 
 
 def test_ctrl_c_in_simulate(folder, stubs, capsys):

@@ -30,6 +30,7 @@ from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
 from wiperjax.plots.maps.numbers import TONE
 from wiperjax.plots.runs.levels import Levels
+from wiperjax.runs.scene import transient_of
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
 from wiperjax.vocabulary.codes import LABELS
@@ -199,6 +200,7 @@ def test_the_scene_of_a_cell_is_a_scene_file_of_its_parameters(whole):
     stated = parse_scene(scene).parameters()
     assert {name: float(value) for name, value in cell.items()} == pytest.approx(stated, rel=1e-15)
     assert parse_scene(scene).run.solver == whole.spec.settings.solver
+    assert transient_of(parse_scene(scene)) == whole.spec.run.transient  # judged as in the map
 
 
 def test_a_box_is_finer_and_lies_where_it_was_dragged(whole):
@@ -426,9 +428,7 @@ def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch)
 def test_all_cells_of_a_map_are_asked_of_one_program(whole, monkeypatch):
     asked = []
     failed = {"result": 1}
-    monkeypatch.setattr(
-        cells, "run_scene", lambda _, varied, transient: asked.append(varied) or failed
-    )
+    monkeypatch.setattr(cells, "run_scene", lambda _, varied: asked.append(varied) or failed)
     cells.simulated(whole, scene_of(whole, motion.first_place(whole)))
     assert asked == [whole.dims]
     assert whole.ds["attack_angle"][motion.first_place(whole)["attack_angle"]] == 0  # the middle

@@ -87,6 +87,14 @@ class Struck(own_systems.Oscillator):
         return (0.0,), (0.2,)
 
 
+class Spelled(own_systems.Oscillator):
+    """Parameters that have the names of variables of branches and of modes."""
+
+    period: float = parameter(1.0, "s", above=0)
+    amplitude: float = parameter(1.0, "N", above=0)
+    frequency: float = parameter(1.0, "Hz", above=0)
+
+
 class Undefined(own_systems.Oscillator):
     """Its acceleration is no number from the start on."""
 

@@ -333,3 +333,7 @@ def test_what_has_no_modes_is_one_line():
         wiperjax.modes(wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.0)))
     with pytest.raises(ValueError, match=r"^spec must be a sweep, or a mapping"):
         wiperjax.modes_over(3)
+    named = {name: SWEEP[name] for name in ("run", "classes")}
+    named |= {"system": "odd_systems:Spelled", "axes": {"frequency": {"values": [1.0, 2.0]}}}
+    with pytest.raises(ValueError, match=r"^axes must .* modes .*, but had 'frequency': rename"):
+        wiperjax.modes_over(named)

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 import wiperjax
 from wiperjax import Result
+from wiperjax.noise.run_class import assess
 from wiperjax.runs.dataset import OF_A_RUN
 
 CLASSES = {"squeal_band": [0.2, 1.0], "chatter_band": [0.0, 0.2]}
@@ -63,3 +64,22 @@ def test_a_sweep_takes_the_longest_step_of_its_file():
     run = wiperjax.simulate(odd_systems.Struck(), 60.0, max_step=0.1)
     away = float(run.event_time[1] - run.event_time[0]) / 40.0
     np.testing.assert_allclose(found.stick_fraction, [1 - away, 1.0], atol=1e-7)
+
+
+def test_a_slip_costs_what_it_costs_without_a_belt_too():
+    """A block that is dragged to and fro over the ground, and judged by what drags it: work is that
+    of its own slip, by the samples as by the engine."""
+    run = wiperjax.run_scene(
+        {
+            "system": "own_systems:Pulled",
+            "run": {"duration": 120.0, "sample_interval": 0.002},
+            "classes": CLASSES | {"quiet_velocity": 1e-3},
+        }
+    )
+    exact = float(run["energy_per_slip"])
+    assert exact > 0.5  # J
+    assert float(assess(run)["energy_per_slip"]) == exact
+    again = assess(run, transient=61.0)  # not gathered from there on
+    assert float(again["slip_rate"]) == pytest.approx(2 / (2 * np.pi), rel=0.1)
+    assert float(again["energy_per_slip"]) == pytest.approx(exact, rel=0.06)
+    assert np.isnan(assess(run.drop_vars("slip_speed"), transient=61.0)["energy_per_slip"])

@@ -16,7 +16,7 @@ from .options import (
     check_output,
     configure,
 )
-from .tables import print_curves, print_notes, print_special
+from .tables import print_curves, print_end, print_notes, print_special
 
 
 def simulate(
@@ -43,6 +43,7 @@ def simulate(
         raise typer.Exit(INTERRUPTED) from None
     write_dataset(dataset, output, force)
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
+    print_end(dataset)
 
 
 def follow(

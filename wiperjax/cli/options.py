@@ -31,6 +31,14 @@ SweptModel = Annotated[
 ]
 Begin = Annotated[float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")]
 End = Annotated[float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")]
+Component = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        help="Run: which coordinate; of a lip 0 along the glass, 1 normal to it.",
+        show_default="that of the contact",
+    ),
+]
 Curves = Annotated[
     Path | None,
     typer.Option(metavar="BRANCH.h5", help="Map: draw these curves over it ('follow --second')."),

@@ -81,6 +81,17 @@ def print_class(run: Any) -> None:
     print(f"{'frequency':<12}{pitch}")
 
 
+def print_end(run: Any) -> None:
+    """A note if a run did not reach its end, and why; nothing else."""
+    from ..vocabulary.codes import Result
+
+    result = Result(int(run.get("result", Result.FINISHED)))
+    if result != Result.FINISHED:
+        where = f"{float(run['final_time']):.4g} of {float(run.attrs['duration']):.4g} s"
+        words = f"{result.name.lower()}: {run.attrs['result_message']}"
+        print(f"note: the run ended at {where}, {words}", file=sys.stderr)
+
+
 def print_attributes(dataset: Any) -> None:
     """How a file was made; texts of several lines indented."""
     print()

@@ -91,7 +91,7 @@ def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> 
         return '<p class="note">No sound: its motions are too slow to be heard.</p>'
     try:
         heard = sound(run, reference=reference, seconds=seconds)
-    except ValueError:  # no whole period in the settled half
+    except ValueError:  # no whole period in the settled part
         try:
             heard = sound(run, reference=reference)
         except ValueError as error:

@@ -8,6 +8,7 @@ import os
 import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -145,7 +146,8 @@ def _onto_disk(
             )
         host = task.workers.host if task.workers is not None else None
         made = _made(known) | provenance.record(task.command, 0.0, host)
-        finalize(store, output, made, lambda: provenance.phase_times(task.spent))
+        times = partial(provenance.phase_times, task.spent)
+        finalize(store, output, made | times(), times)
     return open_map(output)
 
 

@@ -33,7 +33,6 @@ def run_scene(
     spec: SceneSpec | Mapping[str, Any] | str | os.PathLike,
     *,
     varied: Iterable[str] = (),
-    transient: float | None = None,
 ) -> xr.Dataset:
     """Return the trajectory of a scene file, labelled as `simulate` does.
 
@@ -41,9 +40,8 @@ def run_scene(
     notes of these two are logged as warnings). Its attributes are those of the file: title, text,
     and all parameters in the units of files (angles in degrees; ``parameter_units`` says so).
     ``varied``: parameters that other scenes have other values of; one that is 0 here is then
-    computed with, not left out, so that all have one compiled program. ``transient``: time [s] from
-    which the engine gathers statistics, which are in the run as scalars (default: what `assess`
-    leaves out; of another time it has samples only).
+    computed with, not left out, so that all have one compiled program. After its transient
+    (`transient_of`) the engine gathers statistics, which are in the run as scalars.
 
     Raises ValueError for anything else, and for a start that is impossible for these parameters.
     """
@@ -58,8 +56,7 @@ def run_scene(
             "start.equilibrium must be left out: with these parameters no steady slip exists"
         )
     asked, limits, belt = spec.run, spec.thresholds(), belt_of(built.system)
-    if transient is None:
-        transient = usual_transient(asked.duration, spec.belt_kind or "")
+    transient = transient_of(spec)
     observer = RegimeTotals(transient)
     if not isinstance(belt, SteadyBelt | None):
         observer = ReversalTotals(transient, limits.reversal_window)
@@ -89,6 +86,13 @@ def run_scene(
         **provenance.record(None, time.perf_counter() - begun),
     }
     return ds.assign_attrs(beside(stated) | cf.plain_attributes(attrs))
+
+
+def transient_of(spec: SceneSpec) -> float:
+    """Return the time [s] from which on the motion of a scene is judged."""
+    if spec.run.transient is not None:
+        return spec.run.transient
+    return usual_transient(spec.run.duration, spec.belt_kind or "")
 
 
 def _system(spec: SceneSpec) -> dict[str, str]:

@@ -78,13 +78,15 @@ def simulate(
 
     **Returns** a dataset with the dimensions ``time`` (samples up to the end reached), ``axis``
     (coordinates of the system) and ``event``: ``position``, ``velocity``, ``regime``,
-    ``normal_force``, ``friction_force`` and, of a wiper, ``belt_velocity``; ``event_time``,
-    ``event_kind``, ``regime_before``,
-    ``regime_after``, ``event_impulse``; ``final_time``, ``final_position``, ``final_velocity``,
-    ``final_regime``; ``result``. A sample at the very instant of an event shows the motion before
-    it. Attributes hold the parameters of the system (SI units, radians), the tolerances, the
-    solver's statistics, and ``result_message``, what the result means. A numerical failure is no
-    exception: the trajectory ends there, and ``result`` says why.
+    ``normal_force``, ``friction_force``; with a belt ``belt_velocity``; with friction
+    ``slip_speed``, that of the contact over its partner; of a system that is no blade ``output``,
+    the velocity it is judged by, and of one that can lift off its ``gap``; ``event_time``,
+    ``event_kind``, ``regime_before``, ``regime_after``, ``event_impulse``; ``final_time``,
+    ``final_position``, ``final_velocity``, ``final_regime``; ``result``. A sample at the very
+    instant of an event shows the motion before it. Attributes hold the parameters of the system (SI
+    units, radians), the tolerances, the solver's statistics, and ``result_message``, what the
+    result means. A numerical failure is no exception: the trajectory ends there, and ``result``
+    says why.
 
     **Raises** `ValueError` for arguments that cannot be meant, or an initial state that is
     impossible (the contact point inside its partner; no finite force that could hold it).

@@ -174,6 +174,8 @@ class SceneRun(Table):
 
     Attributes:
         duration: time [s] that is computed.
+        transient: time [s] that class, statistics and spectrum leave out; left out: half of the
+            duration, on a belt that turns an eighth.
         sample_interval: time [s] between samples; left out: 1/2000 of the duration.
         rtol: relative tolerance of the integrator.
         solver: Runge-Kutta method.
@@ -182,6 +184,7 @@ class SceneRun(Table):
     """
 
     duration: float
+    transient: float | None = None
     sample_interval: float | None = None
     rtol: float = 1e-8
     atol: float | None = None
@@ -189,6 +192,13 @@ class SceneRun(Table):
     max_steps: int | None = None
     max_step: float | None = None
     zeno_time: float = 1e-8
+
+    @model_validator(mode="after")
+    def _leaves_something(self) -> "SceneRun":
+        if self.transient is not None and not self.transient < self.duration:
+            must = f"must be below run.duration, {self.duration:g} s"
+            raise Fault("transient", f"{must}, was {self.transient:g}")
+        return self
 
 
 class Start(Table):
