@@ -363,6 +363,10 @@ def test_the_command_line_alone_imports_nothing_heavy():
             "sweep s.toml -o m.h5 --target-error 1e-3 --sensitivities",
             "s.toml: --target-error 0.001 does not go with derivatives: run.precision: must be",
         ),
+        (
+            "sweep own.toml -o m.h5 --target-error 1e-3",
+            "own.toml: --target-error must be left out with system = 'oscillator'",
+        ),
         ("simulate s.toml -o r.h5", "s.toml: has [axes], so it is a sweep"),
         ("simulate scene.toml -o there.h5", "there.h5: exists already; use --force"),
         ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
@@ -382,6 +386,8 @@ def test_the_command_line_alone_imports_nothing_heavy():
 def test_refused_before_any_work(words, line, folder, stubs, capsys):
     Path("typo.toml").write_text("[blade]\nmu_statik = 1\n" + SWEEP)
     Path("slopes.toml").write_text(SWEEP + "[sensitivities]\n")
+    own = 'system = "oscillator"\n' + SWEEP.replace("attack_angle", "mass").replace("-30", "1")
+    Path("own.toml").write_text(own)
     Path("there.h5").write_bytes(b"precious")
     Path("drawn.png").write_bytes(b"precious")
     Path("folder.h5").mkdir()

@@ -210,7 +210,11 @@ def at_error(spec: Any, target: float, file: Path) -> Any:
     """Return the sweep with the settings that `accuracy.choose` picks; say which."""
     from ..maps.accuracy import choose
     from ..specs.errors import SpecError
+    from ..vocabulary.kinds import WIPER
 
+    if spec.system != WIPER:
+        why = f"system = {spec.system!r}: errors were measured on lips"
+        raise ValueError(f"{file}: --target-error must be left out with {why}")
     for key in ("solver", "precision", "rtol", "atol"):
         if key in spec.run.model_fields_set:
             raise ValueError(
