@@ -1,6 +1,7 @@
 """Maps that are explored: read plane by plane, and refused where they are none."""
 
 import json
+import re
 import threading
 import tomllib
 from dataclasses import replace
@@ -20,6 +21,7 @@ from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import thinned
 from wiperjax.explorer.explored import EVERY, explored, open_explored, plain
 from wiperjax.explorer.map_panel import MapPanel
+from wiperjax.explorer.numbers import table
 from wiperjax.explorer.page import Page
 from wiperjax.explorer.scale import NOTHING, painted
 from wiperjax.explorer.spectrogram import level_images
@@ -32,7 +34,7 @@ from wiperjax.plots.maps.numbers import TONE
 from wiperjax.plots.runs.levels import Levels
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
-from wiperjax.vocabulary.codes import LABELS
+from wiperjax.vocabulary.codes import LABELS, Result
 
 
 @pytest.fixture(scope="module")
@@ -276,6 +278,21 @@ def test_a_box_of_one_axis_is_one_block(line):
     np.testing.assert_allclose(spec.axes_values()["belt_speed"][[0, -1]], values[[1, 3]])
     found = compute(spec, lambda *counts: None, threading.Event(), evaluate)
     assert found.plane_axes() == ("belt_speed", "")
+
+
+@pytest.mark.parametrize(
+    ("label", "result"), [("quiet", Result.FINISHED), ("collapsed", Result.COLLAPSED)]
+)
+def test_a_cell_is_told_alike_by_its_run_and_by_the_map(whole, label, result):
+    """Rounding has no tone, whatever is measured in it; what ended early has a class alone."""
+    attrs = {"steps": 1, "rejected_steps": 0, "result_message": ""}
+    run = xr.Dataset({"result": int(result)}, attrs=attrs)
+    stored = {"label": LABELS[label]}
+    told = stored | {"dominant_frequency": 1057.8} if label == "quiet" else {}
+    rows = table(run, told, told or stored, whole.ds)
+    for name, says in (("label", label), ("dominant_frequency", "-")):
+        row = re.search(rf'<tr data-name="{name}">.*?</tr>', rows)[0]
+        assert re.findall(r'<td class="(?:here|map)">(.*?)</td>', row) == [says, says]
 
 
 @pytest.mark.parametrize(("columns", "inner"), [(1, 0), (2, 0), (9, 7), (900, 400)])

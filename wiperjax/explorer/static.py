@@ -200,4 +200,5 @@ def _page(explored, axes, panel, motion, chosen, states, places, motions) -> Doc
     document.title = plain(f"wiperjax explore: {explored.name}")
     panel.listen(document)
     document.js_on_event("document_ready", show)
+    motion.listen(document)
     return document
