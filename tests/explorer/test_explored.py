@@ -15,10 +15,10 @@ from bokeh.document import Document
 from stub_sweep import evaluate, make_spec
 
 from wiperjax.cli import main
-from wiperjax.explorer import cells, motion
+from wiperjax.explorer import cells, motion, static
 from wiperjax.explorer.box import BLOCK, FEWEST, MOST, Boxes, _finer, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
-from wiperjax.explorer.content import thinned
+from wiperjax.explorer.content import content_of, thinned
 from wiperjax.explorer.explored import EVERY, explored, open_explored, plain
 from wiperjax.explorer.map_panel import MapPanel
 from wiperjax.explorer.numbers import table
@@ -32,6 +32,7 @@ from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
 from wiperjax.plots.maps.numbers import TONE
 from wiperjax.plots.runs.levels import Levels
+from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
 from wiperjax.vocabulary.codes import LABELS, Result
@@ -429,6 +430,23 @@ def test_a_file_for_a_browser_takes_cells_of_the_map_only(whole, tmp_path):
         with pytest.raises(ValueError, match=says):
             write_static(whole, tmp_path / "page.html", [cell])
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_for_a_browser_leaves_out_what_cannot_be_shown(whole, tmp_path, monkeypatch, caplog):
+    """A lip that collapses at once has too few samples for a spectrum: the others are kept."""
+    known = []
+
+    def shown(explored_, place, **options):
+        known.append(place)
+        if len(known) == 1:
+            raise ValueError("a spectrum must be of 0.0002 s or more")
+        return content
+
+    scene = {"blade": {"attack_angle": 5.0}, "run": {"duration": 0.02}}
+    content = content_of(run_scene(parse_scene(scene)))
+    monkeypatch.setattr(static, "motion_of", shown)
+    assert write_static(whole, tmp_path / "page.html", [{}, {}, {}]) == 2
+    assert "cell 1 is left out: a spectrum must be of 0.0002 s or more" in caplog.text
 
 
 def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch):
