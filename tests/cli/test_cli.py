@@ -224,6 +224,33 @@ def test_ctrl_c_says_how_to_resume(folder, stubs, capsys):
     assert files(folder) == ["s.toml", "scene.toml"]
 
 
+def test_ctrl_c_beside_the_blocks_says_how_to_go_on_where_anything_is_kept(folder, stubs, capsys):
+    stubs.error = KeyboardInterrupt()
+    assert failed(capsys, main(["sweep", "s.toml", "-o", "m.h5"]), 130) == "wiperjax: interrupted"
+    Path("m.h5.parts").mkdir()
+    assert main(["sweep", "s.toml", "-o", "m.h5", "--model", "bar"]) == 130
+    first, again = capsys.readouterr().err.splitlines()
+    assert first == "wiperjax: interrupted: what is finished is kept in m.h5.parts; go on with"
+    assert again.split() == "wiperjax sweep s.toml -o m.h5 --model bar --resume".split()
+
+
+def test_ctrl_c_in_a_refinement_says_how_to_go_on(folder, monkeypatch, capsys):
+    def stopped(path, **options):
+        Path("m.h5.refine").mkdir()
+        raise KeyboardInterrupt
+
+    words = ["refine", "m.h5", "--levels", "2"]
+    module = types.ModuleType("wiperjax.maps.refine.driver")
+    module.refine = stopped
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(sys, "argv", ["wiperjax", *words])
+    whole.write_dataset(small_map(), "m.h5")
+    assert main(words) == 130
+    first, again = capsys.readouterr().err.splitlines()
+    assert first == "wiperjax: interrupted: what is finished is kept in m.h5.refine; go on with"
+    assert again.split() == ["wiperjax", *words]
+
+
 def test_simulate(folder, stubs, capsys):
     assert main(["simulate", "scene.toml", "-o", "r.h5"]) == 0
     assert stubs.calls[0] == ("configure", 1)
@@ -390,6 +417,10 @@ def test_the_command_line_alone_imports_nothing_heavy():
             "sweep s.toml -o m.h5 --target-error 1e-3 --sensitivities",
             "s.toml: --target-error 0.001 does not go with derivatives: run.precision: must be",
         ),
+        (
+            "sweep own.toml -o m.h5 --target-error 1e-3",
+            "own.toml: --target-error must be left out with system = 'oscillator'",
+        ),
         ("simulate s.toml -o r.h5", "s.toml: has [axes], so it is a sweep"),
         ("simulate scene.toml -o there.h5", "there.h5: exists already; use --force"),
         ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
@@ -409,6 +440,8 @@ def test_the_command_line_alone_imports_nothing_heavy():
 def test_refused_before_any_work(words, line, folder, stubs, capsys):
     Path("typo.toml").write_text("[blade]\nmu_statik = 1\n" + SWEEP)
     Path("slopes.toml").write_text(SWEEP + "[sensitivities]\n")
+    own = 'system = "oscillator"\n' + SWEEP.replace("attack_angle", "mass").replace("-30", "1")
+    Path("own.toml").write_text(own)
     Path("there.h5").write_bytes(b"precious")
     Path("drawn.png").write_bytes(b"precious")
     Path("folder.h5").mkdir()

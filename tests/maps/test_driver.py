@@ -4,7 +4,9 @@ import logging
 import os
 import random
 import re
+import signal
 import time
+import weakref
 
 import h5py
 import numpy as np
@@ -190,6 +192,26 @@ def damage_by_cut(file):
 
 def damage_by_emptying(file):
     os.truncate(file, 0)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_ctrl_c_that_a_callback_drops_is_heeded_after_the_block(tmp_path):
+    def pressed(spec, index, *look):
+        if index[0] == BLOCK:
+            dropped = weakref.WeakSet()  # any object
+            ended = weakref.ref(dropped, lambda _: signal.raise_signal(signal.SIGINT))
+            del dropped  # Python ignores what this callback raises
+            assert ended() is None
+        return evaluate(spec, index)
+
+    path = tmp_path / "map.h5"
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
+    try:
+        with pytest.raises(driver.SweepInterrupted, match=r"100 of 385 cells are kept"):
+            driver.sweep(make_spec(), path, evaluate=pressed, block=BLOCK, progress=False)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 @pytest.mark.parametrize("damage", [damage_by_flip, damage_by_cut, damage_by_emptying])

@@ -18,6 +18,7 @@ import xarray as xr
 from ..datasets import map_dataset
 from ..machine import provenance
 from ..machine.files import StoreError, check_move, check_output, log
+from ..machine.interrupt import heeded
 from ..machine.phases import Account, account, during
 from ..specs.load import load_sweep, parse_sweep
 from ..store.blocks import BlockStore
@@ -176,7 +177,8 @@ def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
     """Computes what a store lacks. Raises: `SweepInterrupted` on Ctrl-C, with the `hint`."""
     with Report(store.cells, title=task.spec.title, show=task.progress) as report:
         try:
-            _compute(task, store, report)
+            with heeded() as check:
+                _compute(task, store, report, check)
         except KeyboardInterrupt:
             raise SweepInterrupted(hint()) from None
 
@@ -194,8 +196,8 @@ def _sweep(spec: Any) -> Any:
     return spec
 
 
-def _compute(task: Task, store: BlockStore, report: Report) -> None:
-    """Computes and stores every block that is not done."""
+def _compute(task: Task, store: BlockStore, report: Report, check: Callable[[], None]) -> None:
+    """Computes and stores every block that is not done; `check` is called after each."""
     done = store.done()
     for number in np.flatnonzero(done):
         found = store.read(int(number), ("label", "result"))
@@ -208,6 +210,7 @@ def _compute(task: Task, store: BlockStore, report: Report) -> None:
     spans = {int(number): store.span(int(number)) for number in np.flatnonzero(~done)}
     for block in _computed(task, spans, report):
         store.write(block.number, block.columns, block.seconds)
+        check()
 
 
 def _computed(task: Task, spans: Spans, report: Report) -> Iterator[Block]:

@@ -82,13 +82,18 @@ def beside(found: xr.Dataset, simulated: xr.Dataset) -> xr.Dataset:
     """Return modes of a sweep with the variable ``verdict`` (`VERDICTS`): what the linear test says
     of each cell, beside the class in the map of the same sweep.
 
-    Raises ValueError for a map of other axes, or of several starts.
+    Raises ValueError for a map of other axes or values of these, or of several starts.
     """
     names = tuple(str(name) for name in found["growth_rate"].dims)
     label = simulated["label"]
-    if set(label.dims) != set(names) or any(label.sizes[n] != found.sizes[n] for n in names):
+    if set(label.dims) != set(names):
         must = f"must be over {', '.join(names)}, with one start a cell"
         raise ValueError(f"the map {must}, was over {', '.join(map(str, label.dims))}")
+    for name in names:  # cells are paired by their place
+        axis, own = found[name].values, label[name].values
+        if axis.shape != own.shape or not np.allclose(axis, own, rtol=1e-12, atol=0):
+            must = "must be those of its sweep, in the same order"
+            raise ValueError(f"the map's values of {name} {must}, were others")
     label = np.asarray(label.transpose(*names))
     grows, told = np.asarray(found["growth_rate"]) > 0, np.asarray(found["exists"]) > 0
     told &= ~np.isin(label, [LABELS["failed"], LABELS["collapsed"], -1])
