@@ -71,7 +71,7 @@ def run(output: Path, kind: str, *, quick: bool = False, repeats: int = 3, say=p
         judgements = pool.map(judge, variants)
         ready = list(pool.map(made, cases))
         right = dict(zip(variants, judgements, strict=True))
-    calls = [Remembering(call) for call, _ in ready]
+    calls: list[Any] = [Remembering(call) for call, _ in ready]
     rows: list[dict[str, Any]] = [
         {
             "method": methods[variant].name,
