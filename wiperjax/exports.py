@@ -12,16 +12,16 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from .datasets.run_dataset import is_run, sample_interval
+from .datasets.run_dataset import contact_axis, is_run, sample_interval
 from .machine.files import check_output, replacing
 from .vocabulary import checks
 
 QUANTITIES = (
-    *("position", "velocity", "output", "normal_force", "friction_force"),
-    *("belt_velocity", "regime"),
+    *("position", "velocity", "output", "gap", "normal_force", "friction_force"),
+    *("slip_speed", "belt_velocity", "regime"),
 )
-UFF_TYPE = {"position": 8, "velocity": 11, "output": 11, "normal_force": 9, "friction_force": 9,
-            "belt_velocity": 11}  # fmt: skip
+UFF_TYPE = {"position": 8, "velocity": 11, "output": 11, "gap": 8, "normal_force": 9,
+            "friction_force": 9, "slip_speed": 11, "belt_velocity": 11}  # fmt: skip
 """Specific data type of dataset 58: 8 displacement, 9 excitation force, 11 velocity."""
 
 
@@ -32,7 +32,8 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     - `.csv`: a line for each sample, `time (s)` first; the regime by its code.
     - `.mat`: a variable for each quantity, `(samples,)`, those of the events, and `units`.
     - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced), each
-        coordinate of a system of one's own a point of its own; of modes
+        coordinate of a system of one's own a point of its own, and what is of the contact at that
+        of its coordinate, or at one more where it is none's; of modes
         (`wiperjax.modes`), which need this ending, a dataset 55 for each mode.
 
     Raises: `ValueError` for what is neither, another ending, or (UFF) samples that are not evenly
@@ -104,15 +105,18 @@ def _uff(run: xr.Dataset, path: Path) -> None:
     time = found.pop("time")[0]
     title = str(run.attrs.get("title", "")) or "run of wiperjax"
     axes = [str(axis) for axis in run["axis"].values] if "axis" in run else []
+    # as of modes: of x and y one point, else a point for each coordinate
+    plane, contact = {*axes} <= {"x", "y"}, contact_axis(run)
+    nodes = {axis: 1 if plane else number for number, axis in enumerate(axes, 1)}
+    there = 1 if plane else 1 + (len(axes) if contact is None else contact)
     sets = []
     for name, (values, unit) in found.items():
         base = next((base for base in UFF_TYPE if name == base or name.startswith(f"{base}_")), "")
         if not base:
             continue
         axis = name.removeprefix(f"{base}_")
-        direction = 2 if axis == "y" or name == "normal_force" else 1
-        # as of modes: of x and y one point, else a point for each coordinate
-        node = axes.index(axis) + 1 if axis in axes and not {*axes} <= {"x", "y"} else 1
+        direction = 2 if axis == "y" or name in ("normal_force", "gap") else 1
+        node = nodes.get(axis, there)
         sets.append(
             {
                 "type": 58, "func_type": 1, "rsp_node": node, "rsp_dir": direction,

@@ -126,7 +126,7 @@ def sound(
         `normal_force`. The mean is taken off: it cannot be heard.
     - `reference`: value at full scale; 1 m/s or 20 N/m if None.
     - `start`, `stop`: part of the run (s).
-    - `seconds`: length of the sound; whole periods of the settled half (on a wiping belt: of the
+    - `seconds`: length of the sound; whole periods of the settled part (on a wiping belt: of the
         belt) are repeated until it is reached. None: the run, once.
 
     Raises: `ValueError` for another quantity, a reference or length that is not positive, a run

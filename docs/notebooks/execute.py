@@ -2,8 +2,8 @@
 
     .venv/bin/python docs/notebooks/execute.py [NAME.ipynb ...]      # extra `docs`; all by default
 
-Each notebook keeps a digest of the code that its outputs are from, so that a test can tell when a
-cell was changed and not run again.
+Each notebook keeps a digest of the code that its outputs are from, and of the measured table that
+it tells of, so that a test can tell when one was changed and the notebook not run again.
 """
 
 import hashlib
@@ -12,11 +12,16 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+TABLE = Path(__file__).parents[2] / "wiperjax" / "maps" / "accuracy_table.json"
+
 
 def digest(cells: list[Any]) -> str:
-    """SHA-256 of the code of a notebook's cells, in order; a source may be text or lines."""
+    """SHA-256 of the code of a notebook's cells, in order, and of the table of accuracies if that
+    is asked; a source may be text or lines."""
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    return hashlib.sha256("\0".join(code).encode()).hexdigest()
+    asked = any("accuracy.choose" in source for source in code)
+    texts = [*code, TABLE.read_text()] if asked else code
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
 
 
 def execute(path: Path) -> None:

@@ -52,6 +52,7 @@ class Stubs:
     def __init__(self, monkeypatch):
         self.calls = []
         self.error = None
+        self.run = xr.Dataset({"position": (("time", "axis"), np.zeros((3, 2)))})
         self.report = types.SimpleNamespace(
             cells=2,
             points=0,
@@ -102,7 +103,7 @@ class Stubs:
         self.calls.append(("simulate", spec))
         if self.error:
             raise self.error
-        return xr.Dataset({"position": (("time", "axis"), np.zeros((3, 2)))})
+        return self.run
 
     def plot_all(self, path, output, **options):
         self.calls.append(("plot_all", path, output, options))
@@ -223,6 +224,33 @@ def test_ctrl_c_says_how_to_resume(folder, stubs, capsys):
     assert files(folder) == ["s.toml", "scene.toml"]
 
 
+def test_ctrl_c_beside_the_blocks_says_how_to_go_on_where_anything_is_kept(folder, stubs, capsys):
+    stubs.error = KeyboardInterrupt()
+    assert failed(capsys, main(["sweep", "s.toml", "-o", "m.h5"]), 130) == "wiperjax: interrupted"
+    Path("m.h5.parts").mkdir()
+    assert main(["sweep", "s.toml", "-o", "m.h5", "--model", "bar"]) == 130
+    first, again = capsys.readouterr().err.splitlines()
+    assert first == "wiperjax: interrupted: what is finished is kept in m.h5.parts; go on with"
+    assert again.split() == "wiperjax sweep s.toml -o m.h5 --model bar --resume".split()
+
+
+def test_ctrl_c_in_a_refinement_says_how_to_go_on(folder, monkeypatch, capsys):
+    def stopped(path, **options):
+        Path("m.h5.refine").mkdir()
+        raise KeyboardInterrupt
+
+    words = ["refine", "m.h5", "--levels", "2"]
+    module = types.ModuleType("wiperjax.maps.refine.driver")
+    module.refine = stopped
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(sys, "argv", ["wiperjax", *words])
+    whole.write_dataset(small_map(), "m.h5")
+    assert main(words) == 130
+    first, again = capsys.readouterr().err.splitlines()
+    assert first == "wiperjax: interrupted: what is finished is kept in m.h5.refine; go on with"
+    assert again.split() == ["wiperjax", *words]
+
+
 def test_simulate(folder, stubs, capsys):
     assert main(["simulate", "scene.toml", "-o", "r.h5"]) == 0
     assert stubs.calls[0] == ("configure", 1)
@@ -230,6 +258,32 @@ def test_simulate(folder, stubs, capsys):
     assert "r.h5: 3 time, 2 axis" in capsys.readouterr().out
     with whole.open_map("r.h5") as run:
         assert run.position.shape == (3, 2)
+
+
+def test_a_window_too_short_for_the_flip_is_noted(folder, stubs, capsys):
+    belt = '[belt]\nkind = "wiping"\namplitude = 0.8\nfrequency = 5\n'
+    Path("s.toml").write_text(f"{SCENE}{belt}[classes]\nreversal_window = 0.02\n")
+    assert main(["simulate", "s.toml", "-o", "r.h5"]) == 0
+    note = "note: classes.reversal_window is 0.02 s, but the glass needs up to 0.028 s after V = 0"
+    assert capsys.readouterr().err.startswith(note)
+
+
+def test_what_did_not_reach_its_end_is_said_by_all_that_write_it(folder, stubs, capsys):
+    time = np.arange(800) / 8000
+    speed = ("time", np.sin(5000 * time), {"units": "m/s"})
+    regime = ("time", np.ones(800, np.int8), {"flag_values": [1], "flag_meanings": "slip_pos"})
+    stubs.run = xr.Dataset(
+        {"velocity": speed, "position": speed, "regime": regime, "result": 5, "final_time": 0.1},
+        coords={"time": time},
+        attrs={"duration": 0.2, "result_message": "impacts accumulate"},
+    )
+    expected = "note: the run ended at 0.1 of 0.2 s, zeno_unresolved: impacts accumulate\n"
+    for command in ("simulate scene.toml -o r.h5", "listen r.h5", "export r.h5 -o r.csv"):
+        assert main(command.split()) == 0
+        said = capsys.readouterr().err
+        assert said.endswith(expected) and said.count("the run ended") == 1, command
+    stubs.run["result"] = 0
+    assert main("simulate scene.toml -o s.h5".split()) == 0 and not capsys.readouterr().err
 
 
 def test_ctrl_c_in_simulate(folder, stubs, capsys):
@@ -363,6 +417,10 @@ def test_the_command_line_alone_imports_nothing_heavy():
             "sweep s.toml -o m.h5 --target-error 1e-3 --sensitivities",
             "s.toml: --target-error 0.001 does not go with derivatives: run.precision: must be",
         ),
+        (
+            "sweep own.toml -o m.h5 --target-error 1e-3",
+            "own.toml: --target-error must be left out with system = 'oscillator'",
+        ),
         ("simulate s.toml -o r.h5", "s.toml: has [axes], so it is a sweep"),
         ("simulate scene.toml -o there.h5", "there.h5: exists already; use --force"),
         ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
@@ -382,6 +440,8 @@ def test_the_command_line_alone_imports_nothing_heavy():
 def test_refused_before_any_work(words, line, folder, stubs, capsys):
     Path("typo.toml").write_text("[blade]\nmu_statik = 1\n" + SWEEP)
     Path("slopes.toml").write_text(SWEEP + "[sensitivities]\n")
+    own = 'system = "oscillator"\n' + SWEEP.replace("attack_angle", "mass").replace("-30", "1")
+    Path("own.toml").write_text(own)
     Path("there.h5").write_bytes(b"precious")
     Path("drawn.png").write_bytes(b"precious")
     Path("folder.h5").mkdir()

@@ -1,6 +1,7 @@
 """Mistakes in a system of one's own: one line that names the class and the method."""
 
 import jax.numpy as jnp
+import numpy as np
 import own_systems
 import pytest
 
@@ -85,6 +86,14 @@ class Halting(wiperjax.SteadyBelt):
         return 1.0
 
 
+class Jumping(wiperjax.SteadyBelt):
+    def velocity(self, time, piece):
+        return jnp.where(piece == 2, 0.3, self.speed)
+
+    def break_time(self, piece):
+        return 1.0 + piece
+
+
 PARTS = {
     "belt must be a belt such as SteadyBelt": {"belt": 0.3},
     "friction must be a law such as Coulomb": {"friction": 0.5},
@@ -92,6 +101,7 @@ PARTS = {
     f"Wrong.coefficient {NUMBER} None": {"friction": Wrong()},
     f"Jerky.velocity {NUMBER} a tuple of 2": {"belt": Jerky(0.2)},
     "Halting.break_time must be later for each piece": {"belt": Halting(0.2)},
+    "Jumping.velocity must go on .*, but at 2 s was 0.2 and then 0.3": {"belt": Jumping(0.2)},
 }
 
 
@@ -104,6 +114,38 @@ def test_laws_and_belts_that_are_none(words):
         wiperjax.solve(Oscillator(**PARTS[words]), 1.0)
     with pytest.raises(ValueError, match=f"^{words}"):
         find_cycle(Oscillator(**PARTS[words]), settle=1.0)
+
+
+class Turning(wiperjax.WipingBelt):
+    """A belt that turns round: at its breaks its speed is rounding, of either sign."""
+
+
+def test_a_belt_whose_pieces_go_on_passes():
+    for belt in (Turning(0.5, 3.0), Turning(0.5, 3.0, phase=1.0)):
+        fits.check(Oscillator(belt=belt), (0.0,), (0.0,))
+    several = Turning(np.array([0.0, 0.5]), np.array([3.0, 4.0]), np.zeros(2))
+    fits.check(Oscillator(belt=several), (0.0,), (0.0,), (2,))
+
+
+def test_a_bounce_gains_nothing():
+    for bounce, was in ((1.7, "1.7"), (-0.1, "-0.1"), (np.array([0.5, 1.01]), "1.01")):
+        ball = type("Mine", (own_systems.Ball,), {"bounce": property(lambda s, e=bounce: e)})
+        with pytest.raises(
+            ValueError, match=rf"^Mine.bounce must lie inside .0, 1., but was {was}$"
+        ):
+            fits.check(ball(), (1.0,), (0.0,), np.shape(bounce))
+    ball = type("Mine", (own_systems.Ball,), {"bounce": property(lambda s: None)})
+    with pytest.raises(ValueError, match=r"^Mine.bounce must be a number, but was None$"):
+        wiperjax.simulate(ball(), 1.0, initial_state=((1.0,), (0.0,)))
+
+
+def test_an_init_of_its_own_sets_the_fields():
+    def bare(self):
+        self.mass = 2.0
+
+    for run in (wiperjax.simulate, wiperjax.solve):
+        with pytest.raises(ValueError, match=r"^Mine.__init__ must set all fields, .* 'piece'$"):
+            run(made(__init__=bare)(), 1.0, initial_state=((0.1,), (0.0,)))
 
 
 def test_a_start_of_its_own_that_is_none_is_named():

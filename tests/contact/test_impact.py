@@ -16,7 +16,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from reference.impact_ode import integrate_impact
 
-from wiperjax.contact.impact import poisson_impact
+from wiperjax.contact.impact import phased_impact, poisson_impact
 
 impact = jax.jit(poisson_impact)
 
@@ -93,6 +93,28 @@ def test_energy_is_never_gained_in_many_draws():
     assert np.max(gain) <= 1e-10 and np.sum(v_n == 0) > 1000
 
 
+def test_impacts_of_two_phases_push_and_gain_nothing_whatever_the_coupling():
+    """Of stick and both slips one fits each phase, where D <= 0, too; there slip jams."""
+    rng, n = np.random.default_rng(1), 200_000
+    w_tn, mu = rng.uniform(-0.999, 0.999, n), 10 ** rng.uniform(-2, 2, n)
+    v_t, e = rng.normal(size=n) * 10 ** rng.uniform(-2, 2, n), rng.uniform(0, 1, n)
+    drawn_in = 1 < np.sign(v_t) * mu * w_tn
+    v_n = np.where((rng.random(n) < 0.2) & drawn_in, 0.0, -rng.random(n))
+    one = np.ones(n)
+    blow = jax.jit(jax.vmap(phased_impact))
+    p_t, p_n, after_t, after_n = map(np.asarray, blow(one, w_tn, one, mu, e, v_t, v_n))
+    assert np.all(p_n > 0) and np.all(after_n >= 0)
+    assert np.all(np.abs(p_t) <= mu * p_n * (1 + 1e-12))
+    before = energy(one, w_tn, one, v_t, v_n)
+    assert np.max(energy(one, w_tn, one, after_t, after_n) / before) <= 1 + 1e-10
+    end = blow(one, w_tn, one, mu, 0 * e, v_t, v_n)  # of compression
+    slides = np.asarray(end.slip_speed) != 0
+    assert 1000 < np.sum(slides) < n - 1000 and np.sum(drawn_in & (v_n == 0)) > 1000
+    against = -np.sign(end.slip_speed) * mu * end.normal
+    np.testing.assert_allclose(end.tangential[slides], against[slides], rtol=1e-12)
+    assert not np.any(slides & drawn_in)
+
+
 @settings(max_examples=60, deadline=None)
 @given(impacts())
 def test_agrees_with_integration_along_the_impulse(case):
@@ -119,10 +141,11 @@ def test_impact_without_collision_agrees_too(cosine, excess, e, v_t):
     assert after_t == 0 and p_n > 0
 
 
-def test_jam_ends_slip_where_d_is_zero_up_to_rounding():
-    for rounding in (-1e-17, 0.0, 1e-17):
+@pytest.mark.parametrize("law", [poisson_impact, phased_impact])
+def test_jam_ends_slip_where_d_is_zero_up_to_rounding(law):
+    for rounding in (-1e-15, 0.0, 1e-15):
         case = (1.0, 0.5, 0.5 * 2.0 + rounding, 2.0, 0.5, 1.0, 0.0)
-        p_t, p_n, after_t, after_n = (float(x) for x in impact(*case, True))
+        p_t, p_n, after_t, after_n = (float(x) for x in law(*case, True))
         assert after_t == 0 and p_n > 0 and after_n > 0
         stop = 1.0 / (2.0 * 1.0 - 0.5)
         assert p_n == pytest.approx(1.5 * stop, rel=1e-12)

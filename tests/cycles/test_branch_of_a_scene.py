@@ -3,7 +3,7 @@
 import pytest
 
 from wiperjax.cycles.branch.from_scene import follow_scene
-from wiperjax.specs.load import load_scene
+from wiperjax.specs.load import load_scene, parse_scene
 
 SCENE = """
 title = "squeal"
@@ -46,3 +46,16 @@ def test_a_range_may_end_at_the_scenes_own_value(scene, monkeypatch):
 def test_a_range_that_cannot_be_meant_is_refused(scene, low, high, message):
     with pytest.raises(ValueError, match=message):
         follow_scene(scene, "attack_angle", low, high)
+
+
+@pytest.mark.parametrize("name", ["period", "amplitude"])
+def test_a_parameter_named_as_a_variable_of_branches_is_refused_before_any_work(name, monkeypatch):
+    """Its values took the place of the cycles' own, without a word."""
+    from wiperjax.cycles.branch import from_scene
+
+    monkeypatch.delattr(from_scene, "find_cycle")
+    scene = {"system": "odd_systems:Spelled", "run": {"duration": 10.0}}
+    spec = parse_scene(scene | {"classes": {"squeal_band": [0.2, 1.0], "chatter_band": [0.0, 0.2]}})
+    for asked in ((name, 0.9, 1.1), ("mass", 0.9, 1.1, 0.03, 0, (name, 0.9, 1.1))):
+        with pytest.raises(ValueError, match=f"no variable of a branch has, was '{name}': rename"):
+            follow_scene(spec, *asked)

@@ -53,7 +53,7 @@ def samples():
             **{name: (("time", "axis"), np.zeros((64, 2))) for name in ("position", "velocity")},
             **{
                 name: ("time", np.ones(64))
-                for name in ("belt_velocity", "normal_force", "friction_force")
+                for name in ("belt_velocity", "slip_speed", "normal_force", "friction_force")
             },
             "regime": ("time", np.zeros(64, np.int8), codes),
         },

@@ -12,7 +12,7 @@ from problems import stop_oscillator
 from systems import Ball, Puck, StopOscillator, events, times, trajectory
 
 import wiperjax
-from wiperjax import Event, Result, SteadyBelt, Wiper
+from wiperjax import Event, Regime, Result, SteadyBelt, Wiper
 from wiperjax.engine.carry.problem import make_case
 from wiperjax.engine.solve import begin, run
 
@@ -145,8 +145,8 @@ class Thrown(Ball):
 
 @pytest.mark.slow
 def test_samples_within_a_sequence_of_impacts_and_statistics_that_begin_there():
-    """Samples were the next step's polynomial, continued backwards (1e6 m); of a sequence in which
-    the statistics begin, all was lost."""
+    """Samples were the next step's polynomial, continued backwards (1e6 m), and their regime that
+    of it, though totals count flight; of a sequence in which the statistics begin, all was lost."""
     last, begin = 3 * np.sqrt(2 / 9.81), 1.34  # e = 1/2: the sequence ends there
 
     @jax.jit
@@ -163,6 +163,8 @@ def test_samples_within_a_sequence_of_impacts_and_statistics_that_begin_there():
     found = thrown(np.linspace(last - 0.03, last - 1e-3, 12))
     assert Event.ZENO in np.asarray(found.events.kind)
     assert np.max(np.abs(found.samples.position[0])) <= 1.0 + 1e-6
+    assert np.all(found.samples.regime == Regime.FLIGHT)
+    assert np.all(found.samples.normal_force == 0) and np.all(found.samples.friction_force == 0)
     lasted = found.statistics.stick_time + found.statistics.slip_time + found.statistics.flight_time
     assert float(lasted) == pytest.approx(3.0 - begin, rel=1e-12)
 

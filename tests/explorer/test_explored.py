@@ -1,6 +1,7 @@
 """Maps that are explored: read plane by plane, and refused where they are none."""
 
 import json
+import re
 import threading
 import tomllib
 from dataclasses import replace
@@ -14,12 +15,13 @@ from bokeh.document import Document
 from stub_sweep import evaluate, make_spec
 
 from wiperjax.cli import main
-from wiperjax.explorer import cells, motion
+from wiperjax.explorer import cells, motion, static
 from wiperjax.explorer.box import BLOCK, FEWEST, MOST, Boxes, _finer, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
-from wiperjax.explorer.content import thinned
+from wiperjax.explorer.content import content_of, thinned
 from wiperjax.explorer.explored import EVERY, explored, open_explored, plain
 from wiperjax.explorer.map_panel import MapPanel
+from wiperjax.explorer.numbers import table
 from wiperjax.explorer.page import Page
 from wiperjax.explorer.scale import NOTHING, painted
 from wiperjax.explorer.spectrogram import level_images
@@ -30,9 +32,10 @@ from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
 from wiperjax.plots.maps.numbers import TONE
 from wiperjax.plots.runs.levels import Levels
+from wiperjax.runs.scene import run_scene, transient_of
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
-from wiperjax.vocabulary.codes import LABELS
+from wiperjax.vocabulary.codes import LABELS, Result
 
 
 @pytest.fixture(scope="module")
@@ -199,6 +202,7 @@ def test_the_scene_of_a_cell_is_a_scene_file_of_its_parameters(whole):
     stated = parse_scene(scene).parameters()
     assert {name: float(value) for name, value in cell.items()} == pytest.approx(stated, rel=1e-15)
     assert parse_scene(scene).run.solver == whole.spec.settings.solver
+    assert transient_of(parse_scene(scene)) == whole.spec.run.transient  # judged as in the map
 
 
 def test_a_box_is_finer_and_lies_where_it_was_dragged(whole):
@@ -276,6 +280,21 @@ def test_a_box_of_one_axis_is_one_block(line):
     np.testing.assert_allclose(spec.axes_values()["belt_speed"][[0, -1]], values[[1, 3]])
     found = compute(spec, lambda *counts: None, threading.Event(), evaluate)
     assert found.plane_axes() == ("belt_speed", "")
+
+
+@pytest.mark.parametrize(
+    ("label", "result"), [("quiet", Result.FINISHED), ("collapsed", Result.COLLAPSED)]
+)
+def test_a_cell_is_told_alike_by_its_run_and_by_the_map(whole, label, result):
+    """Rounding has no tone, whatever is measured in it; what ended early has a class alone."""
+    attrs = {"steps": 1, "rejected_steps": 0, "result_message": ""}
+    run = xr.Dataset({"result": int(result)}, attrs=attrs)
+    stored = {"label": LABELS[label]}
+    told = stored | {"dominant_frequency": 1057.8} if label == "quiet" else {}
+    rows = table(run, told, told or stored, whole.ds)
+    for name, says in (("label", label), ("dominant_frequency", "-")):
+        row = re.search(rf'<tr data-name="{name}">.*?</tr>', rows)[0]
+        assert re.findall(r'<td class="(?:here|map)">(.*?)</td>', row) == [says, says]
 
 
 @pytest.mark.parametrize(("columns", "inner"), [(1, 0), (2, 0), (9, 7), (900, 400)])
@@ -414,6 +433,23 @@ def test_a_file_for_a_browser_takes_cells_of_the_map_only(whole, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_file_for_a_browser_leaves_out_what_cannot_be_shown(whole, tmp_path, monkeypatch, caplog):
+    """A lip that collapses at once has too few samples for a spectrum: the others are kept."""
+    known = []
+
+    def shown(explored_, place, **options):
+        known.append(place)
+        if len(known) == 1:
+            raise ValueError("a spectrum must be of 0.0002 s or more")
+        return content
+
+    scene = {"blade": {"attack_angle": 5.0}, "run": {"duration": 0.02}}
+    content = content_of(run_scene(parse_scene(scene)))
+    monkeypatch.setattr(static, "motion_of", shown)
+    assert write_static(whole, tmp_path / "page.html", [{}, {}, {}]) == 2
+    assert "cell 1 is left out: a spectrum must be of 0.0002 s or more" in caplog.text
+
+
 def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch):
     (tmp_path / "hostile_module.py").write_text("raise SystemExit('imported')")
     monkeypatch.syspath_prepend(tmp_path)
@@ -426,9 +462,7 @@ def test_a_module_that_a_map_names_is_not_imported(whole, tmp_path, monkeypatch)
 def test_all_cells_of_a_map_are_asked_of_one_program(whole, monkeypatch):
     asked = []
     failed = {"result": 1}
-    monkeypatch.setattr(
-        cells, "run_scene", lambda _, varied, transient: asked.append(varied) or failed
-    )
+    monkeypatch.setattr(cells, "run_scene", lambda _, varied: asked.append(varied) or failed)
     cells.simulated(whole, scene_of(whole, motion.first_place(whole)))
     assert asked == [whole.dims]
     assert whole.ds["attack_angle"][motion.first_place(whole)["attack_angle"]] == 0  # the middle

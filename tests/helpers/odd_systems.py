@@ -72,6 +72,29 @@ class Pulsed(own_systems.Oscillator):
     duration: float = parameter(3.0, "s", above=0)
 
 
+class Struck(own_systems.Oscillator):
+    """Held by the belt for long, on a soft spring, but for a push of some tenths of a second."""
+
+    stiffness: float = parameter(1e-3, "N/m", above=0)
+
+    def push(self, t):
+        return 3.0 * jnp.exp(-(((t - 33.0) / 0.2) ** 2))
+
+    def free_acceleration(self, t, q, v):
+        return ((self.push(t) - self.stiffness * q[0]) / self.mass,)
+
+    def default_state(self):
+        return (0.0,), (0.2,)
+
+
+class Spelled(own_systems.Oscillator):
+    """Parameters that have the names of variables of branches and of modes."""
+
+    period: float = parameter(1.0, "s", above=0)
+    amplitude: float = parameter(1.0, "N", above=0)
+    frequency: float = parameter(1.0, "Hz", above=0)
+
+
 class Undefined(own_systems.Oscillator):
     """Its acceleration is no number from the start on."""
 

@@ -203,3 +203,62 @@ class Rod(wiperjax.AbstractSystem):
 
     def output(self, t, q, v):
         return v[2]
+
+
+class Pendulum(wiperjax.AbstractBeltSystem):
+    """Froude's: on a shaft that turns, whose rim is the contact; its angle is in radians."""
+
+    unilateral = False
+    coordinates = ("angle",)
+    inertia: float = parameter(0.02, "kg m^2", above=0)
+    moment: float = parameter(0.5, "N m", above=0)
+    radius: float = parameter(0.05, "m", above=0)
+    clamp: float = parameter(8.0, "N", above=0)
+    lean: float = parameter(0.2, "rad", low=-180, high=180)
+    friction: wiperjax.AbstractFriction = wiperjax.Stribeck(0.7, 0.3, 0.1)
+    belt: wiperjax.AbstractBelt = wiperjax.SteadyBelt(0.1)
+
+    def contact_velocity(self, t, q, v):
+        return self.radius * v[0]
+
+    def free_acceleration(self, t, q, v):
+        return (-self.moment * jnp.sin(q[0] - self.lean) / self.inertia,)
+
+    def directions(self, t, q):
+        return (self.radius / self.inertia,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return self.clamp
+
+    def default_state(self):
+        return (0.0,), (0.0,)
+
+
+class Pulled(wiperjax.AbstractSystem):
+    """A mass drags a block to and fro over the ground by a spring: no belt, and the block, whose
+    contact it is, is the second coordinate."""
+
+    unilateral = False
+    coordinates = ("mass", "block")
+    stiffness: float = parameter(4.0, "N/m", above=0)
+    force: float = parameter(3.0, "N", low=0)
+    friction: wiperjax.AbstractFriction = wiperjax.Coulomb(1.0)
+
+    def free_acceleration(self, t, q, v):
+        pull = self.stiffness * (q[1] - q[0])
+        return pull + self.force * jnp.sin(t) - v[0], -pull
+
+    def directions(self, t, q):
+        return (0.0, 1.0), (0.0, 0.0)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[1]
+
+    def output(self, t, q, v):
+        return v[0]
+
+    def default_state(self):
+        return (0.0, 0.0), (0.0, 0.0)

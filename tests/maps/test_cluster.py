@@ -5,6 +5,7 @@ The workers are processes of their own. Most tests use a stub engine; the last o
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -280,6 +281,57 @@ def test_a_sweep_whose_local_workers_are_lost_before_its_first_task_stops_with_a
         with pytest.raises(cluster.ClusterError, match="^no worker was left for 1 s"):
             sweep(stub.make_spec(), tmp_path / "map.h5", workers)
     assert not parts_of(tmp_path / "map.h5").exists()
+
+
+LOST = """
+    import os, signal, subprocess, sys, threading, time
+    from pathlib import Path
+    from slow_sweep import slow
+    from stub_sweep import BLOCK, block_files, make_spec
+    from wiperjax.maps import cluster, driver
+
+    folder = Path(sys.argv[1])
+    file, path = folder / "scheduler.json", folder / "map.h5"
+    words = ["--scheduler-file", str(file)]
+    def start(*more):
+        return subprocess.Popen(
+            [sys.executable, "-m", "dask", *more, *words], stderr=subprocess.DEVNULL, cwd=folder
+        )
+    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    worker = start("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard")
+    def kill():
+        while len(block_files(path)) < 2:
+            time.sleep(0.05)
+        scheduler.kill()
+    try:
+        while not file.exists():
+            time.sleep(0.05)
+        import json
+        with cluster.connect(json.loads(file.read_text())["address"]) as workers:
+            threading.Thread(target=kill, daemon=True).start()
+            driver.sweep(
+                make_spec(angles=40), path, workers=workers, evaluate=slow, block=BLOCK,
+                progress=False,
+            )
+    except cluster.ClusterError as error:
+        print(error)
+    finally:
+        scheduler.kill()
+        worker.kill()
+"""
+
+
+def test_a_lost_scheduler_is_one_line(tmp_path):
+    ran = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(LOST), tmp_path],
+        capture_output=True,
+        text=True,
+        env=processes.environment(),
+        timeout=200,
+    )
+    said = r"the scheduler was lost \(\w+\); finished blocks are kept, go on with --resume\n"
+    assert re.fullmatch(said, ran.stdout), ran
+    assert ran.stderr == ""
 
 
 def test_a_local_cluster_without_workers_is_one_line(monkeypatch):

@@ -4,7 +4,9 @@ import logging
 import os
 import random
 import re
+import signal
 import time
+import weakref
 
 import h5py
 import numpy as np
@@ -192,6 +194,26 @@ def damage_by_emptying(file):
     os.truncate(file, 0)
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_ctrl_c_that_a_callback_drops_is_heeded_after_the_block(tmp_path):
+    def pressed(spec, index, *look):
+        if index[0] == BLOCK:
+            dropped = weakref.WeakSet()  # any object
+            ended = weakref.ref(dropped, lambda _: signal.raise_signal(signal.SIGINT))
+            del dropped  # Python ignores what this callback raises
+            assert ended() is None
+        return evaluate(spec, index)
+
+    path = tmp_path / "map.h5"
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
+    try:
+        with pytest.raises(driver.SweepInterrupted, match=r"100 of 385 cells are kept"):
+            driver.sweep(make_spec(), path, evaluate=pressed, block=BLOCK, progress=False)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, handler)
+
+
 @pytest.mark.parametrize("damage", [damage_by_flip, damage_by_cut, damage_by_emptying])
 def test_a_damaged_block_is_named_and_computed_again(tmp_path, caplog, damage):
     spec, path, calls = make_spec(), tmp_path / "map.h5", []
@@ -218,6 +240,17 @@ def test_a_damaged_block_is_named_and_computed_again(tmp_path, caplog, damage):
         and "\n" not in caplog.messages[0]
     )
     assert_same_map(path, spec)
+
+
+def test_notes_on_what_a_mapping_or_a_file_asks_are_logged(tmp_path, caplog):
+    """From Python nobody else says them; the command line shows those of its own file."""
+    asked = make_spec().document()
+    asked["axes"]["attack_angle"] = {"values": [-0.5, 0.5]}
+    driver.sweep(asked, evaluate=evaluate, progress=False)
+    note = "note: axes.attack_angle reaches 0.5 degrees only; it is not in radians"
+    assert caplog.messages == [note]
+    driver.sweep(parse_sweep(asked), evaluate=evaluate, progress=False)
+    assert len(caplog.messages) == 1
 
 
 def test_a_block_damaged_while_the_sweep_runs_stops_the_map_not_the_store(tmp_path):

@@ -355,6 +355,19 @@ def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses
     assert not (tmp_path / "other.h5").exists()
 
 
+def test_a_map_is_judged_in_the_order_of_its_sweep_only():
+    """Cells are paired by their place: of a map that was turned round or cut, none would fit."""
+    short = SWEEP | {"run": {"transient": 1.0, "window": 1.0, "samples": 64}}
+    simulated, found = wiperjax.sweep(short, progress=False), wiperjax.modes_over(short)
+    assert (beside(found, simulated).verdict >= 0).all()
+    for changed in (
+        simulated.isel(belt_speed=slice(None, None, -1)),
+        simulated[{"belt_speed": [1, 2]}],
+    ):
+        with pytest.raises(ValueError, match=r"^the map's values of belt_speed must be those of"):
+            beside(found, changed)
+
+
 def test_what_has_no_modes_is_one_line():
     with pytest.raises(ValueError, match=r"^system must have friction, but Ball has none$"):
         wiperjax.modes(own_systems.Ball())
@@ -362,3 +375,7 @@ def test_what_has_no_modes_is_one_line():
         wiperjax.modes(wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.0)))
     with pytest.raises(ValueError, match=r"^spec must be a sweep, or a mapping"):
         wiperjax.modes_over(3)
+    named = {name: SWEEP[name] for name in ("run", "classes")}
+    named |= {"system": "odd_systems:Spelled", "axes": {"frequency": {"values": [1.0, 2.0]}}}
+    with pytest.raises(ValueError, match=r"^axes must .* modes .*, but had 'frequency': rename"):
+        wiperjax.modes_over(named)

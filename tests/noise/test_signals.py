@@ -39,6 +39,8 @@ def tone(frequency, size=1.0):
         # three and a half periods in each half, pulses in one and gaps in the other
         ("yes", np.where((3.52 * TIME + 0.3) % 1 < 0.12, 1.0, 0.0)),
         ("no", np.where((0.8 * TIME + 0.3) % 1 < 0.12, 1.0, 0.0)),  # of hardly two periods
+        ("no", tone(0.5)),  # one period, of which each half has one side lobe
+        ("no", 0.15 * TIME),  # a ramp
         ("unknown", np.full(TIME.size, np.nan)),
     ],
 )

@@ -2,6 +2,7 @@
 
 import matplotlib
 import numpy as np
+import odd_systems
 import pytest
 import xarray as xr
 from matplotlib.colors import same_color
@@ -15,7 +16,7 @@ from wiperjax.cycles.branch.bifurcations import Special  # noqa: E402
 from wiperjax.cycles.branch.dataset import branch_dataset  # noqa: E402
 from wiperjax.cycles.branch.follow import Branch  # noqa: E402
 from wiperjax.cycles.cycle import Cycle, Found  # noqa: E402
-from wiperjax.datasets.branch_dataset import with_rest, with_simulations  # noqa: E402
+from wiperjax.datasets.branch_dataset import TAKEN, with_rest, with_simulations  # noqa: E402
 from wiperjax.plots import branches  # noqa: E402
 
 SPEEDS = np.array([0.3, 0.6, 0.9, 1.2, 1.1, 0.8, 0.5])
@@ -69,6 +70,17 @@ def test_axes_of_a_branch_are_in_words_of_the_blade(branch):
         assert heading[0] == "Squeal at 5 degrees"
         assert heading[1] == "attack angle 5°, normal load 15 N/m, support stiffness 8000 N/m/m"
         assert inside_the_page(drawn) == []
+
+
+def test_every_name_of_a_branch_is_taken(branch):
+    """A branch over a parameter of such a name would lose it, or the variable."""
+    names = {str(name).removeprefix("simulated_") for name in (*branch.variables, *branch.dims)}
+    own = {"belt_speed", "rest_belt_speed"}
+    assert own <= names and not (names - own) - TAKEN
+    cycle = Cycle(system=odd_systems.Spelled(), found=Found.FOUND)
+    over = Branch([cycle], SPEEDS[:1], np.zeros(1), [], ("", ""), "period", (0.3, 1.2))
+    with pytest.raises(ValueError, match="is varied must have a name .*, was 'period': rename it"):
+        branch_dataset(over)
 
 
 def test_no_multiplier_hides_another(branch):

@@ -16,7 +16,7 @@ from wiperjax.cycles import Curve, curves_dataset  # noqa: E402
 from wiperjax.cycles.curve.equations import Facts  # noqa: E402
 from wiperjax.cycles.curve.walk import Mark  # noqa: E402
 from wiperjax.datasets import map_dataset  # noqa: E402
-from wiperjax.datasets.branch_dataset import with_curves  # noqa: E402
+from wiperjax.datasets.branch_dataset import TAKEN, with_curves  # noqa: E402
 from wiperjax.plots.curves import curve_page  # noqa: E402
 from wiperjax.specs.load import parse_sweep  # noqa: E402
 from wiperjax.store.whole import write_dataset  # noqa: E402
@@ -69,6 +69,8 @@ def test_curves_of_a_dataset_say_where_each_begins(curves):
     np.testing.assert_allclose(curves["belt_speed"][5:8], [0.6, 0.625, 0.65])
     assert curves["lyapunov"].values[:5] == pytest.approx(0.2)
     assert np.isnan(curves["lyapunov"].values[5:]).all()
+    names = {str(name) for name in (*curves.variables, *curves.dims)}
+    assert names - {"belt_speed", "normal_load"} <= TAKEN
     with pytest.raises(ValueError, match="curves must hold at least one curve"):
         curves_dataset([])
 

@@ -322,6 +322,10 @@ def test_regime_map_names_what_occurs_in_the_motion(small_map):
     found = plots.motion(cells)
     assert [names[int(code)] for code in found[:2, 0, 1]] == ["failed", "collapsed"]
     assert plots.regime_map(cells).shape == (1,)
+    beltless = cells.drop_vars("belt_speed_rms").assign_attrs(class_quiet_velocity=1e-3)
+    assert plots.regime_map(beltless).shape == (1,)
+    figure = files.draw(beltless, "map", "regimes", files.PICTURES["map"]["regimes"], "m.h5", {})
+    assert "regimes in the settled window" in figure.get_suptitle()
 
 
 def test_mechanism_map_shows_also_what_failed(small_map):

@@ -152,6 +152,7 @@ def test_run_carries_the_file(squeal):
     assert attrs["collapse_angle"] == pytest.approx(89.0)
     assert attrs["parameter_units"].count("degrees") == 3 and "rad;" not in attrs["parameter_units"]
     assert (attrs["belt_kind"], attrs["belt_speed"]) == ("steady", 0.3)
+    assert attrs["wall_time"] > 0 and "engine_time" not in attrs  # nobody measured it
     assert attrs["start"] == "touching at the attack angle, at rest"
     again = parse_scene(json.loads(attrs["specification"]))
     assert again.parameters() == load_scene(SCENES / "squeal.toml").parameters()
@@ -197,13 +198,38 @@ def test_a_run_with_impacts_has_the_numbers_of_its_map():
     run = {"transient": 0.15, "window": 0.05}
     told = wiperjax.sweep({"axes": {"belt_speed": {"values": [0.3]}}, "blade": blade, "run": run})
     scene_of_it = {"blade": blade, "belt": {"speed": 0.3}}
-    data = {**scene_of_it, "run": {"duration": 0.2, "sample_interval": 2e-5}}
-    found = assess(scene.run_scene(parse_scene(data), transient=0.15), transient=0.15)
+    data = {**scene_of_it, "run": {"duration": 0.2, "transient": 0.15, "sample_interval": 2e-5}}
+    found = assess(scene.run_scene(parse_scene(data)))
     assert int(told.impact_count[0]) > 20
     for name in ("impact_count", "stick_count", "slip_rate"):
         assert float(found[name]) == pytest.approx(float(told[name][0]), rel=1e-12), name
     for name in GATHERED[:7]:
         assert float(found[name]) == pytest.approx(float(told[name][0]), rel=1e-3), name
+
+
+def test_a_run_is_judged_and_drawn_from_its_transient_on(tmp_path):
+    """This blade squeals for a tenth of a second and then dies out: what it is called hangs on the
+    window, and everything that is told of a run has the same one."""
+    blade = {
+        "blade": {"attack_angle": 0.0},
+        "belt": {"speed": 0.46},
+        "start": {"equilibrium": 1e-3},
+    }
+    named = {}
+    for transient in (0.01, None):
+        run = {"duration": 0.21, "sample_interval": 2e-5}
+        run |= {} if transient is None else {"transient": transient}
+        whole.write_dataset(scene.run_scene(blade | {"run": run}), tmp_path / "run.h5", force=True)
+        with whole.open_map(tmp_path / "run.h5") as stored:
+            begin = float(run_dataset.settled(stored).time[0])
+            assert begin == pytest.approx(0.105 if transient is None else transient, abs=2e-5)
+            found = assess(stored)
+            assert float(found["velocity_rms"]) == float(stored["velocity_rms"])  # the engine's
+            assert np.isfinite(run_dataset.pitch(stored)) == (words(found)["label"] != "quiet")
+            named[transient] = words(found)["label"]
+    assert named == {0.01: "squeal", None: "quiet"}
+    with pytest.raises(ValueError, match="run.transient: must be below run.duration, 0.2 s"):
+        parse_scene({"run": {"duration": 0.2, "transient": 1.0}})
 
 
 def test_class_of_a_run_that_cannot_be_told(squeal):
@@ -272,6 +298,23 @@ def test_reversal_file_has_its_pulse():
     assert words(found)["label"] == "reversal"
     assert words(found)["mechanism"] == "reversal_pulse" and found.stick_fraction_stroke == 0
     assert float(found.normal_force_max_reversal) == pytest.approx(15.0, abs=0.05)
+
+
+FLIPS = {
+    "blade": {"attack_angle": 0, "mu_static": 0.6, "mu_minimum": 0.5, "support_damping": 40},
+    "belt": {"kind": "wiping", "amplitude": 0.8, "frequency": 5},
+    "run": {"duration": 0.825, "sample_interval": 2e-4},
+}
+
+
+def test_a_silent_blade_that_flips_over_is_quiet(caplog):
+    """On a quick belt the window around V = 0 was cut to 20 ms, and the flip, 28 ms, was called
+    chattering at the 13th multiple of the wiping frequency. A window that is too short is noted."""
+    assert words(assess(scene.run_scene(FLIPS)))["label"] == "quiet" and not caplog.messages
+    short = FLIPS | {"classes": {"reversal_window": 0.02}}
+    assert words(assess(scene.run_scene(short)))["label"] == "chattering"
+    (note,) = caplog.messages
+    assert note.startswith("note: classes.reversal_window is 0.02 s, but the glass needs up to")
 
 
 @pytest.mark.slow

@@ -590,4 +590,16 @@ def test_thresholds_of_a_scene():
     with pytest.raises(SpecError, match=f"{must}, was 0.4$"):
         parse_scene(scene | {"belt": belt, "classes": {"reversal_window": 0.4}})
     slow = parse_scene(scene | {"belt": belt | {"amplitude": 0.01}})  # the lip never flips
-    assert slow.thresholds().reversal_window == pytest.approx(0.1 / 0.7)
+    assert slow.thresholds().reversal_window == pytest.approx(0.2 / 0.7)  # the longest allowed
+
+
+def test_a_scene_notes_a_lip_that_cannot_flip_within_the_longest_window():
+    belt = {"kind": "wiping", "amplitude": 0.8, "frequency": 5}
+    scene = {"run": {"duration": 0.8}, "belt": belt}
+    assert parse_scene(scene).thresholds().reversal_window == pytest.approx(0.04)
+    assert parse_scene(scene).notes() == []  # 28 ms to flip
+    assert parse_scene({"run": {"duration": 0.8}}).notes() == []
+    (note,) = parse_scene(scene | {"belt": belt | {"amplitude": 0.3}}).notes()
+    assert note.startswith("classes.reversal_window is 0.04 s, but the glass needs up to 0.048 s")
+    (note,) = parse_scene(scene | {"classes": {"reversal_window": 0.02}}).notes()
+    assert "is 0.02 s, but the glass needs up to 0.028 s after V = 0 to carry the lip over" in note

@@ -44,6 +44,16 @@ def test_another_version_or_precision_is_refused(tmp_path, name):
         open_store(path, spec, identity=IDENTITY | {name: "other"}, resume=True)
 
 
+def test_a_block_of_another_place_says_what_may_be_done(tmp_path):
+    path, spec = tmp_path / "map.h5", make_spec()
+    with open_store(path, spec) as store:
+        fill(store, spec, [0])
+    (file,) = block_files(path)
+    file.rename(file.with_name(file.name.replace("00000000", "00000001")))
+    with pytest.raises(StoreError, match="move the block away, or use --force to start anew$"):
+        open_store(path, spec, resume=True)
+
+
 def test_two_writers_are_told_apart(tmp_path):
     path, spec = tmp_path / "map.h5", make_spec()
     with open_store(path, spec) as store:

@@ -129,9 +129,22 @@ def test_pecks_that_pile_up_end_with_a_code():
     assert "a stop" in held.attrs["result_message"]
 
 
+@pytest.mark.slow
+def test_blows_at_one_instant_have_piled_up_too():
+    """A short arm: the last of them are lower than a digit of the bird's angle."""
+    piled = simulated(0.5, bird_arm=0.0101)
+    assert int(piled.result) == Result.ZENO_UNRESOLVED
+    assert float(piled.final_time) == pytest.approx(0.1642754, abs=1e-6)
+    assert piled.event_kind[-1] == piled.event_kind[-20] == Event.BLOW
+    assert piled.event_time[-1] == piled.event_time[-20]
+
+
 def test_what_cannot_be_is_refused_in_one_line():
-    with pytest.raises(ValueError, match=r"^pole_radius must be at most sleeve_radius \(0.0031\)"):
-        Woodpecker(pole_radius=0.004)
+    for radius in (0.004, 0.0031):
+        with pytest.raises(
+            ValueError, match=r"^pole_radius must be below sleeve_radius \(0.0031\)"
+        ):
+            Woodpecker(pole_radius=radius)
     with pytest.raises(ValueError, match=r"holds \(the beak is outside the pole\), but was"):
         simulated(1.0, ((0.0, 0.0, 0.2), (0.0, 0.0, 0.0)))
 
@@ -150,6 +163,47 @@ def test_blows_are_impacts_by_complementarity():
         contacts = [reference.BEAK, edge] if closed[i] else [reference.BEAK]
         exact = reference.impact(v[:, i], contacts, 0.5)
         np.testing.assert_allclose([x[i] for x in found], exact, atol=1e-9)
+
+
+def test_a_blow_that_stops_all_is_shared_as_among_equal_springs():
+    """Four contacts hold three coordinates: what each takes is not told by rigid bodies."""
+    rng, n, stopped = np.random.default_rng(0), 300, 0
+    v = np.array([rng.normal(size=n) * 0.1, np.zeros(n), np.abs(rng.normal(size=n)) * 5])
+    q = (np.zeros(n), np.full(n, TURN), np.full(n, 0.12))
+    rebound = jax.jit(lambda v: jnp.stack(Woodpecker().rebound(1, 0.0, q, tuple(v), True)))
+    found = np.asarray(rebound(v))
+    moved = np.asarray(rebound(v * (1 + 1e-13 * rng.normal(size=v.shape))))
+    np.testing.assert_allclose(found, moved, atol=1e-10)
+    for i in range(n):
+        contacts = [reference.BEAK, reference.UPPER]
+        stopped += np.abs(reference.impact(v[:, i], contacts, 0.0)).max() < 1e-12
+        yielding = reference.impact(v[:, i], contacts, 0.5, give=1e-7)
+        np.testing.assert_allclose(found[:, i], yielding, atol=1e-5)
+    assert stopped > 10
+
+
+@pytest.mark.slow
+def test_what_follows_a_blow_of_a_jammed_sleeve_converges():
+    """Where all is stopped, rounding chose: the next event came at 0.69944 s, or 0.69979 s, ..."""
+    system, ends = Woodpecker(gravity=1.6), []
+    for rtol in (1e-7, 1e-8, 1e-9, 1e-10):
+        run = wiperjax.simulate(system, 0.71, rtol=rtol, sample_interval=1e-3)
+        times = run.event_time.values
+        blow = int(np.flatnonzero(run.event_kind.values == Event.BLOW)[-1])
+        assert times[blow] == pytest.approx(0.69171192, abs=1e-7)
+        ends.append(float(times[blow + 1]))
+    np.testing.assert_allclose(ends, 0.6994809, atol=1e-7)
+
+
+def test_an_edge_at_rest_is_held_by_static_friction():
+    def behind(slip, law):
+        system = Woodpecker(friction=law)
+        return system.rebound(1, 0.0, (0.0, TURN, 0.12), (slip, 0.0, 5.0), jnp.asarray(True))
+
+    for slip, as_by in ((0.0, 0.6), (1e-17, 0.6), (0.05, 0.2)):
+        found = behind(slip, Coulomb(0.6, 0.2))
+        np.testing.assert_allclose(found, behind(slip, Coulomb(as_by)), atol=1e-12)
+        assert abs(found[0] - behind(slip, Coulomb(0.8 - as_by))[0]) > 0.01
 
 
 def test_impacts_of_an_edge_are_those_of_pfeiffer_and_glocker():

@@ -1,11 +1,13 @@
 """A run as other programs read it."""
 
 import numpy as np
+import own_systems
 import pytest
 import pyuff
 import scipy.io
 import xarray as xr
 
+import wiperjax
 from wiperjax.cli import main
 from wiperjax.exports import columns, export
 from wiperjax.store.whole import write_dataset
@@ -53,6 +55,16 @@ def test_test_software_finds_the_coordinates_of_any_system(squeal, tmp_path):
     assert set(sets) == set(columns(renamed)) - {"time", "regime"}
     assert sets["velocity_x1"]["rsp_node"] == 1 and sets["velocity_crank"]["rsp_node"] == 2
     assert sets["position_crank"]["ordinate_spec_data_type"] == 8
+
+
+@pytest.mark.parametrize(("system", "node"), [("Pulled", 2), ("Pendulum", 2), ("TwoBlocks", 1)])
+def test_what_is_of_the_contact_stands_at_its_point(system, node, tmp_path):
+    """The second coordinate, the rim of a shaft (no coordinate: one point more), the first one."""
+    path = tmp_path / "run.uff"
+    export(wiperjax.simulate(getattr(own_systems, system)(), 5.0), path)
+    sets = {one["id1"]: one for one in pyuff.UFF(str(path)).read_sets()}
+    for name in ("normal_force", "friction_force", "slip_speed"):
+        assert sets[name]["rsp_node"] == sets[name]["ref_node"] == node, name
 
 
 def test_modes_are_complex_eigenvalues_at_points(tmp_path):

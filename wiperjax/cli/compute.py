@@ -4,7 +4,6 @@ import contextlib
 import importlib
 import os
 import shlex
-import sys
 import threading
 import time
 from pathlib import Path
@@ -13,7 +12,6 @@ from typing import Annotated, Any
 import typer
 
 from .options import (
-    INTERRUPTED,
     MAP_SUFFIXES,
     STILL_SUFFIXES,
     Force,
@@ -21,6 +19,7 @@ from .options import (
     check_input,
     check_output,
     configure,
+    interrupted,
 )
 from .tables import cost, print_map, print_phases, print_plan
 from .who import Processes, Scheduler, Workers, check_who, who_computes
@@ -97,6 +96,7 @@ def sweep(
     print_plan(spec, 1 if scheduler else local_cluster or workers or len(os.sched_getaffinity(0)))
 
     from ..maps.driver import sweep as sweep_map
+    from ..store.manifest import parts_of
 
     later = ["wiperjax.plots.files"] if drawing is not None else []
     later += ["scipy.signal"] if spec.belt_kind not in (None, "steady") else []
@@ -111,9 +111,8 @@ def sweep(
         try:
             spec = chosen_model(spec, others.get("workers"))
             dataset = sweep_map(spec, output, **others, **chosen)
-        except KeyboardInterrupt as stopped:  # its text says what is kept and how to go on
-            print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
-            raise typer.Exit(INTERRUPTED) from None
+        except KeyboardInterrupt as stopped:
+            raise interrupted(stopped, parts_of(output), [*words, "--resume"]) from None
     with dataset:
         print_map(dataset)
     print(f"map      {output}: {cost(output, begun)}")
@@ -210,7 +209,11 @@ def at_error(spec: Any, target: float, file: Path) -> Any:
     """Return the sweep with the settings that `accuracy.choose` picks; say which."""
     from ..maps.accuracy import choose
     from ..specs.errors import SpecError
+    from ..vocabulary.kinds import WIPER
 
+    if spec.system != WIPER:
+        why = f"system = {spec.system!r}: errors were measured on lips"
+        raise ValueError(f"{file}: --target-error must be left out with {why}")
     for key in ("solver", "precision", "rtol", "atol"):
         if key in spec.run.model_fields_set:
             raise ValueError(

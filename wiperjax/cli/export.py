@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from .options import Force, check_input, check_output
+from .tables import print_end
 
 
 def export(
@@ -33,3 +34,5 @@ def export(
     write(run, output, force)
     count = f"{run.sizes['time']} samples" if is_run(run) else f"{run.sizes['mode']} modes"
     print(f"export   {output}: {count}")
+    if is_run(run):
+        print_end(run)

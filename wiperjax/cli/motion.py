@@ -16,7 +16,7 @@ from .options import (
     check_output,
     configure,
 )
-from .tables import print_curves, print_special
+from .tables import print_curves, print_end, print_notes, print_special
 
 
 def simulate(
@@ -31,6 +31,7 @@ def simulate(
     configure(1)  # before the file is read: a system of one's own may start jax's device
     spec = load_scene(file, model)
     check_output(output, MAP_SUFFIXES, force, file)
+    print_notes(spec)
 
     from ..runs.scene import run_scene
     from ..store.whole import write_dataset
@@ -42,6 +43,7 @@ def simulate(
         raise typer.Exit(INTERRUPTED) from None
     write_dataset(dataset, output, force)
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
+    print_end(dataset)
 
 
 def follow(

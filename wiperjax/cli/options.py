@@ -1,5 +1,7 @@
 """What the commands share: options, and checks of paths before any work."""
 
+import shlex
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +13,18 @@ STILL_SUFFIXES = (".png", ".pdf", ".svg")
 PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
 SOUND_SUFFIXES = (".wav",)
 INTERRUPTED = 130  # what a shell reports for a command ended by Ctrl-C
+
+
+def interrupted(stopped: KeyboardInterrupt, kept: Path, words: Sequence[str]) -> typer.Exit:
+    """Says that a computation was stopped and, if anything is `kept`, by what `words` it goes on;
+    returns what is to be raised.
+    """
+    said = str(stopped) or "interrupted"
+    if not str(stopped) and kept.exists():  # stopped beside the blocks, which say so themselves
+        said += f": what is finished is kept in {kept}; go on with\n  {shlex.join(words)}"
+    print(f"wiperjax: {said}", file=sys.stderr)
+    return typer.Exit(INTERRUPTED)
+
 
 Model = Annotated[
     str | None,
@@ -31,6 +45,14 @@ SweptModel = Annotated[
 ]
 Begin = Annotated[float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")]
 End = Annotated[float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")]
+Component = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        help="Run: which coordinate; of a lip 0 along the glass, 1 normal to it.",
+        show_default="that of the contact",
+    ),
+]
 Curves = Annotated[
     Path | None,
     typer.Option(metavar="BRANCH.h5", help="Map: draw these curves over it ('follow --second')."),

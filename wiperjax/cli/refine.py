@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import INTERRUPTED, check_input, configure
+from .options import check_input, configure, interrupted
 from .tables import cost, print_borders
 from .who import Processes, Scheduler, Workers, check_who, who_computes
 
@@ -83,8 +83,8 @@ def run(
         try:
             found = refine_map(file, command=command, **others, **settings)
         except KeyboardInterrupt as stopped:
-            print(f"wiperjax: {str(stopped) or 'interrupted'}", file=sys.stderr)
-            raise typer.Exit(INTERRUPTED) from None
+            again = ["wiperjax", *words, *(["--resume"] if words[0] == "sweep" else [])]
+            raise interrupted(stopped, Path(f"{file}.refine"), again) from None
     print_borders(found)
     print(f"borders  {file}: {cost(file, begun)}")
 

@@ -11,6 +11,7 @@ from .options import (
     SOUND_SUFFIXES,
     STILL_SUFFIXES,
     Begin,
+    Component,
     Curves,
     End,
     Force,
@@ -26,6 +27,7 @@ from .tables import (
     print_class,
     print_classes,
     print_curves,
+    print_end,
     print_events,
     print_sensitivities,
     print_special,
@@ -81,10 +83,7 @@ def plot(
         str | None,
         typer.Option(metavar="NAME", help="Variable for history, spectrum, spectrogram, value."),
     ] = None,
-    component: Annotated[
-        int | None,
-        typer.Option(min=0, help="Run: 0 along the glass, 1 normal to it.", show_default="0"),
-    ] = None,
+    component: Component = None,
     seconds: Annotated[
         float | None,
         typer.Option(metavar="S", min=0.1, max=120, help="Animation: how long it plays (s)."),
@@ -178,8 +177,9 @@ def listen(
         if not is_run(dataset):
             what = "is a map" if "label" in dataset else "holds no trajectory"
             raise StoreError(f"{file}: {what}; only a run can be heard ('wiperjax simulate')")
+        run = dataset.load()
         heard = sound(
-            dataset.load(),
+            run,
             quantity=quantity,
             reference=reference,
             start=start,
@@ -191,6 +191,7 @@ def listen(
     print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
     if warning := heard.warning():
         print(f"note: {warning}", file=sys.stderr)
+    print_end(run)
 
 
 def info(

@@ -18,6 +18,11 @@ def print_plan(spec: Any, cores: int) -> None:
         unit = "" if known[name].edge_unit == "1" else f"{known[name].edge_unit} "
         print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit}({values.size} values)")
     print(f"{'cells':<17} {words(spec, cores)}")
+    print_notes(spec)
+
+
+def print_notes(spec: Any) -> None:
+    """What is allowed in a sweep or a scene, but rarely meant."""
     for note in spec.notes():
         print(f"note: {note}", file=sys.stderr)
 
@@ -74,6 +79,17 @@ def print_class(run: Any) -> None:
     elif int(found["band"]) == BANDS["none"]:  # rounding has a strongest line, too
         pitch = "none: no tone"
     print(f"{'frequency':<12}{pitch}")
+
+
+def print_end(run: Any) -> None:
+    """A note if a run did not reach its end, and why; nothing else."""
+    from ..vocabulary.codes import Result
+
+    result = Result(int(run.get("result", Result.FINISHED)))
+    if result != Result.FINISHED:
+        where = f"{float(run['final_time']):.4g} of {float(run.attrs['duration']):.4g} s"
+        words = f"{result.name.lower()}: {run.attrs['result_message']}"
+        print(f"note: the run ended at {where}, {words}", file=sys.stderr)
 
 
 def print_attributes(dataset: Any) -> None:

@@ -4,6 +4,7 @@ Its methods are asked at its start for the kinds of what they return. What is wr
 line that names it: else it is an error somewhere in the engine, of its arithmetic.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..vocabulary import checks
+from ..vocabulary.declared import SET_BY_THE_ENGINE
+from ..vocabulary.ranges import Range
 from .belts import AbstractBelt
 from .friction import AbstractFriction
 from .on_belt import AbstractBeltSystem
@@ -20,6 +23,7 @@ from .space import contact
 from .system import AbstractSystem, cast
 
 SAME = 1e-6  # of W_tn and W_nt, relative
+RESTITUTION = Range(0, 1)
 PIECES = 4  # of a prescribed motion that are looked at
 
 
@@ -36,6 +40,7 @@ def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple
     _check_partner(system, t)
     if _is_ours(system):
         return
+    _check_fields(system)
     system = system.on_piece(system.first_piece(t))
 
     def numbers(method: str, count: int | None, *given) -> list:
@@ -55,6 +60,7 @@ def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple
     touches = ("gap", t, q) if system.unilateral else ("normal_force", t, q, v)
     for method, *given in (touches, ("slip_speed", t, q, v), ("output", t, q, v)):
         _number(f"{kind}.{method}", _asked(system, method, *given), shape)
+    _check_bounce(system, shape)
     switches = len(numbers("switches", None, t, q, v))
     ends = _asked(system, "ends", t, q, v)
     if not isinstance(ends, tuple | list) or len(ends) != switches:
@@ -99,8 +105,8 @@ def _check_partner(system: AbstractSystem, t) -> None:
 
 
 def _check_pieces(owner: Any, t) -> None:
-    """Raises ValueError unless pieces of a motion end one after the other: time would stand still.
-    Traced values pass (`checks`)."""
+    """Raises ValueError unless pieces of a motion end one after the other, for time would stand
+    still, and a belt's speed goes on from one to the next. Traced values pass (`checks`)."""
     if any(map(checks.is_traced, jax.tree.leaves((owner, t)))):
         return
     begin, piece = np.asarray(t), owner.first_piece(t)
@@ -109,12 +115,42 @@ def _check_pieces(owner: Any, t) -> None:
         if np.any(~(end > begin) & np.isfinite(begin)):
             must = "must be later for each piece, and than the time that it is the first piece of"
             raise ValueError(f"{type(owner).__name__}.break_time {must}, but was {end}")
+        if isinstance(owner, AbstractBelt) and np.all(np.isfinite(end)):
+            _check_joint(owner, piece, end)
         begin, piece = end, piece + 1
+
+
+def _check_joint(belt: AbstractBelt, piece, end) -> None:
+    """Raises ValueError where a belt's speed jumps at the end of a piece: what sticks would too."""
+    places = (end, piece), (end, piece + 1)
+    before, after = (np.asarray(belt.velocity(jnp.asarray(t), of)) for t, of in places)
+    size = np.abs(belt.peak)  # where it turns round its speed is rounding
+    if np.any(jumps := abs(after - before) > SAME * size):
+        at, old, new = (np.broadcast_to(x, jumps.shape)[jumps][0] for x in (end, before, after))
+        must = f"must go on where a piece ends, but at {at:g} s was {old:g} and then {new:g}"
+        raise ValueError(f"{type(belt).__name__}.velocity {must}")
 
 
 def _is_ours(part: Any) -> bool:
     """Whether a system, law or belt is one of this package: its tests have asked it."""
     return type(part).__module__.split(".")[0] == "wiperjax"
+
+
+def _check_fields(system: AbstractSystem) -> None:
+    """Raises ValueError where an ``__init__`` of its own leaves out a field that the engine sets:
+    its default stands in the class alone."""
+    for field in dataclasses.fields(system):
+        if field.name in SET_BY_THE_ENGINE and field.name not in vars(system):
+            must = "must set all fields, as super().__init__() does, but left out"
+            raise ValueError(f"{type(system).__name__}.__init__ {must} {field.name!r}")
+
+
+def _check_bounce(system: AbstractSystem, shape: tuple) -> None:
+    """Raises ValueError unless the restitution is a number that gains nothing. Traced values pass
+    (`checks`)."""
+    name = f"{type(system).__name__}.bounce"
+    _number(name, _called(name, lambda system: system.bounce, system), shape, "be")
+    checks.numbers(name, system.bounce, RESTITUTION)
 
 
 def _check_stops(system: AbstractSystem, switches: int, state: tuple) -> None:

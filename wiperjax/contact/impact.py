@@ -68,26 +68,36 @@ def poisson_impact(
     return Impulse(tangential, normal, v_t, v_n)
 
 
-def phased_impact(w_tt, w_tn, w_nn, mu, restitution, slip_speed, normal_speed) -> Impulse:
+def phased_impact(
+    w_tt, w_tn, w_nn, mu, restitution, slip_speed, normal_speed, jam=False
+) -> Impulse:
     """Impulse of an impact at (v_t, v_n <= 0) by Pfeiffer and Glocker's law, with friction.
 
     Poisson's two phases, too, but in each of them friction opposes the slip that is left at its
     end, with the whole impulse of the phase: another answer than `poisson_impact` only where slip
-    turns round on the way. For w_nn > mu |w_tn|. (F. Pfeiffer, Ch. Glocker, "Multibody Dynamics
-    with Unilateral Contacts", 1996, chapter 8.)
+    turns round on the way. Slip with D <= 0 ends in a jam, which ``jam`` says as it does there.
+    (F. Pfeiffer, Ch. Glocker, "Multibody Dynamics with Unilateral Contacts", 1996, chapter 8.)
     """
     det = w_tt * w_nn - w_tn * w_tn
     held = (w_tn * slip_speed - w_tt * normal_speed) / det
     holding = (w_tn * normal_speed - w_nn * slip_speed) / det
-    sticks = jnp.abs(holding) <= mu * held
-    forward = -normal_speed / (w_nn - mu * w_tn)
-    slides = slip_speed + (w_tn - mu * w_tt) * forward > 0
-    sign = jnp.where(slides, 1.0, -1.0)
-    slid = jnp.where(slides, forward, -normal_speed / (w_nn + mu * w_tn))
-    normal = jnp.where(sticks, held, slid)
-    tangential = jnp.where(sticks, holding, -sign * mu * slid)
-    v_t = slip_speed + w_tt * tangential + w_tn * normal
-    v_t = jnp.where(sticks, 0.0, v_t)
+
+    def slid(sign):
+        """Impulse of a compression that ends in slip of ``sign``, and whether it does."""
+        d = w_nn - sign * mu * w_tn
+        pushes = (d > 0) & ~jnp.asarray(jam)
+        normal = -normal_speed / jnp.where(pushes, d, 1.0)
+        left = slip_speed + (w_tn - sign * mu * w_tt) * normal
+        return normal, pushes & (sign * left > 0)
+
+    # of the three one holds, whatever the coupling
+    forward, slides = slid(1.0)
+    backward, turns = slid(-1.0)
+    sticks = ~slides & ~turns
+    normal = jnp.where(slides, forward, jnp.where(turns, backward, held))
+    friction = jnp.where(slides, -mu * forward, mu * backward)
+    tangential = jnp.where(sticks, holding, friction)
+    v_t = jnp.where(sticks, 0.0, slip_speed + w_tt * tangential + w_tn * normal)
 
     more = restitution * normal
     wanted = -(v_t + w_tn * more) / w_tt

@@ -10,6 +10,29 @@ _SIMULATED = "simulated_"
 _KEPT = ("settle", "window")
 CURVE = "curve_"
 _OF_CURVES = ("over", "second", "fixed")
+TAKEN = frozenset(
+    (
+        *("point", "multiplier", "special", "coordinate", "arclength", "state", "phase"),
+        *("period", "maximum", "minimum", "amplitude", "velocity_rms", "stick_fraction"),
+        *("flight_fraction", "normal_force_max", "slip_margin", "residual", "trivial_error"),
+        *("stable", "word", "regimes", "multiplier_real", "multiplier_imag", "special_kind"),
+        *("special_detail", "special_parameter", "special_point"),
+        *("way", "peak", "result"),  # of simulations
+        *("rest", "rest_position", "rest_stable"),
+        *("curve", "end", "lyapunov", "row_size", "kind", "end_code", "end_detail"),  # of curves
+        "special_curve",
+    )
+)
+"""Names of the variables and dimensions of branches and of what lies beside one."""
+
+
+def check_over(name: str) -> None:
+    """Raises ValueError for a parameter that a branch cannot be over: its values would take the
+    place of a variable of the same name, or be lost under it.
+    """
+    if name in TAKEN:
+        must = "must have a name that no variable of a branch has"
+        raise ValueError(f"the parameter that is varied {must}, was {name!r}: rename it")
 
 
 def with_simulations(branch: xr.Dataset, brute: xr.Dataset) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""What a run consists of: regimes and events in time, a stretch of it, its settled half, its last
+"""What a run consists of: regimes and events in time, a stretch of it, its settled part, its last
 periods, its pitch.
 """
 
@@ -14,7 +14,7 @@ from ..vocabulary.cf import flag_names
 from ..vocabulary.thresholds import silence
 from ..vocabulary.wording import not_there
 
-FEWEST_PERIODS = 2  # in the settled half: less is no period
+FEWEST_PERIODS = 2  # in the settled part: less is no period
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
 
 
@@ -104,12 +104,36 @@ def sample_interval(ds: xr.Dataset) -> float:
     return float(steps.mean())
 
 
+def contact_axis(ds: xr.Dataset) -> int | None:
+    """Number of the coordinate whose velocity is that of the contact point, which slides over its
+    partner; None where it is no coordinate's, as on the rim of a shaft, or nothing tells it.
+    """
+    if "slip_speed" not in ds:
+        return None
+    contact = np.asarray(ds["slip_speed"] + ds.get("belt_velocity", 0.0), dtype=float)
+    velocity = np.asarray(ds["velocity"].transpose("time", ...), dtype=float)
+    velocity = velocity.reshape(len(contact), -1)
+    room = 1e-9 * np.abs([contact.max(initial=0.0), contact.min(initial=0.0)]).max()
+    same = (np.abs(velocity - contact[:, None]) <= room).all(axis=0)
+    return int(same.argmax()) if same.any() else None
+
+
+def on_belt(ds: xr.Dataset) -> bool:
+    """Whether a coordinate slides on a belt, so that its velocity lies beside the belt's."""
+    return "belt_velocity" in ds and contact_axis(ds) is not None
+
+
+def usual_axis(ds: xr.Dataset) -> int:
+    """Number of the coordinate that stands for a motion: the contact's, if it is one's."""
+    return contact_axis(ds) or 0
+
+
 def signal(
     ds: xr.Dataset, quantity: str | None = None, component: int | None = None
 ) -> xr.DataArray:
     """One number over time: a scalar quantity of a run, or one component of position or velocity
-    (the first, if None). Without either it is the velocity that the motion is judged by: that of
-    the tip along the glass, of a system of one's own its output.
+    (`usual_axis`, if None). Without either it is the velocity that the motion is judged by: that
+    of the tip along the glass, of a system of one's own its output.
 
     Raises: `ValueError` if the run has no such quantity or component.
     """
@@ -118,7 +142,7 @@ def signal(
     values = check_quantity(ds, quantity)
     if values.ndim == 1:
         return values
-    component = component or 0
+    component = usual_axis(ds) if component is None else component
     other = next(dim for dim in values.dims if dim != "time")
     if not 0 <= component < values.sizes[other]:
         raise ValueError(f"component must be 0 ... {values.sizes[other] - 1}, was {component}")
@@ -132,13 +156,19 @@ def is_steady(ds: xr.Dataset) -> bool:
 
 
 def settled(ds: xr.Dataset) -> xr.Dataset:
-    """Second half of a run on a steady belt; all of it on another."""
+    """A run on a steady belt after its transient, by which it is judged (`statistics_start`): where
+    none is stored, or it is longer, the second half. All of a run on another belt.
+    """
     time = np.asarray(ds["time"], dtype=float)
-    return between(ds, 0.5 * (time[0] + time[-1])) if is_steady(ds) and time.size >= 16 else ds
+    if not is_steady(ds) or time.size < 16:
+        return ds
+    begin = float(ds.attrs.get("statistics_start", np.inf))
+    known = np.count_nonzero(time >= begin) >= 8
+    return between(ds, begin if known else 0.5 * (time[0] + time[-1]))
 
 
 def pitch(ds: xr.Dataset) -> float:
-    """Dominant frequency (Hz) of what the motion is judged by, in the settled half.
+    """Dominant frequency (Hz) of what the motion is judged by, in the settled part.
 
     NaN if it is quiet or has no two periods there, or is too fast for its samples; and on a belt
     that is not steady: there the stroke itself is the strongest line.

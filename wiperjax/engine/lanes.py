@@ -59,7 +59,7 @@ class Effort(NamedTuple):
 
 def _per_case(problem: Problem):
     """The parts of a problem that may differ between cases."""
-    return (problem.system, problem.atol, problem.max_step, problem.observer)
+    return (problem.system, problem.atol, problem.longest, problem.max_step, problem.observer)
 
 
 def _split(problem: Problem, cases: int):

@@ -161,6 +161,10 @@ def _result_after(problem: Problem, state: State, after: Outcome, happens, fires
     if after.struck is not None:  # likewise blows, and what presses against a stop
         soon = (state.streak == 0) & (state.time - state.last_event <= _tick(problem, state))
         piled = after.struck & (soon | after.presses) | piled & ~after.struck
+        at_stop = after.struck
+        for slot in stop_slots(problem.system):
+            at_stop = at_stop | (state.orders[slot] > 0)
+        piled = piled | (at_stop & (state.streak > ZERO_TIME_EVENTS))
     return jnp.where(piled, int(Result.ZENO_UNRESOLVED), result).astype(jnp.int32)
 
 

@@ -43,11 +43,13 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
         tables[table][keys[name] if table == "belt" else name] = float(ds[name].values[number])
     run = {
         "duration": duration,
+        "transient": settings.transient,
         "sample_interval": interval,
         "rtol": settings.rtol,
         "atol": settings.atol,
         "solver": settings.solver,
         "max_steps": settings.max_steps,
+        "max_step": settings.max_step,
         "zeno_time": settings.zeno_time,
     }
     where = ", ".join(value_text(ds[name], number) for name, number in place.items())
@@ -98,10 +100,9 @@ def simulated(explored: Explored, scene: dict[str, Any]) -> tuple[Any, dict[str,
     """The run of the scene of a cell, and what is told of it after the transient, as the map does.
     All cells have one compiled program.
     """
-    transient = explored.spec.run.transient
-    run = run_scene(parse_scene(scene, "this cell"), varied=explored.dims, transient=transient)
+    run = run_scene(parse_scene(scene, "this cell"), varied=explored.dims)
     finished = int(run["result"]) == 0
-    told = assess(run, transient=transient) if finished else None
+    told = assess(run) if finished else None
     return run, {} if told is None else {str(n): float(v) for n, v in told.data_vars.items()}
 
 

@@ -6,7 +6,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..datasets.run_dataset import event_times, is_steady, last_periods, pitch, settled, signal
+from ..datasets.run_dataset import (
+    event_times,
+    is_steady,
+    last_periods,
+    on_belt,
+    pitch,
+    settled,
+    signal,
+    usual_axis,
+)
 from ..noise.classes import stored
 from ..plots.runs.animation import lip_scene
 from ..plots.runs.bands import pieces
@@ -14,7 +23,8 @@ from ..plots.runs.friction import coefficient, has_law
 from ..plots.runs.history import MARKED
 from ..plots.runs.levels import levels, lines
 from ..plots.runs.portrait import orbit
-from ..plots.style.axes import label, long_name, shown
+from ..plots.style.axes import label, shown
+from ..plots.style.caption import quantity_words
 from ..plots.style.palette import CLASSES, EVENT_NAMES, EVENTS, REGIMES, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
 from .explored import plain
@@ -60,11 +70,10 @@ def content_of(run: xr.Dataset) -> Content:
     _spectrogram(content, run)
     _friction(content, part)
     _lip(content, part)
-    place, speed = (
-        label(_words(run[name]), shown(run[name])[1]) for name in ("position", "velocity")
-    )
+    shows = (signal(run, name, usual_axis(run)) for name in ("position", "velocity"))
+    place, speed = (label(_words(run, values), shown(values)[1]) for values in shows)
     judged = signal(run)
-    strength = label(f"{_words(judged)}, rms of line", shown(judged)[1])
+    strength = label(f"{_words(run, judged)}, rms of line", shown(judged)[1])
     content.labels = {
         "history": (f"time ({_clock(part)[1]})", speed),
         "portrait": (place, speed),
@@ -73,8 +82,8 @@ def content_of(run: xr.Dataset) -> Content:
     return content
 
 
-def _words(values: xr.DataArray) -> str:
-    return plain(long_name(values).removesuffix(" of the tip"), 60)
+def _words(run: xr.Dataset, values: xr.DataArray) -> str:
+    return plain(quantity_words(run, values), 60)
 
 
 def thinned(*curves: np.ndarray, most: int = MOST_POINTS, even: bool = True) -> np.ndarray:
@@ -108,10 +117,10 @@ def _history(content: Content, part: xr.Dataset) -> None:
     """Velocity over time, the glass, bands of regime, marks of events."""
     scale, _ = _clock(part)
     time = scale * np.asarray(part["time"], dtype=float)
-    speed = orbit(part, 0)[1]
+    speed = orbit(part, usual_axis(part))[1]
     chosen = thinned(speed)
     content.columns["velocity"] = {"t": time[chosen], "v": speed[chosen]}
-    glass = shown(part["belt_velocity"])[0][chosen] if "belt_velocity" in part else speed[:0]
+    glass = shown(part["belt_velocity"])[0][chosen] if on_belt(part) else speed[:0]
     content.columns["glass"] = {"t": time[chosen][: glass.size], "v": glass}
     boxes: dict[str, list] = {"left": [], "right": [], "bottom": [], "top": [], "colour": []}
     for start, stop, shares in pieces(part):
@@ -136,7 +145,7 @@ def _history(content: Content, part: xr.Dataset) -> None:
 
 def _portrait(content: Content, part: xr.Dataset) -> None:
     """Velocity over position, a curve for each stretch in one regime."""
-    x, v = orbit(part, 0)
+    x, v = orbit(part, usual_axis(part))
     chosen = thinned(x, v, most=MOST_TURNS)
     x, v = x[chosen], v[chosen]
     codes = np.asarray(part["regime"], dtype=int)[chosen]
@@ -148,8 +157,8 @@ def _portrait(content: Content, part: xr.Dataset) -> None:
         "v": [v[a:b] for a, b in spans],
         "colour": [REGIMES.get(names.get(int(codes[a]), ""), UNKNOWN) for a, _ in spans],
     }
-    glass = float(part["belt_velocity"][0]) if "belt_velocity" in part else np.nan
-    steady = "belt_velocity" in part and is_steady(part)
+    steady = on_belt(part) and is_steady(part)
+    glass = float(part["belt_velocity"][0]) if steady else np.nan
     content.ranges["position"], content.ranges["speed"] = with_room(x), with_room(v)
     ends = np.array(content.ranges["position"]) if steady else np.zeros(0)
     content.columns["glass_speed"] = {"x": ends, "v": np.full(ends.size, glass)}
@@ -215,7 +224,7 @@ def _friction(content: Content, part: xr.Dataset) -> None:
     if not has_law(part):
         content.hidden.add("friction")
         return
-    slip = orbit(part, 0)[1] - np.asarray(part["belt_velocity"], dtype=float)
+    slip = np.asarray(part["slip_speed"], dtype=float)
     normal = np.asarray(part["normal_force"], dtype=float)
     touching = np.flatnonzero(normal > 1e-6 * normal.max(initial=0.0))
     if not touching.size:

@@ -89,9 +89,9 @@ class MapPanel:
         given = {"axes": self.axes, "plane": self.plane, "names": self.names}
         move = CustomJS(args=given | {"readout": self.readout}, code=MOVE)
         self.picture.js_on_event(MouseMove, move)
-        self.picture.js_on_event(
-            MouseLeave, CustomJS(args={"readout": self.readout}, code="readout.text = ''")
-        )
+        clear = CustomJS(args={"readout": self.readout}, code="readout.text = ''")
+        self.picture.js_on_event(MouseLeave, clear)
+        self.plane.js_on_change("data", clear)  # the pointer may rest where another cell is now
         self.picture.js_on_event(
             Tap, CustomJS(args={"axes": self.axes, "cursor": self.cursor}, code=TAP)
         )

@@ -4,6 +4,7 @@ from collections.abc import Collection
 from typing import Any
 
 import numpy as np
+from bokeh.events import DocumentReady
 from bokeh.models import (
     Column,
     CustomJS,
@@ -71,7 +72,7 @@ class MotionPanel:
             title="The scene of this cell (wiperjax simulate SCENE.toml -o RUN.h5)",
             rows=9, width=WIDTH, max_length=100_000, stylesheets=[SHEET],
         )  # fmt: skip
-        lip = slow_motion(
+        lip, self._draw = slow_motion(
             self._figure(
                 "The lip", "along the glass (mm)", "height (mm)", height=226,
                 x_range=self.ranges["along"], y_range=self.ranges["height"],
@@ -98,6 +99,10 @@ class MotionPanel:
             sizing_mode="stretch_width",
             styles={"min-width": f"{WIDTH + 8}px", "flex": FLEX},
         )
+
+    def listen(self, document: Any) -> None:
+        """Has the lip drawn of the motion that a document opens with, if it has one."""
+        document.js_on_event(DocumentReady, self._draw)
 
     def show(self, content: Content, only: Collection[str] = ()) -> None:
         """Fills the panel; of it `only` what bears one of these names, if any are given."""

@@ -8,15 +8,16 @@ import xarray as xr
 
 from ..datasets.run_dataset import sample_interval
 from ..noise.run_class import words
+from ..plots.maps.numbers import TONE
 from ..plots.style.palette import CLASSES, UNKNOWN, readable
 from ..sound import COARSEST, sound
 from ..vocabulary.cf import flag_names
-from ..vocabulary.codes import Result
+from ..vocabulary.codes import LABELS, Result
 from .explored import escaped
 
 SECONDS = 2.0  # of sound, played again and again
 ROWS = (  # column of a map, and what it is called here
-    ("dominant_frequency", "frequency"),
+    (TONE, "frequency"),
     ("velocity_rms", "velocity, rms"),
     ("stick_fraction", "share in stick"),
     ("flight_fraction", "share in flight"),
@@ -31,8 +32,8 @@ def heading(run: xr.Dataset, told: dict[str, float], title: str) -> str:
     """Class of a motion with its colour, its tone, and the parameters of the cell."""
     name = words(told)["label"] if told else Result(int(run["result"])).name.lower()
     text = readable(name)
-    tone = told.get("dominant_frequency", float("nan"))
-    if name not in ("quiet", "collapsed", "failed") and np.isfinite(tone):
+    tone = _told(told, TONE)
+    if np.isfinite(tone):
         text += f", {tone:.4g} Hz"
     colour = CLASSES.get(name, UNKNOWN)
     return (
@@ -44,13 +45,13 @@ def heading(run: xr.Dataset, told: dict[str, float], title: str) -> str:
 
 def table(run: xr.Dataset, told: dict[str, float], stored: dict[str, float], ds: Any) -> str:
     """What is told of a run beside what the map `ds` has `stored` of its cell."""
-    rows = []
-    named = words(told) if told else {}
+    rows, result = [], Result(int(run["result"]))
+    named = words(told) if told else {"label": _ended(result)}
     for name, label in (("label", "class"), *CODED):
         here = readable(named[name]) if name in named else "-"
         rows.append((name, label, here, _stored_name(ds, name, stored), ""))
     for name, label in ROWS:
-        here, there = (source.get(name, float("nan")) for source in (told, stored))
+        here, there = (_told(source, name) for source in (told, stored))
         unit = str(ds[name].attrs.get("units", "1")) if name in ds else "1"
         share = name.endswith("_fraction")
         factor, unit = (100.0, "%") if share else (1.0, "" if unit == "1" else escaped(unit))
@@ -59,7 +60,7 @@ def table(run: xr.Dataset, told: dict[str, float], stored: dict[str, float], ds:
     rows += [
         ("events", "events, whole run", f"{run.sizes.get('event', 0):,}", "", ""),
         ("steps", "steps (rejected)", f"{attrs['steps']:,} ({attrs['rejected_steps']:,})", "", ""),
-        ("result", "result", Result(int(run["result"])).name.lower().replace("_", " "), "", ""),
+        ("result", "result", result.name.lower().replace("_", " "), "", ""),
     ]
     body = "".join(
         f'<tr data-name="{name}"><th scope="row">{label}</th><td class="here">{escaped(here)}</td>'
@@ -68,10 +69,21 @@ def table(run: xr.Dataset, told: dict[str, float], stored: dict[str, float], ds:
         if here != "-" or there
     )
     message = ""
-    if int(run["result"]) != Result.FINISHED:
+    if result != Result.FINISHED:
         message = f'<p class="fault">{escaped(attrs["result_message"])}</p>'
     head = '<tr><th></th><th scope="col">here</th><th scope="col">map</th><th></th></tr>'
     return f'<table class="numbers">{head}{body}</table>{message}'
+
+
+def _ended(result: Result) -> str:
+    """Class of a motion that did not finish, as a map has it."""
+    return "collapsed" if result == Result.COLLAPSED else "failed"
+
+
+def _told(source: dict[str, float], name: str) -> float:
+    """A number of a motion, NaN where there is none: what moves by rounding alone has no tone."""
+    quiet = name == TONE and source.get("label") == LABELS["quiet"]
+    return float("nan") if quiet else source.get(name, float("nan"))
 
 
 def _stored_name(ds: Any, name: str, stored: dict[str, float]) -> str:
@@ -91,7 +103,7 @@ def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> 
         return '<p class="note">No sound: its motions are too slow to be heard.</p>'
     try:
         heard = sound(run, reference=reference, seconds=seconds)
-    except ValueError:  # no whole period in the settled half
+    except ValueError:  # no whole period in the settled part
         try:
             heard = sound(run, reference=reference)
         except ValueError as error:

@@ -65,7 +65,8 @@ class Page:
         document.add_root(beside(left, motions))
         document.title = plain(f"wiperjax explore: {explored.name}")
         document.template = PAGE
-        self.map.listen(document)
+        for panel in (self.map, self.motion):
+            panel.listen(document)
         self.open(explored)
 
     def open(

@@ -51,8 +51,10 @@ def drawn_sources() -> dict[str, Any]:
     return {name: source(syncable=False, **data) for name, data in DRAWN.items()}
 
 
-def slow_motion(picture: Any, frames: Any, drawn: dict[str, Any]) -> Any:
-    """Draws the lip into a figure; returns it with its buttons, and the key of the regimes."""
+def slow_motion(picture: Any, frames: Any, drawn: dict[str, Any]) -> tuple[Any, CustomJS]:
+    """Draws the lip into a figure; returns it with its buttons and the key of the regimes, and what
+    draws: frames that a page has from its beginning do not change.
+    """
     picture.hspan(y=0, line_color=BELT, line_width=2)
     picture.scatter("x", "y", marker="dash", angle=np.pi / 2, size=12, color=BELT,
                     line_width=2, source=drawn["glass"])  # fmt: skip
@@ -78,4 +80,4 @@ def slow_motion(picture: Any, frames: Any, drawn: dict[str, Any]) -> Any:
         for name, colour in REGIMES.items()
     )
     key = words(picture.width, f'<div class="keys">{legend}</div>')
-    return Column(children=[picture, row, key], width=picture.width)
+    return Column(children=[picture, row, key], width=picture.width), draw

@@ -15,7 +15,7 @@ from bokeh.embed import file_html
 from bokeh.models import Column, CustomJS
 from bokeh.resources import INLINE
 
-from ..machine.files import check_output, replacing
+from ..machine.files import check_output, log, replacing
 from .explored import USUAL, Explored, escaped, plain
 from .map_panel import WIDTH, MapPanel
 from .motion import motion_of
@@ -65,7 +65,8 @@ def write_static(
     force: bool = False,
     say: Callable[[str], None] = lambda text: None,
 ) -> int:
-    """Writes a page that needs nothing but a browser; returns how many motions are in it.
+    """Writes a page that needs nothing but a browser; returns how many motions are in it. A motion
+    that cannot be shown is left out, with a warning.
 
     Arguments:
 
@@ -90,11 +91,17 @@ def write_static(
         for name in chosen:
             panel.show(explored, plane, x, y, name)
             states[" ".join(map(str, (name, *at)))] = noted(panel.parts())
-    motions = {}
+    held, motions = [], {}
     for number, place in enumerate(places if explored.spec is not None else []):
         say(f"cell {number + 1} of {len(places)}")
-        motion.show(motion_of(explored, place, seconds=SECONDS))
-        motions[str(number)] = noted(motion.parts())
+        try:
+            motion.show(motion_of(explored, place, seconds=SECONDS))
+        except ValueError as error:  # of one that collapses at once
+            log.warning("%s: cell %d is left out: %s", path, number + 1, error)
+            continue
+        motions[str(len(held))] = noted(motion.parts())
+        held.append(place)
+    places = held or places
     document = _page(explored, (x, y), panel, motion, chosen, states, places, motions)
     html = file_html(document, INLINE, title=document.title, template=PAGE)
     with replacing(path) as temporary:
@@ -200,4 +207,5 @@ def _page(explored, axes, panel, motion, chosen, states, places, motions) -> Doc
     document.title = plain(f"wiperjax explore: {explored.name}")
     panel.listen(document)
     document.js_on_event("document_ready", show)
+    motion.listen(document)
     return document

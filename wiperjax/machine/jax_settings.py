@@ -9,6 +9,7 @@ import os
 
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
+from . import provenance
 from .compiled import keep_programs
 
 # XLA's own options of its CPU compiler, as name=value pairs:
@@ -58,8 +59,6 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
     Settings already made by the user win. JAX's have no effect once it has started a device. Raises
     ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
     """
-    import jax  # it reads the settings later, when it starts a device
-
     global _configured
     keep = checks.flag("keep", keep)
     if cores is None:
@@ -75,7 +74,7 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
         wanted["--xla_gpu_enable_command_buffer"] = GRAPHS
     else:
         wanted["--xla_disable_hlo_passes"] = ",".join(SKIPPED)
-    if jax.__version_info__ < (0, 11):  # later ones end the process that names what is gone
+    if provenance.version("jaxlib").startswith("0.10."):  # later ones end who names what is gone
         # its emitters of fusions have a scatter of their own, which has no place in the function
         # that a loop becomes (`COMPILER`): what keeps a log, such as a few blades under `vmap`, ran
         # kernel by kernel, four to ten times slower

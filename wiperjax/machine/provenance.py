@@ -29,13 +29,15 @@ LIBRARIES = (
 
 
 def record(command: str | None, wall_time: float, host: str | None = None) -> dict[str, Any]:
-    """Values of `RUN_ATTRIBUTES`; `wall_time` in seconds, summed over blocks; no phases yet."""
+    """Values of `RUN_ATTRIBUTES` but `phase_times`; `wall_time` in seconds, of a map summed over
+    blocks.
+    """
     return {
         "command": command or "",
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "host": host or host_kind(),
         "wall_time": float(wall_time),
-    } | phase_times(Account())
+    }
 
 
 def phase_times(spent: Account) -> dict[str, float]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..noise.run_class import usual_transient
+from ..runs.scene import transient_of
 from ..specs.load import parse_sweep
 from ..specs.scene import SceneSpec
 from ..specs.sweep import SweepSpec
@@ -58,14 +58,14 @@ def costs(scenes: Mapping[str, SceneSpec]) -> dict[str, float]:
 
 def around(scene: SceneSpec) -> SweepSpec:
     """Return the sweep of `SIDE` x `SIDE` blades whose load and belt speed are within `SPREAD` of a
-    scene's, with the settings of a sweep; looked at is what is of the scene (`usual_transient`), by
+    scene's, with the settings of a sweep; looked at is what is of the scene (`transient_of`), by
     its thresholds.
     """
     data, known = scene.document(), scene.parameters()
     keys = {name: key for key, name in BELTS[scene.belt.kind].items()}
     data["blade"] = _without(data.get("blade", {}), "normal_load")
     data["belt"] = _without(data.get("belt", {}), keys["belt_speed"])
-    transient = usual_transient(scene.run.duration, scene.belt_kind or "")
+    transient = transient_of(scene)
     return parse_sweep(
         _without(data, "title")
         | {

@@ -55,6 +55,9 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
                 preload=_DEAF,
             )
             stack.enter_context(address)
+        told = logging.getLogger("distributed.client")  # of a lost scheduler, in tracebacks
+        stack.callback(told.setLevel, told.level)
+        told.setLevel(logging.CRITICAL)
         try:
             client = stack.enter_context(Client(address, set_as_default=False))
         except (OSError, ValueError) as error:
@@ -165,7 +168,8 @@ class Workers:
                 message = f"{what} was lost with its worker {times} times; {_KEPT}"
                 raise ClusterError(message) from error
             except (CancelledError, OSError) as error:
-                raise ClusterError(f"the scheduler was lost ({error!r}); {_KEPT}") from error
+                why = type(error).__name__
+                raise ClusterError(f"the scheduler was lost ({why}); {_KEPT}") from error
             seen = seen if deserted else time.monotonic()
             if time.monotonic() - seen > alone:
                 raise ClusterError(f"no worker was left for {alone:g} s; {_KEPT}")

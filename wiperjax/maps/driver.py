@@ -8,6 +8,7 @@ import os
 import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +18,7 @@ import xarray as xr
 from ..datasets import map_dataset
 from ..machine import provenance
 from ..machine.files import StoreError, check_move, check_output, log
+from ..machine.interrupt import heeded
 from ..machine.phases import Account, account, during
 from ..specs.load import load_sweep, parse_sweep
 from ..store.blocks import BlockStore
@@ -59,7 +61,7 @@ def sweep(
     Main arguments:
 
     - `spec`: the sweep: a `SweepSpec`, a mapping shaped like a sweep file, or the
-        path of one.
+        path of one; the notes of these two are logged as warnings.
     - `output`: HDF5 file to make; finished blocks are kept in `<output>.parts` until it is
         complete. None keeps everything in memory.
     - `resume`: go on with a sweep that was cut short, or mend its finished map that was damaged
@@ -145,7 +147,8 @@ def _onto_disk(
             )
         host = task.workers.host if task.workers is not None else None
         made = _made(known) | provenance.record(task.command, 0.0, host)
-        finalize(store, output, made, lambda: provenance.phase_times(task.spent))
+        times = partial(provenance.phase_times, task.spent)
+        finalize(store, output, made | times(), times)
     return open_map(output)
 
 
@@ -174,25 +177,27 @@ def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
     """Computes what a store lacks. Raises: `SweepInterrupted` on Ctrl-C, with the `hint`."""
     with Report(store.cells, title=task.spec.title, show=task.progress) as report:
         try:
-            _compute(task, store, report)
+            with heeded() as check:
+                _compute(task, store, report, check)
         except KeyboardInterrupt:
             raise SweepInterrupted(hint()) from None
 
 
 def _sweep(spec: Any) -> Any:
-    """The sweep that `spec` is, names or describes."""
-    if isinstance(spec, str | os.PathLike):
-        return load_sweep(Path(spec))
-    if isinstance(spec, Mapping):
-        return parse_sweep(spec)
+    """The sweep that `spec` is, names or describes; its notes, if read only here."""
+    if isinstance(spec, str | os.PathLike | Mapping):
+        sweep = parse_sweep(spec) if isinstance(spec, Mapping) else load_sweep(Path(spec))
+        for note in sweep.notes():
+            log.warning("note: %s", note)
+        return sweep
     if not hasattr(spec, "axes_values"):
         must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
         raise ValueError(f"{must}, but was {checks.shown(spec)}")
     return spec
 
 
-def _compute(task: Task, store: BlockStore, report: Report) -> None:
-    """Computes and stores every block that is not done."""
+def _compute(task: Task, store: BlockStore, report: Report, check: Callable[[], None]) -> None:
+    """Computes and stores every block that is not done; `check` is called after each."""
     done = store.done()
     for number in np.flatnonzero(done):
         found = store.read(int(number), ("label", "result"))
@@ -205,6 +210,7 @@ def _compute(task: Task, store: BlockStore, report: Report) -> None:
     spans = {int(number): store.span(int(number)) for number in np.flatnonzero(~done)}
     for block in _computed(task, spans, report):
         store.write(block.number, block.columns, block.seconds)
+        check()
 
 
 def _computed(task: Task, spans: Spans, report: Report) -> Iterator[Block]:

@@ -22,6 +22,7 @@ from .linear import linear_over
 from .table import modes_of, place_near
 
 AT_ONCE = 2048  # cells
+VARIABLES = ("mode", "real_part", "frequency", "growth_rate", "exists", "verdict")
 VERDICTS = {"not_told": -1, "quiet": 0, "noisy": 1, "over_predicted": 2, "missed": 3}
 """What the linear test says of a cell beside its simulated class: stable and quiet, unstable and
 noisy, unstable yet quiet, stable yet noisy."""
@@ -36,10 +37,14 @@ def modes_over(spec: SweepSpec | Mapping[str, Any]) -> xr.Dataset:
     (the fastest growing first, NaN where there are fewer): ``real_part`` [1/s], ``frequency`` [Hz];
     ``growth_rate``, the largest real part; ``exists``, whether there is steady sliding.
 
-    Raises ValueError (`SpecError`) for what is no sweep, and for a system without friction.
+    Raises ValueError (`SpecError`) for what is no sweep, for a system without friction, and for an
+    axis that has the name of one of these variables.
     """
     spec = parse_sweep(spec) if isinstance(spec, Mapping) else spec
     checks.instance("spec", spec, SweepSpec, "a sweep, or a mapping shaped like a sweep file")
+    if taken := [name for name in spec.axes if name in VARIABLES]:
+        must = "must have names that no variable of modes over a sweep has"
+        raise ValueError(f"axes {must}, but had {taken[0]!r}: rename that parameter")
     blocks = np.array_split(np.arange(spec.size), -(-spec.size // AT_ONCE))
     parts = [_block(spec, index) for index in blocks]
     values = np.concatenate([part[0] for part in parts])
@@ -77,13 +82,18 @@ def beside(found: xr.Dataset, simulated: xr.Dataset) -> xr.Dataset:
     """Return modes of a sweep with the variable ``verdict`` (`VERDICTS`): what the linear test says
     of each cell, beside the class in the map of the same sweep.
 
-    Raises ValueError for a map of other axes, or of several starts.
+    Raises ValueError for a map of other axes or values of these, or of several starts.
     """
     names = tuple(str(name) for name in found["growth_rate"].dims)
     label = simulated["label"]
-    if set(label.dims) != set(names) or any(label.sizes[n] != found.sizes[n] for n in names):
+    if set(label.dims) != set(names):
         must = f"must be over {', '.join(names)}, with one start a cell"
         raise ValueError(f"the map {must}, was over {', '.join(map(str, label.dims))}")
+    for name in names:  # cells are paired by their place
+        axis, own = found[name].values, label[name].values
+        if axis.shape != own.shape or not np.allclose(axis, own, rtol=1e-12, atol=0):
+            must = "must be those of its sweep, in the same order"
+            raise ValueError(f"the map's values of {name} {must}, were others")
     label = np.asarray(label.transpose(*names))
     grows, told = np.asarray(found["growth_rate"]) > 0, np.asarray(found["exists"]) > 0
     told &= ~np.isin(label, [LABELS["failed"], LABELS["collapsed"], -1])

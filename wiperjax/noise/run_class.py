@@ -43,8 +43,8 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     - `run`: a run of a scene file (`run_scene`, or a file of `wiperjax simulate`); its attributes
         tell the belt.
     - `thresholds`: `Thresholds`; None: those stored with the run.
-    - `transient`: time [s] that is left out; None: the first half on a steady belt, the first
-        eighth on one that reverses.
+    - `transient`: time [s] that is left out; None: what the engine left out (`statistics_start`),
+        of a run without that `usual_transient`.
 
     Returns: a dataset of scalars named as the columns of a map (`label` and the like hold codes,
     see `words`). Those of `GATHERED` are exact where the run was gathered from `transient` on
@@ -67,7 +67,8 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     if transient is not None:
         transient = checks.number("transient", transient, Range(0, end, high_open=True, unit="s"))
     else:
-        transient = usual_transient(float(run.attrs["duration"]), kind)
+        usual = usual_transient(float(run.attrs["duration"]), kind)
+        transient = float(run.attrs.get("statistics_start", usual))
     kept = run.sel(time=slice(transient, None))
     time = np.asarray(kept["time"], dtype=float)
     finished = int(run["result"]) == RESULTS["finished"]
@@ -92,7 +93,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         "normal_force_mean": force.mean(),
         "normal_force_max": force.max(),
     }
-    columns |= _events(run, transient, end, None) | _slips(kept, velocity, end - transient)
+    columns |= _events(run, transient, end, None) | _slips(kept, end - transient)
     if since is not None:
         near = np.abs(since) <= limits.reversal_window
         columns["normal_force_max_reversal"] = force[near].max() if near.any() else np.nan
@@ -189,10 +190,10 @@ def _gathered(run: xr.Dataset, start: float, time: np.ndarray, limits: Any) -> d
     return {name: float(run[name]) for name in names}
 
 
-def _slips(run: xr.Dataset, velocity: np.ndarray, window: float) -> dict[str, float]:
+def _slips(run: xr.Dataset, window: float) -> dict[str, float]:
     """What slips out of stick cost in the `window` [s] that the samples of `run` cover: their rate
     is exact, forces and work are those of the samples, of what is quicker too little; they cannot
-    tell an acceleration.
+    tell an acceleration, nor a work without their slip speed.
     """
     time = np.asarray(run["time"], dtype=float)
     names = flag_names(run["regime"])
@@ -208,13 +209,14 @@ def _slips(run: xr.Dataset, velocity: np.ndarray, window: float) -> dict[str, fl
     drop = 0.0
     if stick.any() and slip.any():
         drop = max(np.abs(friction[stick]).max() - np.abs(friction[slip]).min(), 0.0)
-    power = np.zeros(time.size)
-    if "belt_velocity" in run:
-        power = np.where(slip, friction * (np.asarray(run["belt_velocity"]) - velocity), 0.0)
+    work = np.nan
+    if "slip_speed" in run:
+        power = np.where(slip, -friction * np.asarray(run["slip_speed"]), 0.0)
+        work = float(np.trapezoid(power, time))
     return {
         "slip_rate": count / window,
         "force_drop": drop,
-        "energy_per_slip": float(np.trapezoid(power, time)) / count if count else 0.0,
+        "energy_per_slip": work / count if count else 0.0,
         "acceleration_max": np.nan,
     }
 

@@ -87,7 +87,8 @@ def signal_columns(
         signal, interval, averaged=True, inner=inner
     )
     found["frequency_told"] = np.where(told, TOLD["yes"], TOLD["no"])
-    found["settled"] = settled(signal, interval, limits.settled_change, quiet_below)
+    pitch = found["dominant_frequency"]
+    found["settled"] = settled(signal, interval, pitch, limits.settled_change, quiet_below)
     if halves_agree is not None:
         _name_tones(found, limits.tone_time, quiet_below)
         found["settled"] = np.where(halves_agree, found["settled"], SETTLED["unknown"])
@@ -122,14 +123,15 @@ def _name_tones(found: dict[str, np.ndarray], least: float, quiet_below: np.ndar
 
 
 def settled(
-    signal: np.ndarray, interval: float, change: float, quiet_below: Any = 0.0
+    signal: np.ndarray, interval: float, pitch: np.ndarray, change: float, quiet_below: Any = 0.0
 ) -> np.ndarray:
     """Codes of `SETTLED`, (cells,): whether both halves of each signal tell the same.
 
     They do if both are below `quiet_below` [m/s], or if neither the standard deviation nor the
     dominant frequency changes by more than the fraction `change` from one to the other. A motion
-    that is irregular for good is therefore "no" as well, and so is one of hardly two periods.
-    Signals that are not finite are "unknown".
+    that is irregular for good is therefore "no" as well, and so is one of hardly two periods, or
+    one whose `pitch`, the dominant frequency [Hz] of the whole (cells,), is of fewer. Signals that
+    are not finite are "unknown".
 
     Standard deviations are weighted with a Hann window: a half holds no whole number of periods,
     and without it a slow one would be as its ends happen to lie (12 % of three and a half periods).
@@ -144,9 +146,10 @@ def settled(
     with np.errstate(invalid="ignore"):
         steady = np.abs(spread[1] - spread[0]) <= change * spread.max(axis=0)
     open_ = np.flatnonzero(known & steady & ~silent)  # a pitch costs more than all the rest
-    pitch = [dominant_frequency(part[open_], interval, averaged=True) for part in parts]
+    tones = [dominant_frequency(part[open_], interval, averaged=True) for part in parts]
     with np.errstate(invalid="ignore"):
-        steady[open_] = np.abs(pitch[1] - pitch[0]) <= change * np.maximum(*pitch)
+        steady[open_] = np.abs(tones[1] - tones[0]) <= change * np.maximum(*tones)
+        steady &= pitch * interval * signal.shape[-1] >= 2
     return np.where(
         known, np.where(silent | steady, SETTLED["yes"], SETTLED["no"]), SETTLED["unknown"]
     )

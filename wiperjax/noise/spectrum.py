@@ -4,11 +4,12 @@ How it is found. The mean is removed, the signal is weighted with a Hann window 
 taken with zero padding, so that two lines are compared at (nearly) their true heights: on the bare
 bins the Hann window loses up to 1.4 dB between bins, enough to prefer the second harmonic of a
 narrow pulse train to its fundamental. The STRONGEST LINE is then the highest local maximum that
-lies at `minimum_cycles` cycles per window or above; slower motion cannot be told from drift. Its
-place is refined by a parabola and then by Newton's method on the spectrum as a continuous function
-of frequency (`between_bins`), at the line and its next harmonics together (each weighted by its own
-power): that keeps a fundamental with only five cycles in the window from being pulled by the skirts
-of its own harmonics.
+lies at `minimum_cycles` cycles per window or above; slower motion cannot be told from drift. Where
+that is so much larger that the line may be one of its side lobes in the window, or an overtone, the
+line has to stand out of what lies beside it. Its place is refined by a parabola and then by
+Newton's method on the spectrum as a continuous function of frequency (`between_bins`), at the line
+and its next harmonics together (each weighted by its own power): that keeps a fundamental with only
+five cycles in the window from being pulled by the skirts of its own harmonics.
 
 If the strongest line is a harmonic of a lower line at least half as high, the lower one is the
 answer: the slip pulses of slow stick-slip fill a few per cent of the period, their comb of lines is
@@ -28,12 +29,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.fft
+from scipy.ndimage import maximum_filter1d
 
 from .between_bins import Bins, refined
 
 FUNDAMENTAL_RATIO = 0.5  # height of a fundamental against its highest harmonic
 FEW_HARMONICS, HARMONICS = 6, 40  # up to which a fundamental is looked for without, and with a comb
 CHUNK = 2**20  # numbers transformed at once: fewer pay for the interpreter, more for memory
+LOBE = 0.2  # twice the highest side lobe of slow motion: half as high it would be a fundamental
+BESIDE = 3.0  # cycles from a line, whose own width ends at two, to what it has to stand out of,
+STANDS_OUT, FAINTEST = 4.0, 1e-3  # by that factor, and above that share of the slow motion
 HIDDEN = 1 / (1 - np.sinc(0.5) ** 2)  # most that a hidden line has, over what means leave out of it
 MARGIN = 1.2  # for motion that is not the same throughout its window
 
@@ -141,11 +146,12 @@ def _strongest(signal, inner, bins: Bins, minimum_cycles: float, harmonics: int)
     seen = spectrum.real**2 + spectrum.imag**2
     power = seen if bins.response is None else seen / bins.response
     start = max(1, int(np.ceil(minimum_cycles * bins.resolution)))
-    highest = _highest(power, start)
-    peak = _fundamental(power, highest, start, bins.resolution)
+    lines, highest = _lines(power, start, bins.resolution)
+    peak = _fundamental(lines, highest, start, bins.resolution)
     row = np.arange(len(peak))
     left, top, right = (power[row, peak + k].astype(float) for k in (-1, 0, 1))
-    found = finite & (spread > 0) & (top >= left) & (top >= right)  # else all is skirt: no line
+    found = finite & (spread > 0) & (lines[row, peak] > 0)
+    found &= (top >= left) & (top >= right)  # else all is skirt: no line
     bend = left - 2.0 * top + right
     offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
     place = refined(spectrum, peak + offset, bins, harmonics)
@@ -153,6 +159,24 @@ def _strongest(signal, inner, bins: Bins, minimum_cycles: float, harmonics: int)
     if inner is None or bins.response is None:
         return Lines(frequency, finite)
     return Lines(frequency, finite & _told(seen, power, highest, inner, scale, bins))
+
+
+def _lines(power, start: int, resolution: float) -> tuple[Any, np.ndarray]:
+    """`power`, and the highest line of each row from bin `start` on, (rows,). Where that may be a
+    side lobe of slower motion, or its overtone, of `power` only the lines that stand out are left.
+    """
+    highest, slow = _highest(power, start), power[:, :start].max(axis=1)
+    doubtful = np.flatnonzero(power[np.arange(len(power)), highest] <= LOBE**2 * slow)
+    if not doubtful.size:
+        return power, highest
+    some, lines, below = power[doubtful], power.copy(), slow[doubtful, None]
+    half, away = round(0.75 * resolution), round(BESIDE * resolution)
+    crest, place = maximum_filter1d(some, 2 * half + 1, axis=1), np.arange(some.shape[1])
+    left, right = crest[:, np.abs(place - away)], crest[:, np.minimum(place + away, place[-1])]
+    stands = (some > STANDS_OUT**2 * np.maximum(left, right)) & (some > FAINTEST**2 * below)
+    lines[doubtful] = np.where(stands, some, 0)
+    highest[doubtful] = _highest(lines[doubtful], start)
+    return lines, highest
 
 
 def _highest(power, start: int) -> np.ndarray:

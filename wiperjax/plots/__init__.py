@@ -16,7 +16,7 @@ from .runs import animation, friction, history, page, portrait, spectra
 
 _MOTION = ("time", "position", "velocity", "regime")
 _FORCES = ("normal_force", "friction_force")
-_SHARES = ("label", "stick_fraction", "flight_fraction", "velocity_rms", "belt_speed_rms")
+_SHARES = ("label", "stick_fraction", "flight_fraction", "velocity_rms")
 
 # maps
 with_borders = of("map", "label")(borders.with_borders)
@@ -37,7 +37,7 @@ regime_raster = of("map", "label")(line.regime_raster)
 time_history = of("run", *_MOTION)(history.time_history)
 history_page = of("run", *_MOTION)(page.history_page)
 phase_portrait = of("run", *_MOTION)(portrait.phase_portrait)
-friction_curve = of("run", *_MOTION, *_FORCES)(friction.friction_curve)
+friction_curve = of("run", *_MOTION, *_FORCES, "slip_speed")(friction.friction_curve)
 spectrum = of("run", "time")(spectra.spectrum)
 spectrogram = of("run", "time", "regime")(spectra.spectrogram)
 run_overview = of("run", *_MOTION)(page.run_overview)

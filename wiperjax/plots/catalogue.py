@@ -40,7 +40,7 @@ class Picture:
     part: Callable[[xr.Dataset], xr.Dataset] = field(default=lambda run: run)
 
 
-def _phase(part: xr.Dataset, whole: xr.Dataset, component: int = 0):
+def _phase(part: xr.Dataset, whole: xr.Dataset, component: int | None = None):
     if part.sizes["time"] == whole.sizes["time"]:
         return portrait.phase_portrait(part, component=component)
     return portrait.phase_portrait(part, component=component, transient=whole)
@@ -59,7 +59,7 @@ def _run_page(part: xr.Dataset, whole: xr.Dataset) -> Figure:
 
 _PLANE = ("x", "y", "at")
 _TIMES = ("start", "stop")
-_SHARES = ("stick_fraction", "flight_fraction", "velocity_rms", "belt_speed_rms")
+_SHARES = ("stick_fraction", "flight_fraction", "velocity_rms")
 _MOTION = ("position", "velocity", "regime")
 
 PICTURES: Mapping[str, Mapping[str, Picture]] = {
@@ -156,11 +156,11 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             "friction force over slip speed, on the Stribeck curve",
             lambda part, whole: friction.friction_page(part),
             _TIMES,
-            (*_MOTION, "belt_velocity", "normal_force", "friction_force"),
+            (*_MOTION, "slip_speed", "normal_force", "friction_force"),
             settled,
         ),
         "spectrum": Picture(
-            "spectrum of the settled half, with the bands of the classes",
+            "spectrum of the settled part, with the bands of the classes",
             lambda part, whole, **options: spectra.spectrum(part, **options),
             ("quantity", "component", *_TIMES),
             (),

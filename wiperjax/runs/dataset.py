@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade.wiper import Wiper
 from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
 from ..contact.system import AbstractSystem
@@ -21,7 +20,7 @@ from ..vocabulary import cf
 from ..vocabulary.cf import units_text
 from ..vocabulary.codes import RESULTS, Event, Regime
 from ..vocabulary.columns import SYSTEM, attributes_of
-from ..vocabulary.declared import SET_BY_THE_ENGINE
+from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
 from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.schema import EVENT_COLUMNS
@@ -33,7 +32,7 @@ OF_A_RUN = frozenset(
         *("Conventions", SYSTEM, "duration", "sample_interval", "initial_position"),
         *("initial_velocity", "max_steps", "solver", "rtol", "atol_position", "atol_velocity"),
         *("zeno_time", "steps", "rejected_steps", "unproved_steps", "result_message", "source"),
-        *("versions", "statistics_start"),
+        *("versions", "statistics_start", "parameter_units", "max_step"),
     )
 )
 """Attributes of every run: a parameter of such a name is an attribute by another (`beside`)."""
@@ -81,7 +80,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
             if belt is not None
             else {}
         ),
-        **({} if given.of_a_blade else _output(given, samples, times)),
+        **_worked_out(given, samples, times),
         **{
             EVENT_COLUMNS[field]: ("event", getattr(log, field), meaning)
             for field, meaning in events.items()
@@ -99,12 +98,12 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         "axis": ("axis", names, about("coordinate")),
     }
     parameters = _parameters(given)
-    stated = {name: PARAMETERS[name].unit for name in parameters if name in given.known}
+    stated = {name: unit for name, (_, unit) in parameters.items() if unit is not None}
     attrs = {
         "Conventions": cf.CONVENTIONS,
         "system": type(given).__name__,
-        **beside(parameters),
-        **({"parameter_units": units_text(stated)} if stated else {}),
+        **beside({name: value for name, (value, _) in parameters.items()}),
+        **({"parameter_units": units_text(beside(stated))} if stated else {}),
         **attributes,
     }
     return xr.Dataset(variables, coords=coords, attrs=cf.plain_attributes(attrs))
@@ -123,40 +122,54 @@ def _belt_velocity(belt: AbstractBelt, times: np.ndarray) -> np.ndarray:
     return np.broadcast_to(np.asarray(velocity, float), times.shape).copy()
 
 
-def _output(system: AbstractSystem, samples: Any, times: np.ndarray) -> dict[str, Any]:
-    """Return the variable of what the motion of a system of one's own is judged by."""
-    t = jnp.asarray(times)
-    system = system.on_piece(system.first_piece(t))
-    q, rates = (
-        tuple(jnp.asarray(x) for x in part) for part in (samples.position, samples.velocity)
-    )
-    values = system.output(t, q, system.from_rates(t, q, rates))
-    attrs = {"long_name": "output velocity", "units": "m/s"}
-    return {"output": ("time", np.broadcast_to(np.asarray(values, float), times.shape), attrs)}
+def _worked_out(system: AbstractSystem, samples: Any, times: np.ndarray) -> dict[str, Any]:
+    """Return the variables that only the system can tell of its samples: how fast its contact
+    slides and, of one that is no blade, how far it is open and what the motion is judged by.
+    """
+    known = {"output": ("output velocity", "m/s"), "gap": ("gap", "m")}
+    known |= {"slip_speed": ("slip speed", "m/s")}
+    names = [] if system.of_a_blade else ["output"] + ["gap"] * system.unilateral
+    names += [] if system.law is None else ["slip_speed"]
+
+    def at(t, q, rates):
+        now = system.on_piece(system.first_piece(t))
+        v = now.from_rates(t, q, rates)
+        values = {"output": now.output, "slip_speed": now.slip_speed}
+        return {name: now.gap(t, q) if name == "gap" else values[name](t, q, v) for name in names}
+
+    found = jax.vmap(at)(*jax.tree.map(jnp.asarray, (times, samples.position, samples.velocity)))
+    attrs = {name: dict(zip(("long_name", "units"), known[name], strict=True)) for name in names}
+    return {name: ("time", np.asarray(found[name], float), attrs[name]) for name in names}
 
 
-def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, Any]:
-    """Name -> value of each numeric field, those of modules inside prefixed; and their classes."""
-    found: dict[str, Any] = {}
+def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, tuple[Any, str | None]]:
+    """Name -> (value, unit if it is known) of each numeric field, those of modules inside prefixed;
+    and their classes. The numbers of a system of one's own are pure ones unless it says more.
+    """
+    found: dict[str, tuple[Any, str | None]] = {}
+    declared, pure = marked(module), None if getattr(module, "of_a_blade", True) else "1"
     for field in fields(module):  # type: ignore[arg-type]
         name, value = prefix + field.name, getattr(module, field.name)
         if field.name in SET_BY_THE_ENGINE or field.name in getattr(module, "idle", ()):
             continue
         if isinstance(value, eqx.Module):
-            found[name] = type(value).__name__
-            if isinstance(module, Wiper) and isinstance(value, AbstractFriction):  # as in files
-                keys = FRICTIONS.get(value.kind, {})
-                law = _parameters(value).items()
-                found |= {prefix + keys.get(key, f"friction_{key}"): x for key, x in law}
+            found[name] = type(value).__name__, None
+            if isinstance(value, AbstractFriction):
+                keys = FRICTIONS.get(value.kind, {})  # as in files
+                for key, (x, unit) in _parameters(value).items():
+                    known = PARAMETERS[keys[key]].unit if key in keys else unit
+                    found[prefix + keys.get(key, f"{name}_{key}")] = x, known
                 continue
             found |= _parameters(value, f"{name}_")
             continue
         if isinstance(module, AbstractBelt) and field.name == "amplitude":
             name = f"{prefix}speed"  # as it is called in files
-        if isinstance(value, bool | int | float | str):
-            found[name] = value
-        elif isinstance(value, np.generic | np.ndarray | jax.Array):
-            found[name] = np.asarray(value)[()]
+        if isinstance(value, bool | str):
+            found[name] = value, None
+        elif isinstance(value, int | float | np.generic | np.ndarray | jax.Array):
+            entry = declared.get(field.name) or PARAMETERS.get(name)
+            unit = (pure if entry is None else entry.unit) if np.ndim(value) == 0 else None
+            found[name] = np.asarray(value)[()], unit
     return found
 
 

@@ -14,6 +14,7 @@ from ..contact.belts import SteadyBelt
 from ..engine.observers.reversal import ReversalTotals
 from ..engine.observers.totals import RegimeTotals
 from ..machine import provenance
+from ..machine.files import log
 from ..noise.run_class import usual_transient
 from ..numerics.runge_kutta import SOLVERS
 from ..specs.load import load_scene, parse_scene
@@ -32,16 +33,15 @@ def run_scene(
     spec: SceneSpec | Mapping[str, Any] | str | os.PathLike,
     *,
     varied: Iterable[str] = (),
-    transient: float | None = None,
 ) -> xr.Dataset:
     """Return the trajectory of a scene file, labelled as `simulate` does.
 
-    ``spec``: a scene of `load_scene`, the path of a scene file, or a mapping shaped like one. Its
-    attributes are those of the file: title, text, and all parameters in the units of files
-    (angles in degrees; ``parameter_units`` says so). ``varied``: parameters that other scenes have
-    other values of; one that is 0 here is then computed with, not left out, so that all have one
-    compiled program. ``transient``: time [s] from which the engine gathers statistics, which are in
-    the run as scalars (default: what `assess` leaves out; of another time it has samples only).
+    ``spec``: a scene of `load_scene`, the path of a scene file, or a mapping shaped like one (the
+    notes of these two are logged as warnings). Its attributes are those of the file: title, text,
+    and all parameters in the units of files (angles in degrees; ``parameter_units`` says so).
+    ``varied``: parameters that other scenes have other values of; one that is 0 here is then
+    computed with, not left out, so that all have one compiled program. After its transient
+    (`transient_of`) the engine gathers statistics, which are in the run as scalars.
 
     Raises ValueError for anything else, and for a start that is impossible for these parameters.
     """
@@ -56,8 +56,7 @@ def run_scene(
             "start.equilibrium must be left out: with these parameters no steady slip exists"
         )
     asked, limits, belt = spec.run, spec.thresholds(), belt_of(built.system)
-    if transient is None:
-        transient = usual_transient(asked.duration, spec.belt_kind or "")
+    transient = transient_of(spec)
     observer = RegimeTotals(transient)
     if not isinstance(belt, SteadyBelt | None):
         observer = ReversalTotals(transient, limits.reversal_window)
@@ -70,6 +69,7 @@ def run_scene(
         atol=asked.atol,
         sample_interval=asked.sample_interval,
         max_steps=asked.max_steps,
+        max_step=asked.max_step,
         zeno_time=asked.zeno_time,
         observer=observer,
     )
@@ -88,6 +88,13 @@ def run_scene(
     return ds.assign_attrs(beside(stated) | cf.plain_attributes(attrs))
 
 
+def transient_of(spec: SceneSpec) -> float:
+    """Return the time [s] from which on the motion of a scene is judged."""
+    if spec.run.transient is not None:
+        return spec.run.transient
+    return usual_transient(spec.run.duration, spec.belt_kind or "")
+
+
 def _system(spec: SceneSpec) -> dict[str, str]:
     """Attributes that tell the system, its law, its start and, unless stated, the title."""
     law, start = spec.family.law(spec), spec.start
@@ -104,11 +111,12 @@ def _system(spec: SceneSpec) -> dict[str, str]:
 
 
 def _scene(spec: Any) -> SceneSpec:
-    """Return the scene that ``spec`` is, names or describes."""
-    if isinstance(spec, str | os.PathLike):
-        return load_scene(Path(spec))
-    if isinstance(spec, Mapping):
-        return parse_scene(spec)
+    """Return the scene that ``spec`` is, names or describes; its notes, if read only here."""
+    if isinstance(spec, str | os.PathLike | Mapping):
+        scene = parse_scene(spec) if isinstance(spec, Mapping) else load_scene(Path(spec))
+        for note in scene.notes():
+            log.warning("note: %s", note)
+        return scene
     such_as = "a scene, a mapping shaped like a scene file, or the path of one"
     checks.instance("spec", spec, SceneSpec, such_as)
     return spec

@@ -57,6 +57,7 @@ def simulate(
     atol=None,
     sample_interval: float | None = None,
     max_steps: int | None = None,
+    max_step: float | None = None,
     zeno_time: float = 1e-8,
     observer: RegimeTotals | ReversalTotals | None = None,
 ) -> xr.Dataset:
@@ -69,20 +70,23 @@ def simulate(
     **Other arguments:** ``solver``, an explicit diffrax Runge-Kutta solver with error estimate
     and dense output (default `diffrax.Tsit5`); ``rtol``; ``atol``, one number or (positions,
     velocities) (default: rtol times the system's scales); ``sample_interval`` [s] (default:
-    1/2000 of the duration); ``max_steps``, trial steps (default: no limit); ``zeno_time`` [s],
-    flights shorter than this are completed by the limit of their sequence; ``observer``, a
+    1/2000 of the duration); ``max_steps``, trial steps (default: no limit); ``max_step`` [s]
+    (default: as long as the motion is smooth); ``zeno_time`` [s], flights shorter than this are
+    completed by the limit of their sequence; ``observer``, a
     `RegimeTotals`: what it gathers from its start on is in the dataset, too, as scalars named as
     the columns of a map (``statistics_start`` is among the attributes; default: none).
 
     **Returns** a dataset with the dimensions ``time`` (samples up to the end reached), ``axis``
     (coordinates of the system) and ``event``: ``position``, ``velocity``, ``regime``,
-    ``normal_force``, ``friction_force`` and, of a wiper, ``belt_velocity``; ``event_time``,
-    ``event_kind``, ``regime_before``,
-    ``regime_after``, ``event_impulse``; ``final_time``, ``final_position``, ``final_velocity``,
-    ``final_regime``; ``result``. A sample at the very instant of an event shows the motion before
-    it. Attributes hold the parameters of the system (SI units, radians), the tolerances, the
-    solver's statistics, and ``result_message``, what the result means. A numerical failure is no
-    exception: the trajectory ends there, and ``result`` says why.
+    ``normal_force``, ``friction_force``; with a belt ``belt_velocity``; with friction
+    ``slip_speed``, that of the contact over its partner; of a system that is no blade ``output``,
+    the velocity it is judged by, and of one that can lift off its ``gap``; ``event_time``,
+    ``event_kind``, ``regime_before``, ``regime_after``, ``event_impulse``; ``final_time``,
+    ``final_position``, ``final_velocity``, ``final_regime``; ``result``. A sample at the very
+    instant of an event shows the motion before it. Attributes hold the parameters of the system (SI
+    units, radians), the tolerances, the solver's statistics, and ``result_message``, what the
+    result means. A numerical failure is no exception: the trajectory ends there, and ``result``
+    says why.
 
     **Raises** `ValueError` for arguments that cannot be meant, or an initial state that is
     impossible (the contact point inside its partner; no finite force that could hold it).
@@ -93,6 +97,8 @@ def simulate(
     most = int(COUNT.high) if max_steps is None else checks.whole("max_steps", max_steps, COUNT)
     check_integration(solver, rtol, zeno_time, most)
     zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
+    if max_step is not None:
+        max_step = checks.number("max_step", max_step, POSITIVE)
     if sample_interval is None:
         sample_interval = duration / SAMPLES
     within = Range(0, duration, low_open=True)
@@ -103,7 +109,7 @@ def simulate(
     given, system = system, traceable(system)
     start = coordinates(system, initial_state)
     atol = tolerances(atol, len(start[0]))
-    integration = Integration(solver, float(rtol), atol, most, zeno_time=zeno_time)
+    integration = Integration(solver, float(rtol), atol, most, max_step, zeno_time)
     padded = _padded(times)
     recording = Recording(
         padded,
@@ -119,7 +125,6 @@ def simulate(
         "sample_interval": sample_interval,
         "initial_position": np.asarray(start[0]),
         "initial_velocity": np.asarray(start[1]),
-        "max_steps": most,
         **_account(case, integration, state),
     }
     run = labelled(given, case.problem, state, log, attributes)
@@ -175,6 +180,8 @@ def _account(case: Case, integration: Integration, state: State) -> dict[str, An
         "atol_position": np.asarray(case.problem.atol[0]),
         "atol_velocity": np.asarray(case.problem.atol[1]),
         "zeno_time": integration.zeno_time,
+        "max_steps": integration.max_steps,
+        **({} if integration.max_step is None else {"max_step": integration.max_step}),
         "steps": int(state.attempts),
         "rejected_steps": int(state.rejected),
         "unproved_steps": int(state.unproved),

@@ -1,4 +1,4 @@
-"""When a wiping belt turns."""
+"""When a wiping belt turns, and which windows around that see the lip flip over."""
 
 import math
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: fl
 
 
 def window_notes(
-    kind: str, given: Mapping[str, np.ndarray], window: float, around: float
+    kind: str, given: Mapping[str, np.ndarray], around: float, window: float = math.inf
 ) -> list[str]:
     """Lines on windows that are allowed but rarely meant: whether there is a turn in the `window`
     [s] of a sweep, and a lip flips over within that of its reversal, `around` V = 0 [s], in the
@@ -58,11 +58,16 @@ def window_notes(
     return [*lines, f"classes.reversal_window is {around:g} s, but {takes} {over}"]
 
 
-def check_strokes(window: float, frequency: float) -> None:
-    """Raises Fault where a `window` [s] around V = 0, with the fade beside it, leaves nothing of
-    the strokes between, on a belt of this `frequency` [Hz].
+def longest_window(frequency: float) -> float:
+    """Longest time [s] around V = 0 that, with the fade beside it, leaves something of the strokes
+    between, on a belt of this `frequency` [Hz].
     """
-    most = 0.25 / (1 + FADE) / frequency
+    return 0.25 / (1 + FADE) / frequency
+
+
+def check_strokes(window: float, frequency: float) -> None:
+    """Raises Fault where a `window` [s] around V = 0 is longer than `longest_window`."""
+    most = longest_window(frequency)
     if window > most * (1 + 1e-9):
         must = f"must be at most a fifth of the belt's period ({most:g} s)"
         raise Fault("classes.reversal_window", f"{must}, was {window:g}")

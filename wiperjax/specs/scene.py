@@ -1,8 +1,10 @@
 """The specification of a scene."""
 
+import numpy as np
 from pydantic import model_validator
 
-from .reversal import check_strokes, flip_time
+from ..vocabulary.kinds import BELTS
+from .reversal import check_strokes, flip_time, longest_window, window_notes
 from .system import System
 from .tables import Classes, SceneRun
 
@@ -40,6 +42,14 @@ class SceneSpec(System):
             known.get("belt_ramp", 0.0),
             known.get("lip_length", 0.0),
         )
-        longest = 0.1 / frequency  # the rest is the stroke
-        window = min(max(2 * time, self.classes.reversal_window), longest)
+        window = min(max(2 * time, self.classes.reversal_window), longest_window(frequency))
         return self.classes.model_copy(update={"reversal_window": window})
+
+    def notes(self) -> list[str]:
+        """Lines on what is allowed but rarely meant, for a person to see."""
+        known = self.parameters()
+        if self.belt_kind in (None, "steady") or "lip_length" not in known:
+            return []
+        names = (*BELTS[self.belt.kind].values(), "lip_length")
+        given = {name: np.abs(np.atleast_1d(known[name])) for name in names}
+        return window_notes(self.belt.kind, given, self.thresholds().reversal_window)

@@ -211,7 +211,7 @@ class SweepSpec(System):
         return {name: known[name] for name in table}
 
     def notes(self) -> list[str]:
-        """Lines on what is allowed but rarely meant, for the command line to show."""
+        """Lines on what is allowed but rarely meant, for a person to see."""
         lines = []
         for name, axis in self.axes.items():
             reach = np.abs(axis.values()).max()
@@ -222,7 +222,7 @@ class SweepSpec(System):
             fixed = {name: np.atleast_1d(value) for name, value in self.fixed().items()}
             known = fixed | {name: axis.values() for name, axis in self.axes.items()}
             given = {name: np.abs(known[name]) for name in names}
-            windows = self.run.window, self.classes.reversal_window
+            windows = self.classes.reversal_window, self.run.window
             lines += window_notes(self.belt.kind, given, *windows)
         return lines
 

@@ -137,6 +137,7 @@ class SweepRun(Table):
         solver: Runge-Kutta method; left out: "dopri8", in single precision or with
             sensitivities "tsit5".
         max_steps: step budget of one cell; a cell that spends it gets that result code.
+        max_step: longest step [s]; left out: as long as the motion is smooth.
         zeno_time: flight time [s] below which a bounce sequence is completed in closed form.
         samples: of the settled window, at a first look; left out: as many as the highest squeal
             needs. Cells that they cannot tell the frequency of are looked at again.
@@ -152,6 +153,7 @@ class SweepRun(Table):
     precision: Literal["float64", "float32"] = "float64"
     solver: SolverName | None = None
     max_steps: int = 200_000
+    max_step: float | None = None
     zeno_time: float = 1e-8
     samples: int | None = None
     raster: int | None = None
@@ -172,19 +174,31 @@ class SceneRun(Table):
 
     Attributes:
         duration: time [s] that is computed.
+        transient: time [s] that class, statistics and spectrum leave out; left out: half of the
+            duration, on a belt that turns an eighth.
         sample_interval: time [s] between samples; left out: 1/2000 of the duration.
         rtol: relative tolerance of the integrator.
         solver: Runge-Kutta method.
         max_steps: step budget; left out: no end but that of the run.
+        max_step: longest step [s]; left out: as long as the motion is smooth.
     """
 
     duration: float
+    transient: float | None = None
     sample_interval: float | None = None
     rtol: float = 1e-8
     atol: float | None = None
     solver: SolverName = "tsit5"
     max_steps: int | None = None
+    max_step: float | None = None
     zeno_time: float = 1e-8
+
+    @model_validator(mode="after")
+    def _leaves_something(self) -> "SceneRun":
+        if self.transient is not None and not self.transient < self.duration:
+            must = f"must be below run.duration, {self.duration:g} s"
+            raise Fault("transient", f"{must}, was {self.transient:g}")
+        return self
 
 
 class Start(Table):

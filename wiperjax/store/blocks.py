@@ -246,7 +246,7 @@ class BlockStore:
             differs = ", ".join(f"{n} is {told.get(n)}, must be {expected[n]}" for n in wrong)
             raise StoreError(
                 f"{path}: is not block {number} of {MANIFEST} beside it ({differs}); one of the "
-                "two was put here or changed: move the block away, or {self._anew}"
+                f"two was put here or changed: move the block away, or {self._anew}"
             )
 
     def _drop(self, number: int, path: Path, what: str) -> None:

@@ -15,12 +15,14 @@ import numpy as np
 from ..contact.friction import AbstractFriction, Coulomb
 from ..contact.impact import phased_impact
 from ..contact.system import AbstractSystem
+from ..numerics.bernstein import largest
 from ..numerics.fusion_barrier import keep
 from ..vocabulary import checks
 from ..vocabulary.declared import parameter
 
 FREE, HELD = 0, 1  # normal: no more impulse than is given, or the ends stay together
 STICK = 0  # tangential; else the sign of slip
+ROUNDINGS = 1e3  # last digits: what differs by fewer is the same
 MODES = np.array(
     [(n1, t1, n2, t2) for n1 in (0, 1) for t1 in (0, 1, -1) for n2 in (0, 1) for t2 in (0, 1, -1)]
 ).T  # of beak and edge, each in one of six
@@ -55,7 +57,8 @@ class Woodpecker(AbstractSystem):
 
     def __check_init__(self):
         super().__check_init__()  # equinox calls it too, but after this one
-        checks.at_most("pole_radius", self.pole_radius, self.sleeve_radius, "sleeve_radius")
+        limit = self.sleeve_radius, "sleeve_radius"
+        checks.at_most("pole_radius", self.pole_radius, *limit, itself=False)
 
     @property
     def _turn(self):
@@ -122,7 +125,7 @@ class Woodpecker(AbstractSystem):
         return eqx.tree_at(lambda s: s.sides, self, tuple(sides), is_leaf=lambda x: x is None)
 
     def impact(self, w_tt, w_tn, w_nn, mu, slip_speed, normal_speed, jam):
-        return phased_impact(w_tt, w_tn, w_nn, mu, self.bounce, slip_speed, normal_speed)
+        return phased_impact(w_tt, w_tn, w_nn, mu, self.bounce, slip_speed, normal_speed, jam)
 
     def rebound(self, stop, t, q, v, closed):
         """An impact of the beak and, if it is closed, of the sleeve's edge: Poisson's law in two
@@ -130,17 +133,26 @@ class Woodpecker(AbstractSystem):
         ways = (*self._beak(), *self._edge(q))
         moved = [self._moved(way) for way in ways]
         inertia = [[_dot(way, m) for m in moved] for way in ways]
-        mu = [self.beak_friction, self.friction.coefficient(jnp.abs(_dot(ways[3], v)))]
+        mu = [self.beak_friction, self._edge_friction(_dot(ways[3], v))]
+        # four ways and three coordinates: these impulses together move nothing
+        (_, _, beak), (_, arm, lever), (_, edge, _), (_, radius, _) = ways
+        idle = [-lever / beak, 1.0, (radius - arm) / edge, -1.0]
 
         def phase(v, given):
             speeds = [_dot(way, v) for way in ways]
-            impulses = _impulses(inertia, speeds, mu, given, closed)
+            impulses = _impulses(inertia, idle, speeds, mu, given, closed)
             pushes = [[x * p for x in m] for m, p in zip(moved, impulses, strict=True)]
             return tuple(x + sum(d) for x, *d in zip(v, *pushes, strict=True)), impulses
 
         none = 0.0 * v[0]
         v, compression = phase(v, (none, none))
         return phase(v, (self.beak_restitution * compression[0], none))[0]
+
+    def _edge_friction(self, slip_speed):
+        """Coefficient at a closed edge: the static one where it slips by rounding only."""
+        speed = jnp.abs(slip_speed)
+        least = ROUNDINGS * float(jnp.finfo(speed.dtype).eps) * self.scales(3)[1][0]
+        return jnp.where(speed > least, self.friction.coefficient(speed), self.friction.static)
 
     def default_state(self):
         """As Glocker's simulation begins: sliding on its lower edge, the bird swings back."""
@@ -162,13 +174,14 @@ def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _impulses(inertia, speeds, mu, given, closed):
+def _impulses(inertia, idle, speeds, mu, given, closed):
     """Return the impulses of a phase, (normal, tangential) of the beak and of the edge.
 
     At each the normal impulse is as large as ``given`` and the ends part, or larger and they stay
     together; the tangential one holds, or is the limit of friction against the slip that is left.
-    Every combination is solved for, and the one that fits is taken. Where not ``closed`` the edge
-    has no part.
+    Every combination is solved for. Of those that fit the least impulses are taken (the sum of
+    their squares): where all is held, any share of ``idle`` may be added to them. Where not
+    ``closed`` the edge has no part.
     """
     n1, t1, n2, t2 = (mode.reshape((-1,) + (1,) * jnp.ndim(speeds[0])) for mode in MODES)
     rows = []
@@ -180,7 +193,10 @@ def _impulses(inertia, speeds, mu, given, closed):
         limit = [unit[1][k] + slip * mu[i] * unit[0][k] for k in range(4)]
         left = [jnp.where(slip == STICK, inertia[along][k], limit[k]) for k in range(4)]
         rows.append([*left, jnp.where(slip == STICK, -speeds[along], 0.0)])
-    found = _solved(rows)
+    # what holds all but the last way holds it, too; instead: the least impulses
+    all_held = (n1 == HELD) & (t1 == STICK) & (n2 == HELD) & (t2 == STICK)
+    rows[3] = [jnp.where(all_held, x, y) for x, y in zip((*idle, 0.0), rows[3], strict=True)]
+    found, solved = _solved(rows)
     after = [
         s + sum(w * x for w, x in zip(row, found, strict=True))
         for s, row in zip(speeds, inertia, strict=True)
@@ -197,19 +213,29 @@ def _impulses(inertia, speeds, mu, given, closed):
         off.append(jnp.maximum(misfit, 0.0))
     absent = jnp.where((n2 == FREE) & (t2 == 1), 0.0, jnp.inf)
     worst = jnp.maximum(off[0], jnp.where(closed, off[1], absent))
-    worst, found = keep((jnp.where(jnp.isfinite(worst), worst, jnp.inf), found))
-    best = jnp.arange(MODES.shape[1]).reshape(n1.shape) == jnp.argmin(worst, axis=0)
+    worst, found = keep((jnp.where(solved & jnp.isfinite(worst), worst, jnp.inf), found))
+    scale = sum(jnp.abs(s) for s in speeds) + inertia[0][0] * given[0]
+    same = ROUNDINGS * float(jnp.finfo(worst.dtype).eps) * scale
+    fits = worst <= jnp.min(worst, axis=0) + same
+    size = jnp.where(fits, sum(x * x for x in found), jnp.inf)
+    best = jnp.arange(MODES.shape[1]).reshape(n1.shape) == jnp.argmin(size, axis=0)
     return [jnp.sum(jnp.where(best, x, 0.0), axis=0) for x in found]
 
 
 def _solved(rows):
-    """Solve four equations, the right-hand side last in each, by elimination."""
-    rows = [list(row) for row in rows]
+    """Solve four equations, the right-hand side last in each, by elimination; and whether they
+    have one solution, as far as their digits tell."""
+    rows, one = [list(row) for row in rows], True
+    sizes = [largest(tuple(jnp.abs(x) for x in row[:4])) for row in rows]
     for k in range(4):
-        pivot = jnp.where(rows[k][k] == 0, 1.0, rows[k][k])
+        pivot = rows[k][k]
+        least = ROUNDINGS * float(jnp.finfo(pivot.dtype).eps) * sizes[k]
+        flat = jnp.abs(pivot) <= least
+        one = one & ~flat
+        pivot = jnp.where(flat, 1.0, pivot)
         rows[k] = [x / pivot for x in rows[k]]
         for i in range(4):
             if i != k:
                 rows[i] = [x - rows[i][k] * y for x, y in zip(rows[i], rows[k], strict=True)]
         rows = keep(rows)  # else it is worked out anew for each of its uses
-    return [row[4] for row in rows]
+    return [row[4] for row in rows], one

@@ -86,15 +86,18 @@ def parameter(name: str, value: Any, entry: Parameter) -> None:
         raise ValueError(f"{name} {problem}")
 
 
-def at_most(name: str, value: Any, limit: Any, words: str) -> None:
-    """Raises `ValueError` where `value` is above `limit` (numbers or arrays), called `words`."""
+def at_most(name: str, value: Any, limit: Any, words: str, itself: bool = True) -> None:
+    """Raises `ValueError` where `value` is above `limit` (numbers or arrays), called `words`, or
+    without `itself` just there.
+    """
     if is_traced(value) or is_traced(limit):
         return
     above, most = np.broadcast_arrays(np.asarray(value), np.asarray(limit))
-    wrong = above > most
+    wrong = (above > most) if itself else (above >= most)
     if wrong.any():
         was, most = digits(above[wrong][0]), f"{most[wrong][0]:g}"
-        raise ValueError(f"{name} must be at most {words} ({most}), but was {was}")
+        must = "at most" if itself else "below"
+        raise ValueError(f"{name} must be {must} {words} ({most}), but was {was}")
 
 
 def names(name: str, value: Any, fewest: int = 0) -> None:

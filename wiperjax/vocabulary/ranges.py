@@ -114,6 +114,7 @@ SETTINGS: Mapping[str, Range] = MappingProxyType(
         "rtol": Range(1e-13, 1e-2),
         "atol": Range(1e-20, 1.0),
         "max_steps": COUNT,
+        "max_step": Range(1e-12, 1e5, unit="s"),
         # what is kept of a cell
         "samples": Range(16, MOST_SAMPLES, whole=True),
         "raster": Range(1, 2**16, whole=True),

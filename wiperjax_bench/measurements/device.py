@@ -10,6 +10,7 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -70,8 +71,8 @@ def run(output: Path, kind: str, *, quick: bool = False, repeats: int = 3, say=p
         judgements = pool.map(judge, variants)
         ready = list(pool.map(made, cases))
         right = dict(zip(variants, judgements, strict=True))
-    calls = [Remembering(call) for call, _ in ready]
-    rows = [
+    calls: list[Any] = [Remembering(call) for call, _ in ready]
+    rows: list[dict[str, Any]] = [
         {
             "method": methods[variant].name,
             "rtol": RTOL[variant],

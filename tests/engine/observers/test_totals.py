@@ -1,13 +1,30 @@
 """What a trajectory gathers: shares of time, mean and largest force."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from systems import Block, times, trajectory
 
 import wiperjax
 from wiperjax import Regime, SteadyBelt, Wiper, WipingBelt
-from wiperjax.engine.observers.totals import steepest
+from wiperjax.engine.observers.told import told
+from wiperjax.engine.observers.totals import Totals, steepest
+
+
+def test_what_is_told_of_a_cell_does_not_depend_on_its_block():
+    """In float32 the last digit of its means did: XLA divides one number by the window, of many it
+    multiplies each by the reciprocal."""
+    rng, n, window = np.random.default_rng(0), 64, 0.1
+    fields = dict.fromkeys(Totals._fields, jnp.asarray(rng.random(n), jnp.float32))
+    for name in fields:
+        if name.endswith("_count"):
+            fields[name] = jnp.asarray(rng.integers(0, 9, n), jnp.int32)
+    record = Totals(**fields)
+    whole = told(record, window, np.full(n, True))
+    for i in range(n):
+        alone = told(jax.tree.map(lambda x, i=i: x[i : i + 1], record), window, np.array([True]))
+        assert {name: x[0] for name, x in alone.items()} == {k: x[i] for k, x in whole.items()}
 
 
 @pytest.mark.slow

@@ -33,17 +33,20 @@ def free(q):
     return np.array([own, -twist - weight * ARM_S, twist - weight * ARM_B])
 
 
-def solved(contacts, normal_rate, along_rate, given, signs):
+def solved(contacts, normal_rate, along_rate, given, signs, give=0.0):
     """Normal and tangential impulses (or forces) of ``contacts`` that fit complementarity.
 
     The rates are those without them, ``given`` the least normal impulses; ``signs`` of slip are
-    prescribed where they are not 0 (else friction opposes the rate that is left).
+    prescribed where they are not 0 (else friction opposes the rate that is left). Of several that
+    fit these are the least, in the sum of their squares. With ``give`` each of the contacts yields
+    alike, by this share of what the beak does to the whole.
     """
     n = len(contacts)
     ways = np.concatenate([NORMAL[contacts], ALONG[contacts]])
     inertia, rates = ways @ INVERSE @ ways.T, np.concatenate([normal_rate, along_rate])
+    inertia = inertia + give * inertia[0, 0] * np.eye(2 * n)
     choices = [product((True, False), (s,) if s else (0, 1, -1)) for s in signs]
-    best, fits = None, np.inf
+    fits, digits = [], 1e-12 * (np.abs(rates).sum() + inertia[0, 0] * np.max(given))
     for modes in product(*choices):
         left, right = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
         for i, (held, slip) in enumerate(modes):
@@ -55,9 +58,8 @@ def solved(contacts, normal_rate, along_rate, given, signs):
                 left[n + i, n + i], left[n + i, i] = 1, slip * MU
             else:
                 left[n + i], right[n + i] = inertia[n + i], -rates[n + i]
-        try:
-            found = np.linalg.solve(left, right)
-        except np.linalg.LinAlgError:
+        found = np.linalg.lstsq(left, right, rcond=1e-10)[0]  # the least, of a family of them
+        if np.abs(left @ found - right).max() > max(digits, 1e-12 * np.abs(right).max()):
             continue
         after, off = rates + inertia @ found, 0.0
         for i, (held, slip) in enumerate(modes):
@@ -65,25 +67,26 @@ def solved(contacts, normal_rate, along_rate, given, signs):
             if signs[i] == 0:
                 beyond = (abs(found[n + i]) - MU * found[i]) * inertia[n + i, n + i]
                 off = max(off, -slip * after[n + i] if slip else beyond)
-        if off < fits - 1e-13:
-            best, fits = (found[:n], found[n:]), off
-    return best
+        fits.append((off, found @ found, found))
+    least = min(off for off, _, _ in fits) + digits
+    _, _, found = min((fit for fit in fits if fit[0] <= least), key=lambda fit: fit[1])
+    return found[:n], found[n:]
 
 
 def pushed(v, contacts, impulses):
     return v + INVERSE @ (NORMAL[contacts].T @ impulses[0] + ALONG[contacts].T @ impulses[1])
 
 
-def impact(v, contacts, restitution):
+def impact(v, contacts, restitution, give=0.0):
     """Velocities behind an impact of all ``contacts``: compression, then expansion of the beak."""
     none = np.zeros(len(contacts))
-    first = solved(contacts, NORMAL[contacts] @ v, ALONG[contacts] @ v, none, none)
+    first = solved(contacts, NORMAL[contacts] @ v, ALONG[contacts] @ v, none, none, give)
     v = pushed(v, contacts, first)
     given = np.where(np.array(contacts) == BEAK, restitution, 0.0) * first[0]
     if not given.any():
         return v
     rates = NORMAL[contacts] @ v, ALONG[contacts] @ v
-    return pushed(v, contacts, solved(contacts, *rates, given, none))
+    return pushed(v, contacts, solved(contacts, *rates, given, none, give))
 
 
 def state_of(q, v, contact):

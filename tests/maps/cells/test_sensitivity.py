@@ -439,7 +439,7 @@ def test_the_vertex_of_a_largest_force_is_found_and_its_derivative_with_it(monke
     longest = []
 
     def caught(system, duration, state, integration, recording, dtype):
-        longest.append(float(integration.max_step))
+        longest.append(float(integration.longest))
         raise StopIteration
 
     monkeypatch.setattr(batch, "make_case", caught)

@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
+from ...datasets.branch_dataset import check_over
 from ...machine import provenance
 from ...vocabulary import cf, checks
 from .follow import Branch
@@ -28,10 +29,13 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
 
     The parameter has the name and the unit of files (angles in degrees). ``special_point`` is the
     index of the point that a special point is, or of the last one before it (corners).
+
+    Raises ValueError for what is no branch, or one over a parameter named as a variable of these.
     """
     checks.instance("branch", branch, Branch, "a branch of follow(...)")
     first = branch.cycles[0]
     name, attrs, to_file = numbers.stored(first.system, branch.over)
+    check_over(name)
 
     words = numbers.words(first.system)
 

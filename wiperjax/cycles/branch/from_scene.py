@@ -11,7 +11,7 @@ from ...blade import numbers
 from ...blade.steady_slip import steady_slip
 from ...contact.belts import SteadyBelt
 from ...contact.system import AbstractSystem
-from ...datasets.branch_dataset import with_curves, with_rest, with_simulations
+from ...datasets.branch_dataset import check_over, with_curves, with_rest, with_simulations
 from ...machine import provenance
 from ...specs.scene import SceneSpec
 from ...systems.build import belt_of, build, start
@@ -53,8 +53,8 @@ def follow_scene(
     (`follow_curves`). The motion is taken after ``run.duration`` of the scene. Of a wiper on a
     steady belt, steady slip is added.
 
-    Raises ValueError if there is no such parameter, no cycle at the scene's own value, that value
-    lies outside the range, or the scene is on a poorer model than the lip.
+    Raises ValueError if there is no such parameter or its name is taken, no cycle at the scene's
+    own value, that value lies outside the range, or the scene is on a poorer model than the lip.
     """
     if spec.model != "lip":
         raise ValueError(f"model must be 'lip' to follow its cycles, but was {spec.model!r}")
@@ -131,6 +131,7 @@ def _bounds(
     entry = spec.parameter_table.get(name)
     if entry is None:
         raise ValueError(f"{option}: {not_there(name, 'system or its belt', spec.parameter_table)}")
+    check_over(name)
     for end in (low, high):
         if problem := entry.problem(end):
             raise ValueError(f"{name}: {problem}")

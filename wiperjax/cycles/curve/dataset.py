@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
+from ...datasets.branch_dataset import check_over
 from ...machine import provenance
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import CurveEnd
@@ -21,7 +22,7 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
     ``special_point`` is the index of the point that a special point is. ``end_code`` says why
     either end is one (`CurveEnd`), ``end_detail`` in words.
 
-    Raises ValueError for no curves at all.
+    Raises ValueError for no curves at all, and for a parameter named as a variable of these.
     """
     if not isinstance(curves, list) or not all(isinstance(curve, Curve) for curve in curves):
         raise ValueError(
@@ -47,16 +48,16 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
     variables, names = {}, []
     for k, name in enumerate(curves[0].names):
         stored, attrs, to_file = numbers.stored(system, name)
+        check_over(stored)
         names.append(stored)
         variables[stored] = ("point", to_file(places[:, k]), attrs)
-    lyapunov = [each.test.get("bautin", np.nan) for each in facts]
     half = f"half the range of the {words['position']}"
     variables |= {
         "amplitude": ("point", [each.amplitude for each in facts], about(half, "m")),
         "period": ("point", [each.period for each in facts], about("period", "s")),
         "lyapunov": (
             "point",
-            np.array(lyapunov),
+            np.array([each.test.get("bautin", np.nan) for each in facts]),
             about("first Lyapunov coefficient of a Hopf point; above 0 the onset is hard", "1"),
         ),
         "row_size": (

@@ -41,7 +41,8 @@ class Problem(eqx.Module):
     end: Scalar
     rtol: Scalar
     atol: tuple  # (positions, velocities), one value a coordinate
-    max_step: Scalar  # from `mark` on
+    longest: Scalar  # step, from `mark` on
+    max_step: Scalar | None  # throughout; None: no limit
     zeno_time: Scalar
     max_steps: Scalar
     mark: Scalar  # a time to be stepped onto exactly (start of observation)
@@ -64,6 +65,7 @@ class Integration(NamedTuple):
     max_steps: Any = 2**31 - 1
     max_step: Any = None
     zeno_time: Any = 1e-8
+    longest: Any = None  # step while it is observed; `max_step` holds before, too
 
 
 class Recording(NamedTuple):
@@ -117,7 +119,8 @@ def make_case(
         end=start + jnp.asarray(duration, clock),
         rtol=rtol,
         atol=_absolute(integration.atol, rtol, system, len(position)),
-        max_step=_longest(max_step, system, clock),
+        longest=_longest(integration.longest, system, clock),
+        max_step=None if max_step is None else jnp.asarray(max_step, clock),
         zeno_time=jnp.asarray(integration.zeno_time, dtype),
         max_steps=jnp.asarray(integration.max_steps, jnp.int32),
         mark=start if recording.mark is None else jnp.asarray(recording.mark, clock),
@@ -133,11 +136,12 @@ def make_case(
     return Case(problem, position, velocity, start)
 
 
-def _longest(max_step, system: AbstractSystem, clock):
-    """Return the longest step [s]: of a system on a belt that turns no more than a part of a period
-    (`PERIOD_PARTS`), for in stick, where the motion is the belt's, there is no error to limit it.
+def _longest(longest, system: AbstractSystem, clock):
+    """Return the longest step [s] of what is observed: of a system on a belt that turns no more
+    than a part of a period (`PERIOD_PARTS`), for in stick, where the motion is the belt's, there is
+    no error to limit it.
     """
-    most = jnp.asarray(jnp.inf if max_step is None else max_step, clock)
+    most = jnp.asarray(jnp.inf if longest is None else longest, clock)
     belt = getattr(system, "belt", None)
     if not isinstance(belt, AbstractBelt) or isinstance(belt, SteadyBelt):
         return most

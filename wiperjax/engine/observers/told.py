@@ -4,7 +4,6 @@ one run.
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -14,18 +13,20 @@ from .totals import Totals
 COUNTS = ("impact_count", "stick_count", "lift_off_count")
 
 
-def smooth(record: Totals, window) -> dict[str, Any]:
-    """Return the outcomes of a ``window`` [s] that have derivatives, an array each."""
+def smooth(record: Totals, window, xp=jnp) -> dict[str, Any]:
+    """Return the outcomes of a ``window`` [s] that have derivatives, an array each of ``xp``
+    (jax.numpy or numpy).
+    """
     # Of the time as it was added up, which is the window but for rounding: what sticks throughout
     # has the share 1 itself, in any precision. By that `labels` tells a tip that is carried.
     counted = record.stick_time + record.slip_time + record.flight_time
-    counted = jnp.where(counted > 0, counted, 1.0)
+    counted = xp.where(counted > 0, counted, 1.0)
     return {
         "stick_fraction": record.stick_time / counted,
         "slip_fraction": record.slip_time / counted,
         "flight_fraction": record.flight_time / counted,
         "velocity_mean": record.output_integral / window,
-        "velocity_rms": record.deviation(window),
+        "velocity_rms": record.deviation(window, xp),
         "normal_force_mean": record.normal_force_integral / window,
         "normal_force_max": record.normal_force_max,
         "gap_max": record.gap_max,
@@ -38,20 +39,19 @@ def told(record: Totals | ReversalRecord, window, finished) -> dict[str, np.ndar
     is not ``finished``.
     """
     totals = record.totals if isinstance(record, ReversalRecord) else record
-    found = _of_totals(totals, window) | {
-        "slip_rate": totals.slip_count / window,
-        "energy_per_slip": _each(totals.friction_work, totals.slip_count),
-        "acceleration_max": totals.acceleration_max,
-    }
+    totals = Totals(*map(np.asarray, totals))
+    # by NumPy: XLA divides by the window in a block of one cell, else multiplies by its reciprocal
+    with np.errstate(invalid="ignore", over="ignore"):
+        found = smooth(totals, window, np) | {
+            "force_drop": _force_drop(totals),
+            "slip_rate": totals.slip_count / window,
+            "energy_per_slip": _each(totals.friction_work, totals.slip_count),
+            "acceleration_max": totals.acceleration_max,
+        }
     if isinstance(record, ReversalRecord):
         found |= _of_the_reversal(record)
     settled = {name: np.where(finished, np.asarray(x), np.nan) for name, x in found.items()}
     return settled | {name: np.asarray(getattr(totals, name)) for name in COUNTS}
-
-
-@jax.jit  # one small program; number by number it would be a score
-def _of_totals(totals: Totals, window) -> dict[str, Any]:
-    return smooth(totals, window) | {"force_drop": totals.force_drop}
 
 
 def _of_the_reversal(record: ReversalRecord) -> dict[str, Any]:
@@ -66,6 +66,12 @@ def _of_the_reversal(record: ReversalRecord) -> dict[str, Any]:
             "impact_impulse_reversal": record.impulse_max_reversal,
             "velocity_rms_reversal": np.sqrt(vibration),
         }
+
+
+def _force_drop(totals: Totals) -> np.ndarray:
+    """Largest friction force in stick less the smallest in slip; 0 without both."""
+    both = (totals.stick_force_max > 0) & np.isfinite(totals.slip_force_min)
+    return np.where(both, np.maximum(totals.stick_force_max - totals.slip_force_min, 0.0), 0.0)
 
 
 def _each(whole, count) -> np.ndarray:

@@ -42,26 +42,22 @@ class Totals(NamedTuple):
     slip_force_min: Scalar  # smallest in slip; inf without slip
     acceleration_max: Scalar  # of the output
 
-    @property
-    def force_drop(self) -> Scalar:
-        """Largest friction force in stick less the smallest in slip; 0 without both."""
-        both = (self.stick_force_max > 0) & jnp.isfinite(self.slip_force_min)
-        return jnp.where(both, larger(self.stick_force_max - self.slip_force_min, 0.0), 0.0)
-
-    def variance(self, time) -> Scalar:
+    def variance(self, time, xp=jnp) -> Scalar:
         """Variance of the output over the ``time`` [s] that the integrals stand for."""
-        return variance(self.output_integral, self.output_square_integral, time)
+        return variance(self.output_integral, self.output_square_integral, time, xp)
 
-    def deviation(self, time) -> Scalar:
+    def deviation(self, time, xp=jnp) -> Scalar:
         """Standard deviation of the output; its derivative is 0 where it is 0."""
-        found = self.variance(time)
-        return jnp.where(found > 0, jnp.sqrt(jnp.where(found > 0, found, 1)), 0)
+        found = self.variance(time, xp)
+        return xp.where(found > 0, xp.sqrt(xp.where(found > 0, found, 1)), 0)
 
 
-def variance(integral, square_integral, time) -> Scalar:
-    """Variance of what has these integrals, of itself and of its square, over ``time``."""
+def variance(integral, square_integral, time, xp=jnp) -> Scalar:
+    """Variance of what has these integrals, of itself and of its square, over ``time``; of arrays
+    of ``xp`` (jax.numpy or numpy).
+    """
     mean = integral / time
-    return jnp.maximum(square_integral / time - mean * mean, 0.0)
+    return xp.maximum(square_integral / time - mean * mean, 0.0)
 
 
 class RegimeTotals(AbstractObserver):

@@ -6,9 +6,10 @@ import numpy as np
 
 from ...contact.regimes import forces
 from ...contact.space import contact
-from ...numerics.arrays import put
+from ...numerics.arrays import put, where
 from ...numerics.elementary import larger
 from ...numerics.runge_kutta import dense_weights
+from ...vocabulary.codes import Regime
 from ..carry.problem import Problem
 from ..carry.state import State
 from ..trial.attempt import Trial
@@ -71,7 +72,8 @@ def take_samples(problem: Problem, state: State, trial: Trial, moves, length):
         index, buffers = carry
         writes = due(index)
         t = times[jnp.minimum(index, n - 1)]
-        # what lies within a completed sequence of impacts is known as its end
+        # what lies within a completed sequence of impacts is flight, and known as its end
+        inside = t < state.time
         passed = larger(0.0, t - state.time)  # at 0, as a first sample has it, with its derivative
         theta = (passed / jnp.where(trial.h > 0, trial.h, 1.0)).astype(y0[0][0].dtype)
         y = y0
@@ -82,7 +84,9 @@ def take_samples(problem: Problem, state: State, trial: Trial, moves, length):
             y = jax.tree.map(lambda a, k, w=weight: a + w * k, y, stage)
         q, v = y
         f = forces(system, contact(system, t, q, v), state.regime)
-        values = problem.record(system, t, q, v, state.regime, f)
+        regime = jnp.where(inside, int(Regime.FLIGHT), state.regime)
+        f = where(inside, jax.tree.map(jnp.zeros_like, f), f)
+        values = problem.record(system, t, q, v, regime, f)
         at = (jnp.where(writes, index, n), *lanes)
         buffers = jax.tree.map(lambda b, x: put(b, at, x), buffers, values)
         return index + writes, buffers

@@ -75,7 +75,9 @@ def trial_size(problem: Problem, state: State) -> Size:
     sliver = to_mark <= 4 * jnp.finfo(mark.dtype).eps * jnp.abs(mark)
     target, length = aim(state)
     wanted = stop_gradient(jnp.where(target >= 0, length, state.step))
-    wanted = jnp.where(state.time >= problem.mark, smaller(wanted, problem.max_step), wanted)
+    wanted = jnp.where(state.time >= problem.mark, smaller(wanted, problem.longest), wanted)
+    if problem.max_step is not None:
+        wanted = smaller(wanted, problem.max_step)
     # a sliver left over before a known time would be a step of rounding errors only
     lands = wanted >= to_mark * (1 - 1e-9)
     h = jnp.where(lands, to_mark, wanted)

@@ -167,6 +167,7 @@ class Run(NamedTuple):
     window: jax.Array
     rtol: jax.Array
     atol: jax.Array | None
+    max_step: jax.Array | None
     zeno_time: jax.Array
     reversal_window: jax.Array
     max_steps: jax.Array
@@ -177,7 +178,7 @@ class Run(NamedTuple):
     def of(cls, spec, finer: int = 1) -> "Run":
         """Return what ``spec`` asks for, with ``finer`` times as many samples."""
         run, count = spec.settings, finer * spec.samples
-        names = ("transient", "window", "rtol", "atol", "zeno_time")
+        names = ("transient", "window", "rtol", "atol", "max_step", "zeno_time")
         given = {name: getattr(run, name) for name in names}
         given["reversal_window"] = spec.classes.reversal_window
         given["interval"] = run.window / count
@@ -243,7 +244,9 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
         system,
         run.transient + run.window,
         (position, velocity),
-        Integration(solver, run.rtol, run.atol, run.max_steps, longest, run.zeno_time),
+        Integration(
+            solver, run.rtol, run.atol, run.max_steps, run.max_step, run.zeno_time, longest
+        ),
         Recording(
             signal=signal,
             max_events=s.event_log,

@@ -104,6 +104,7 @@ def refine(
         made |= {"fresh_simulations": answers.computed}
         host = workers.host if workers is not None else None
         made |= provenance.record(command, compute.wall_time, host)
+        made |= provenance.phase_times(spent)
         found_borders = border_dataset(search.outcome(), grid, criterion, found, made, axes)
         with during("storing"):
             times = partial(provenance.phase_times, spent)

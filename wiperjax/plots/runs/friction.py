@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ...vocabulary.kinds import FRICTION_KINDS, known
-from ..style.axes import legend_below, page
+from ..style.axes import label, legend_below, page, shown
 from ..style.caption import is_own, set_caption
 from ..style.palette import REGIMES, UNKNOWN, readable
 from .portrait import regime_masks
@@ -15,27 +15,27 @@ from .portrait import regime_masks
 def friction_curve(
     ds: xr.Dataset, ax: Axes | None = None, *, normalised: bool = True, legend: bool = True
 ) -> Axes:
-    """Friction force over slip speed, coloured by regime, on the Stribeck curve of a wiper's run.
+    """Friction force over slip speed, coloured by regime, on the law of a run.
 
     Arguments:
 
-    - `ds`: a run of a `Wiper`.
+    - `ds`: a run of a scene, or of a `Wiper`.
     - `normalised`: friction over normal force, on the law itself: every sample lies on it, or in
         stick on the upright bar at zero slip. Otherwise the forces (N/m), on the law times the mean
         normal force: the loop is what a changing normal force makes of it.
     - `legend`: whether to name regimes and law in the axes.
 
-    Slip speed is that of the tip over the glass, x' - V; friction opposes it. In flight there is no
-    force, and no point.
+    Slip speed is that of the contact over its partner, of a tip x' - V; friction opposes it. In
+    flight there is no force, and no point.
 
-    Raises: `ValueError` for a run without the friction law or the velocity of the glass.
+    Raises: `ValueError` for a run without the friction law.
     """
-    kind = law_of(ds)
+    kind, (_, unit) = law_of(ds), shown(ds["friction_force"])
     stribeck = kind == "stribeck"
     whole = ax is None
     if ax is None:
         ax = page((6.4, 5.0)).subplots()
-    slip = np.asarray(ds["velocity"])[:, 0] - np.asarray(ds["belt_velocity"])
+    slip = np.asarray(ds["slip_speed"], dtype=float)
     normal = np.asarray(ds["normal_force"], dtype=float)
     friction = np.asarray(ds["friction_force"], dtype=float)
     touching = normal > 1e-6 * normal.max(initial=0.0)  # at lift-off 0/0
@@ -69,9 +69,7 @@ def friction_curve(
     ax.axhline(0, color="#999999", linewidth=0.6, zorder=1)
     ax.set_xlim(speed[0], speed[-1])
     ax.set_xlabel("slip speed (m/s)" if is_own(ds) else "slip speed, tip over glass (m/s)")
-    ax.set_ylabel(
-        "friction force / normal force" if normalised else "friction force on the lip (N/m)"
-    )
+    ax.set_ylabel("friction force / normal force" if normalised else label("friction force", unit))
     handles = [Line2D([], [], color="black", linewidth=1.0, label=words), *_regime_dots(ds)]
     if whole:
         if legend:
@@ -102,14 +100,15 @@ def law_of(ds: xr.Dataset) -> str:
     kind = str(ds.attrs.get("friction", "stribeck")).lower()
     needed = known("friction", kind, FRICTION_KINDS).keys.values()
     if missing := [name for name in needed if name not in ds.attrs]:
-        raise ValueError(f"the run has no {missing[0]}: the friction law is known of a Wiper only")
+        only = "the friction law is known of a scene and of a Wiper only"
+        raise ValueError(f"the run has no {missing[0]}: {only}")
     return kind
 
 
 def has_law(ds: xr.Dataset) -> bool:
-    """Whether a run tells its friction law and the velocity of its glass."""
+    """Whether a run tells its friction law and its slip speed."""
     try:
-        return bool(law_of(ds)) and "belt_velocity" in ds
+        return bool(law_of(ds)) and "slip_speed" in ds
     except ValueError:
         return False
 

@@ -5,14 +5,13 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ...datasets.run_dataset import check_quantity, event_times
-from ..style.axes import label, legend_below, long_name, page, shown
-from ..style.caption import set_caption
+from ...datasets.run_dataset import check_quantity, contact_axis, event_times, signal
+from ..style.axes import label, legend_below, page, shown
+from ..style.caption import direction, is_own, partner, quantity_words, set_caption
 from ..style.palette import BELT, EVENT_NAMES, EVENTS
 from .bands import regime_bands, regime_legend
 
 MARKED = ("belt_reversal", "impact", "zeno", "blow", "lift_off")
-DIRECTIONS = ("along the glass", "normal to the glass")
 MOST_MARKS = 400  # more events than this in one picture are a grey carpet
 
 
@@ -31,9 +30,9 @@ def time_history(
     Arguments:
 
     - `ds`: a run (`wiperjax.simulate`).
-    - `quantity`: `position`, `velocity` (and that of the glass), or a scalar such as
-        `normal_force`.
-    - `component`: the one to draw; all of them if None, that normal to the glass dashed.
+    - `quantity`: `position`, `velocity` (with that of the glass, if the contact's is drawn), or a
+        scalar such as `normal_force`.
+    - `component`: the one to draw; all of them if None, the first one solid.
     - `legend`: whether to name the components in the axes.
     - `marks`: whether to mark impacts, lift-offs and reversals of the belt.
 
@@ -46,20 +45,24 @@ def time_history(
     time = np.asarray(ds["time"], dtype=float)
     regime_bands(ds, ax)
     numbers, unit = shown(values.transpose("time", ...))
-    if quantity == "velocity" and component in (None, 0) and "belt_velocity" in ds:
-        ax.plot(time, shown(ds["belt_velocity"])[0], color=BELT, linewidth=1.3, label="glass")
+    if quantity == "velocity" and "belt_velocity" in ds:
+        contact = contact_axis(ds)
+        if contact is not None and component in (None, contact):
+            belt = shown(ds["belt_velocity"])[0]
+            ax.plot(time, belt, color=BELT, linewidth=1.3, label=partner(ds))
     if numbers.ndim > 1:
         for k, part in enumerate(numbers.T):
             if component not in (None, k):
                 continue
-            words = DIRECTIONS[k] if numbers.shape[1] == 2 else f"coordinate {k}"
-            style = {"linewidth": 1.0 if k == 0 else 0.8, "linestyle": "-" if k == 0 else "--"}
-            ax.plot(time, part, color="black", label=words, **style)
+            first = k == (0 if component is None or not is_own(ds) else component)
+            style = {"linewidth": 1.0 if first else 0.8, "linestyle": "-" if first else "--"}
+            ax.plot(time, part, color="black", label=direction(ds, k), **style)
     else:
         ax.plot(time, numbers, color="black", linewidth=1.0)
     ax.set_xlim(time[0], time[-1])
     ax.set_xlabel("time (s)")
-    ax.set_ylabel(label(long_name(values).removesuffix(" of the tip"), unit))
+    drawn = values if component is None else signal(ds, quantity, component)
+    ax.set_ylabel(label(quantity_words(ds, drawn), unit))
     ax.margins(y=0.12)  # room for the marks
     ax.ticklabel_format(axis="y", style="sci", scilimits=(-3, 5))
     if marks:

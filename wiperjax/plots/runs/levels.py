@@ -11,7 +11,7 @@ from ...noise.spectrum import dominant_frequency
 
 HIGHEST = 20_000.0  # Hz: what is heard
 FEWEST_LINES = 4  # of a spectrum: the first two are skirts of the mean
-VELOCITIES = ("velocity", "output")
+VELOCITIES = ("velocity", "output", "slip_speed")
 TURNING = 0.02  # s, of the spectrogram's window: what happens around V = 0 lasts some tens of ms
 
 

@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ...datasets.run_dataset import last_periods, regime_spans, settled
+from ...datasets.run_dataset import last_periods, on_belt, regime_spans, settled, usual_axis
 from ..style.axes import legend_below, page
-from ..style.caption import partner, set_caption, with_noise
+from ..style.caption import is_own, partner, set_caption, with_noise
 from ..style.palette import BELT
 from .bands import regime_legend
 from .friction import friction_curve, has_law
@@ -22,18 +22,20 @@ FORCES = ("normal_force", "friction_force")
 
 
 def _rows(ds: xr.Dataset) -> list[tuple[str, int | None]]:
-    """Quantities and components of the rows of a page; those normal to the glass in flight only."""
-    scalar = ds["position"].ndim == 1
-    along: int | None = None if scalar else 0
+    """Quantities and components of the rows of a page; what is normal to the glass in flight only,
+    and of a system of one's own its gap."""
+    along = None if ds["position"].ndim == 1 else usual_axis(ds)
     rows: list[tuple[str, int | None]] = [("velocity", along), ("position", along)]
     if flies(ds):
         rows = [("velocity", None), ("position", along), ("position", 1)]
+    elif "gap" in ds and any(name == "flight" for *_, name in regime_spans(ds)):
+        rows.append(("gap", None))
     return rows + [(name, None) for name in FORCES if name in ds]
 
 
 def flies(ds: xr.Dataset) -> bool:
     """Whether a lip leaves the glass in a run."""
-    two = ds["position"].ndim == 2 and ds["position"].shape[1] == 2
+    two = ds["position"].ndim == 2 and ds["position"].shape[1] == 2 and not is_own(ds)
     return two and any(name == "flight" for *_, name in regime_spans(ds))
 
 
@@ -88,10 +90,10 @@ def run_overview(ds: xr.Dataset, whole: xr.Dataset | None = None) -> Figure:
     right = grid[int(framed) :, 1].subgridspec(3, 1, height_ratios=[1.25, 1, 1])
     portrait = figure.add_subplot(right[0])
     phase_portrait(part, portrait, transient=whole if framed else None, legend=False)
-    wiper = has_law(ds)
-    if wiper:
+    law = has_law(ds)
+    if law:
         friction_curve(part, figure.add_subplot(right[1]), legend=False)
-    _spectrum(settled(whole), figure.add_subplot(right[2] if wiper else right[1:]))
+    _spectrum(settled(whole), figure.add_subplot(right[2] if law else right[1:]))
     legend_below(figure, _handles(part, whole))
     span = 1e3 * float(part["time"][-1] - part["time"][0])
     set_caption(figure, whole, f"lower rows: the {span:.3g} ms in the frame" if framed else "")
@@ -109,14 +111,14 @@ def _spectrum(ds: xr.Dataset, ax: Axes) -> None:
 
 def _row(ds: xr.Dataset, ax: Axes, name: str, component: int | None, marks: bool) -> None:
     time_history(ds, ax, quantity=name, component=component, legend=False, marks=marks)
-    if (name, component) == ("position", 1):
+    if (name, component) == ("position", 1) and flies(ds):
         ax.set_ylabel("gap (mm)")
     ax.set_ylabel(ax.get_ylabel().replace(" force", "\nforce"))  # rows are low
 
 
 def envelope(whole: xr.Dataset, ax: Axes, part: xr.Dataset) -> None:
-    """Velocity along the glass of a whole run, with the stretch `part` framed."""
-    component = 0 if whole["velocity"].ndim > 1 else None
+    """Velocity of the contact over a whole run, with the stretch `part` framed."""
+    component = usual_axis(whole) if whole["velocity"].ndim > 1 else None
     time_history(whole, ax, component=component, legend=False, marks=False)
     start, stop = float(part["time"][0]), float(part["time"][-1])
     ax.axvspan(start, stop, facecolor="none", edgecolor="black", linewidth=1.6, zorder=5)
@@ -136,6 +138,6 @@ def _handles(part: xr.Dataset, whole: xr.Dataset) -> list:
             Line2D([], [], color="black", linestyle="solid", label="along the glass"),
             Line2D([], [], color="black", linestyle="dashed", label="normal to it"),
         ]
-    if "belt_velocity" in part:
+    if on_belt(part):
         handles.append(Line2D([], [], color=BELT, label=f"speed of the {partner(whole)}"))
     return handles

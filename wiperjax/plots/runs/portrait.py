@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.ticker import MaxNLocator
 
+from ...datasets.run_dataset import contact_axis, is_steady, usual_axis
 from ...vocabulary.cf import flag_names
 from ..style.axes import label, legend_below, page, shown, shown_unit
-from ..style.caption import set_caption
+from ..style.caption import direction, partner, set_caption
 from ..style.palette import BELT, REGIMES, UNKNOWN, readable
-from .history import DIRECTIONS
 
 
 def regime_masks(ds: xr.Dataset) -> Iterator[tuple[str, np.ndarray]]:
@@ -27,25 +27,28 @@ def phase_portrait(
     ds: xr.Dataset,
     ax: Axes | None = None,
     *,
-    component: int = 0,
+    component: int | None = None,
     transient: xr.Dataset | None = None,
     legend: bool = True,
 ) -> Axes:
-    """Velocity over position of one coordinate (0: along the glass), coloured by regime.
+    """Velocity over position of one coordinate, coloured by regime.
 
     Arguments:
 
     - `ds`: a run, or the part of it that is coloured.
-    - `component`: coordinate; 0 along the glass, 1 normal to it.
+    - `component`: coordinate; of a lip 0 along the glass, 1 normal to it. None: that of the
+        contact, or the first where it is none's.
     - `transient`: the whole run, drawn thin and grey behind the part as far as it lies near it.
     - `legend`: whether to name regimes, start and end in the axes.
 
-    The dashed line is the speed of the glass, at which the tip sticks (steady belts only). The
-    upper axis of a lip is the angle of the lip from the glass normal.
+    The dashed line is the speed of the glass, at which the contact sticks (steady belts, and the
+    contact's own coordinate). The upper axis of a lip is the angle of the lip from the glass
+    normal.
     """
     whole = ax is None
     if ax is None:
         ax = page((6.0, 5.4)).subplots()
+    component = usual_axis(ds) if component is None else component
     if transient is not None:
         ax.plot(*orbit(transient, component), color="#AAAAAA", linewidth=0.5, zorder=1)
     x, v = orbit(ds, component)
@@ -64,18 +67,16 @@ def phase_portrait(
     if transient is None:
         ax.plot(x[0], v[0], "o", color="black", markersize=4, label="start", zorder=4)
         ax.plot(x[-1], v[-1], "s", color="black", markersize=4, label="end", zorder=4)
-    if component == 0 and "belt_velocity" in ds and np.ptp(np.asarray(ds["belt_velocity"])) == 0:
-        speed = float(ds["belt_velocity"][0])
-        ax.axhline(speed, color=BELT, linestyle="--", linewidth=1.0, label="speed of the glass")
+    if component == contact_axis(ds) and "belt_velocity" in ds and is_steady(ds):
+        speed, words = float(ds["belt_velocity"][0]), f"speed of the {partner(ds)}"
+        ax.axhline(speed, color=BELT, linestyle="--", linewidth=1.0, label=words)
     for axis, values in (("x", x), ("y", v)):
         low, high = values.min(), values.max()
         room = 0.08 * (high - low) or 0.5 * abs(high) or 1.0
         getattr(ax, f"set_{axis}lim")(low - room, high + room)
-    wiper = component == 0 and "lip_length" in ds.attrs
-    if wiper:
+    if component == 0 and "lip_length" in ds.attrs:
         _angle_axis(ax, shown_unit(ds["position"])[0] * float(ds.attrs["lip_length"]))
-    two = ds["position"].ndim > 1 and ds["position"].shape[1] == 2
-    where = DIRECTIONS[component] if two else f"coordinate {component}"
+    where = direction(ds, component)
     ax.set_xlabel(label(f"position {where}", shown(ds["position"])[1]))
     ax.set_ylabel(label(f"velocity {where}", shown(ds["velocity"])[1]))
     if whole:

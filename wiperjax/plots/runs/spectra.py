@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 
 from ...datasets.run_dataset import is_steady, signal
 from ...noise.classes import stored
-from ..style.axes import label, long_name, page, plain_log, shown_unit
-from ..style.caption import set_caption
+from ..style.axes import label, page, plain_log, shown_unit
+from ..style.caption import quantity_words, set_caption
 from ..style.palette import CLASSES, EVENT_NAMES
 from .history import shown_events
 from .levels import VELOCITIES, levels, lines
@@ -84,7 +84,7 @@ def spectrum(
             )  # fmt: skip
             ax.plot(line, height, "o", color="black", markersize=4)
     ax.set_xlabel("frequency (Hz)")
-    words = long_name(values).removesuffix(" of the tip")
+    words = quantity_words(ds, values)
     ax.set_ylabel(label(f"{words}, rms of line", unit))
     if whole:
         span = f"{float(ds['time'][0]):.4g} ... {float(ds['time'][-1]):.4g} s"
@@ -140,7 +140,7 @@ def spectrogram(
     lower.set_xlim(float(ds["time"][0]), float(ds["time"][-1]))
     lower.set_xlabel("time (s)")
     if whole:
-        words = long_name(values).removesuffix(" of the tip")
+        words = quantity_words(ds, values)
         wide = 1.5 / found.window
         note = f"{words}, window {1e3 * found.window:.3g} ms, lines {wide:.3g} Hz wide"
         set_caption(upper.figure, ds, note)

@@ -12,10 +12,12 @@ from ...vocabulary.codes import Result
 from ...vocabulary.columns import SYSTEM
 from ...vocabulary.kinds import BELTS
 from ...vocabulary.parameters import PARAMETERS
-from .axes import SHOWN, number
+from .axes import SHOWN, long_name, number
 from .palette import readable
 
 ALWAYS = ("attack_angle", "normal_load", "belt_speed")
+DIRECTIONS = ("along the glass", "normal to the glass")
+BLADES = ("Wiper", "Bar", "Block")  # as the datasets of their runs and branches name them
 UNSAID = "steady"  # the kind of belt that a caption leaves out
 
 
@@ -25,24 +27,21 @@ def parameters_text(ds: xr.Dataset) -> str:
 
     Of a system of one's own every one.
     """
-    if is_own(ds):
-        return ", ".join(
-            f"{name.replace('_', ' ')} {number(float(ds.attrs[name]))} {unit}".removesuffix(" 1")
-            for name, unit in _units(ds).items()
-            if name in ds.attrs and name not in ds.dims
-        )
+    own, stated = is_own(ds), _units(ds)
     words = []
-    for name in dict.fromkeys([*ALWAYS, *PARAMETERS]):
+    for name in stated if own else dict.fromkeys([*ALWAYS, *PARAMETERS, *stated]):
         if name not in ds.attrs or name in ds.dims:
             continue
-        entry, unit = PARAMETERS[name], unit_of(ds, name)
-        value, usual = float(ds.attrs[name]), entry.reference
-        if usual is not None and unit == entry.edge_unit:
+        value, unit = float(ds.attrs[name]), stated.get(name, "1")
+        entry = None if own else PARAMETERS.get(name)
+        usual = None if entry is None or name in ALWAYS else entry.reference
+        if entry is not None and usual is not None and unit == entry.edge_unit:
             usual = entry.to_edge(usual)
-        if name in ALWAYS or usual is None or not np.isclose(value, usual, rtol=1e-9, atol=0):
+        if usual is None or not np.isclose(value, usual, rtol=1e-9, atol=0):
             factor, unit = SHOWN.get(unit, (1.0, unit))
             gap, unit = ("", "°") if unit == "deg" else (" ", unit)
-            words.append(f"{entry.long_name} {number(factor * value)}{gap}{unit}".strip())
+            called = name.replace("_", " ") if entry is None else entry.long_name
+            words.append(f"{called} {number(factor * value)}{gap}{unit}".strip())
     belt = str(ds.attrs.get("belt_kind", ds.attrs.get("belt", "")))
     kind = {f"{name}belt": name for name in BELTS}.get(belt.lower(), belt)  # or a class of its own
     if words and kind not in ("", UNSAID):
@@ -51,8 +50,10 @@ def parameters_text(ds: xr.Dataset) -> str:
 
 
 def is_own(ds: xr.Dataset) -> bool:
-    """Whether a map or run is of a system of one's own, which a file names by an import path."""
-    return ":" in str(ds.attrs.get(SYSTEM, ""))
+    """Whether a map, run or branch is of a system that has no lip: one's own, or another one of the
+    package."""
+    system = str(ds.attrs.get(SYSTEM, BLADES[0]))
+    return system not in BLADES and "lip_length" not in {*ds.attrs, *ds.variables}
 
 
 def moving(ds: xr.Dataset) -> str:
@@ -65,14 +66,24 @@ def partner(ds: xr.Dataset) -> str:
     return "belt" if is_own(ds) else "glass"
 
 
-def unit_of(ds: xr.Dataset, name: str) -> str:
-    """Unit of a parameter among the attributes: angles are radians from Python, degrees from
-    files.
-    """
-    return _units(ds).get(name, "1")
+def direction(ds: xr.Dataset, component: int) -> str:
+    """Which coordinate of a run one is: `along the glass`, of a system of one's own its name."""
+    if not is_own(ds):
+        return DIRECTIONS[component]
+    return str(ds["axis"].values[component]) if "axis" in ds.coords else f"coordinate {component}"
+
+
+def quantity_words(ds: xr.Dataset, values: xr.DataArray) -> str:
+    """What a variable of a run is, in words; of one coordinate of a system of one's own with the
+    name of that."""
+    words, axis = long_name(values).removesuffix(" of the tip"), values.coords.get("axis")
+    return f"{words} {axis.item()}" if axis is not None and axis.ndim == 0 and is_own(ds) else words
 
 
 def _units(ds: xr.Dataset) -> dict[str, str]:
+    """Units of the parameters among the attributes: angles are radians from Python, degrees from
+    files.
+    """
     pairs = (pair.split(": ") for pair in str(ds.attrs.get("parameter_units", "")).split("; "))
     return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
 

@@ -1,0 +1,39 @@
+"""What XLA is asked for: nothing that this version of it, or the device, cannot take."""
+
+import os
+
+import pytest
+
+from wiperjax.machine import jax_settings, provenance
+
+
+@pytest.fixture
+def flags(monkeypatch):
+    """Return a function: what `configure` asks for where nothing is set yet."""
+
+    def asked():
+        monkeypatch.setenv("XLA_FLAGS", "")
+        jax_settings.configure(1, keep=False)
+        return os.environ["XLA_FLAGS"]
+
+    return asked
+
+
+@pytest.mark.parametrize("version, has", [("0.10.2", True), ("0.11.0", False)])
+def test_a_flag_that_newer_versions_have_lost_ends_no_process(version, has, flags, monkeypatch):
+    monkeypatch.setattr(provenance, "version", lambda _: version)
+    assert ("--xla_cpu_use_fusion_emitters" in flags()) == has
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_an_accelerator_knows_how_long_its_loops_are(there, flags, monkeypatch):
+    monkeypatch.setattr(jax_settings, "accelerators", lambda: there)
+    asked = flags()
+    assert ("--xla_gpu_enable_command_buffer" in asked) == there
+    assert ("while-loop-trip-count-annotator" in asked) != there
+
+
+def test_what_the_user_has_set_wins(monkeypatch):
+    monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_prefer_vector_width=256")
+    jax_settings.configure(1, keep=False)
+    assert os.environ["XLA_FLAGS"].count("prefer_vector_width") == 1
