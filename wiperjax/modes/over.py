@@ -35,7 +35,7 @@ def modes_over(spec: SweepSpec | Mapping[str, Any]) -> xr.Dataset:
 
     **Returns** a dataset over the sweep's axes (units of files, angles in degrees) and ``mode``
     (the fastest growing first, NaN where there are fewer): ``real_part`` [1/s], ``frequency`` [Hz];
-    ``growth_rate``, the largest real part; ``exists``, whether there is steady sliding.
+    ``growth_rate``, the largest real part; ``exists``, whether steady sliding was found.
 
     Raises ValueError (`SpecError`) for what is no sweep, for a system without friction, and for an
     axis that has the name of one of these variables.
@@ -71,7 +71,7 @@ def modes_over(spec: SweepSpec | Mapping[str, Any]) -> xr.Dataset:
             "real_part": over(np.real(values), "real part", "1/s"),
             "frequency": over(np.imag(values) / (2 * np.pi), "frequency", "Hz"),
             "growth_rate": over(top, "largest real part", "1/s"),
-            "exists": over(exists.astype(np.int8), "whether there is steady sliding", "1"),
+            "exists": over(exists.astype(np.int8), "whether steady sliding was found", "1"),
         },
         coords=coords | {"mode": np.arange(1, values.shape[1] + 1)},
         attrs=attrs,

@@ -85,8 +85,7 @@ def simulate(
     ``final_position``, ``final_velocity``, ``final_regime``; ``result``. A sample at the very
     instant of an event shows the motion before it. Attributes hold the parameters of the system (SI
     units, radians), the tolerances, the solver's statistics, and ``result_message``, what the
-    result means. A numerical failure is no exception: the trajectory ends there, and ``result``
-    says why.
+    result means. A numerical failure is no exception: the trajectory ends there with a ``result``.
 
     **Raises** `ValueError` for arguments that cannot be meant, or an initial state that is
     impossible (the contact point inside its partner; no finite force that could hold it).
@@ -99,8 +98,7 @@ def simulate(
     zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
     if max_step is not None:
         max_step = checks.number("max_step", max_step, POSITIVE)
-    if sample_interval is None:
-        sample_interval = duration / SAMPLES
+    sample_interval = duration / SAMPLES if sample_interval is None else sample_interval
     within = Range(0, duration, low_open=True)
     sample_interval = checks.number("sample_interval", sample_interval, within)
     begins = _begins(observer, duration)
