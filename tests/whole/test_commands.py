@@ -30,6 +30,7 @@ INSTEAD = {  # part of a command -> what stands for it; None: the command is lef
     "bench all": None,  # test_bench: each part of it, in small
     "bench sweep": None,  # tests/bench/test_sweep.py: a million cells
     "bench random": None,  # tests/bench/test_random.py: 4096 blades
+    "bench speed --device": None,  # tests/bench/test_device.py
     "bench borders": None,  # tests/bench/test_borders.py
     "explore ": None,  # tests/explorer: it serves until Ctrl-C
     "MAP.h5.parts": None,  # test_storage: an unfinished sweep
