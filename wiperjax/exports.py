@@ -12,7 +12,7 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from .datasets.run_dataset import contact_axis, is_run, sample_interval
+from .datasets.run_dataset import axis_of, contact_axis, is_run, sample_interval
 from .machine.files import check_output, replacing
 from .vocabulary import checks
 
@@ -32,8 +32,8 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     - `.csv`: a line for each sample, `time (s)` first; the regime by its code.
     - `.mat`: a variable for each quantity, `(samples,)`, those of the events, and `units`.
     - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced), each
-        coordinate of a system of one's own a point of its own, and what is of the contact at that
-        of its coordinate, or at one more where it is none's; of modes
+        coordinate of a system of one's own a point of its own, and what is of the contact, or the
+        output, at that of its coordinate, or at one more where it is none's; of modes
         (`wiperjax.modes`), which need this ending, a dataset 55 for each mode.
 
     Raises: `ValueError` for what is neither, another ending, or (UFF) samples that are not evenly
@@ -106,9 +106,14 @@ def _uff(run: xr.Dataset, path: Path) -> None:
     title = str(run.attrs.get("title", "")) or "run of wiperjax"
     axes = [str(axis) for axis in run["axis"].values] if "axis" in run else []
     # as of modes: of x and y one point, else a point for each coordinate
-    plane, contact = {*axes} <= {"x", "y"}, contact_axis(run)
+    plane = {*axes} <= {"x", "y"}
     nodes = {axis: 1 if plane else number for number, axis in enumerate(axes, 1)}
-    there = 1 if plane else 1 + (len(axes) if contact is None else contact)
+
+    def beside(axis: int | None) -> int:
+        return 1 if plane else 1 + (len(axes) if axis is None else axis)
+
+    contact = beside(contact_axis(run))
+    output = beside(axis_of(run, run["output"])) if "output" in run else contact
     sets = []
     for name, (values, unit) in found.items():
         base = next((base for base in UFF_TYPE if name == base or name.startswith(f"{base}_")), "")
@@ -116,7 +121,7 @@ def _uff(run: xr.Dataset, path: Path) -> None:
             continue
         axis = name.removeprefix(f"{base}_")
         direction = 2 if axis == "y" or name in ("normal_force", "gap") else 1
-        node = nodes.get(axis, there)
+        node = nodes.get(axis, output if base == "output" else contact)
         sets.append(
             {
                 "type": 58, "func_type": 1, "rsp_node": node, "rsp_dir": direction,

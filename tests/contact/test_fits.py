@@ -116,6 +116,26 @@ def test_laws_and_belts_that_are_none(words):
         find_cycle(Oscillator(**PARTS[words]), settle=1.0)
 
 
+class Breaking(wiperjax.SteadyBelt):
+    """Its speed jumps at a time that may never come."""
+
+    at: float = 1.0
+
+    def velocity(self, time, piece):
+        return jnp.where(piece >= 1, 0.3, self.speed)
+
+    def break_time(self, piece):
+        return jnp.where(piece == 0, self.at, jnp.inf)
+
+
+def test_a_jump_of_one_cell_is_seen_among_cells_without():
+    some = Oscillator(belt=Breaking(jnp.full(2, 0.2), at=jnp.array([1.0, jnp.inf])))
+    with pytest.raises(ValueError, match="must go on .*, but at 1 s was 0.2 and then 0.3"):
+        fits.check(some, (jnp.zeros(2),), (jnp.zeros(2),), (2,))
+    none = Oscillator(belt=Breaking(jnp.full(2, 0.2), at=jnp.full(2, jnp.inf)))
+    fits.check(none, (jnp.zeros(2),), (jnp.zeros(2),), (2,))
+
+
 class Turning(wiperjax.WipingBelt):
     """A belt that turns round: at its breaks its speed is rounding, of either sign."""
 

@@ -209,6 +209,8 @@ def test_ctrl_c_that_a_callback_drops_is_heeded_after_the_block(tmp_path):
     try:
         with pytest.raises(driver.SweepInterrupted, match=r"100 of 385 cells are kept"):
             driver.sweep(make_spec(), path, evaluate=pressed, block=BLOCK, progress=False)
+        with pytest.raises(KeyboardInterrupt):  # in memory too
+            driver.sweep(make_spec(), evaluate=pressed, block=BLOCK, progress=False)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, handler)

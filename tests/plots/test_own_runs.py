@@ -126,3 +126,39 @@ def test_a_blade_by_any_model_is_headed_as_a_blade():
     assert "contact stiffness 2000 N/m/m" in text
     for model in ("block", "bar", "lip"):
         assert not caption.is_own(wiperjax.run_scene({"model": model} | run))
+
+
+class Block(own_systems.Oscillator):
+    """Called as a model of a wiper is, with three coordinates and a lip length."""
+
+    coordinates = ("x", "y", "z")
+    lip_length: float = wiperjax.parameter(0.1, "m", above=0)
+    normal_load: float = 3.0  # no load of a blade
+    seal: wiperjax.AbstractFriction = wiperjax.Coulomb(0.9)
+
+    def free_acceleration(self, t, q, v):
+        return (-q[0], -q[1], -q[2])
+
+    def directions(self, t, q):
+        return (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+    def default_state(self):
+        return (0.0, 0.01, 0.02), (0.0, 0.0, 0.0)
+
+
+def test_a_system_of_ones_own_is_what_it_is_whatever_its_names():
+    run = wiperjax.simulate(Block(friction=wiperjax.Coulomb(0.5)), 1.0, sample_interval=0.01)
+    assert caption.is_own(run)
+    assert [ax.get_ylabel() for ax in plots.time_history(run).figure.axes]  # draws
+    assert run.attrs["mu_static"] == 0.5 and run.attrs["seal_static"] == 0.9
+    assert "normal load 3," in caption.parameters_text(run) + ","
+    with pytest.raises(ValueError, match="component must be 0 ... 2, was 7"):
+        plots.phase_portrait(run, component=7)
+
+
+def test_a_hardly_moving_contact_is_still_the_contacts_coordinate(head_and_tip):
+    """Slip and belt add up to a velocity but for the rounding of each."""
+    quiet, belt = head_and_tip.copy(deep=True), head_and_tip["belt_velocity"]
+    quiet["velocity"] = 1e-9 * quiet["velocity"]
+    quiet["slip_speed"] = quiet["velocity"].isel(axis=2) - belt
+    assert contact_axis(quiet) == 2

@@ -6,6 +6,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+import xarray as xr
 
 import wiperjax
 from wiperjax import plots
@@ -336,3 +337,20 @@ def test_a_run_sampled_too_coarsely_does_not_say_what_it_seems(interval, frequen
         assert float(found["dominant_frequency"]) == pytest.approx(frequency, rel=2e-3)
         assert run_dataset.pitch(run) == pytest.approx(frequency, rel=2e-3)
         assert (said["label"], said["band"], said["settled"]) == ("other", "high", "yes")
+
+
+def test_a_transient_leaves_what_a_run_is_judged_by():
+    scene = {"run": {"duration": 0.2, "transient": 0.19, "sample_interval": 2e-4}}
+    must = r"run.transient: must leave 64 samples, 0.0128 s, of run.duration, was 0.19"
+    with pytest.raises(ValueError, match=must):
+        wiperjax.run_scene(scene)
+
+
+def test_what_is_cut_short_is_not_judged_by_its_last_moment():
+    time = np.arange(1000) * 1e-3
+    speed = ("time", np.sin(2 * np.pi * 20 * time))
+    run = xr.Dataset({"velocity": speed}, coords={"time": time})
+    run = run.assign_attrs(statistics_start=0.5, duration=0.999)
+    assert float(run_dataset.settled(run).time[0]) == 0.5
+    cut = run_dataset.between(run, 0.0, 0.51)
+    assert float(run_dataset.settled(cut).time[0]) == pytest.approx(0.255, abs=2e-3)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..vocabulary import checks
 from ..vocabulary.declared import SET_BY_THE_ENGINE
-from ..vocabulary.ranges import Range
+from ..vocabulary.parameters import PARAMETERS
 from .belts import AbstractBelt
 from .friction import AbstractFriction
 from .on_belt import AbstractBeltSystem
@@ -23,7 +23,6 @@ from .space import contact
 from .system import AbstractSystem, cast
 
 SAME = 1e-6  # of W_tn and W_nt, relative
-RESTITUTION = Range(0, 1)
 PIECES = 4  # of a prescribed motion that are looked at
 
 
@@ -105,8 +104,8 @@ def _check_partner(system: AbstractSystem, t) -> None:
 
 
 def _check_pieces(owner: Any, t) -> None:
-    """Raises ValueError unless pieces of a motion end one after the other, for time would stand
-    still, and a belt's speed goes on from one to the next. Traced values pass (`checks`)."""
+    """Raises ValueError unless the first `PIECES` of a motion end one after the other, for time
+    would stand still, and a belt's speed goes on from one to the next. Traced values pass."""
     if any(map(checks.is_traced, jax.tree.leaves((owner, t)))):
         return
     begin, piece = np.asarray(t), owner.first_piece(t)
@@ -115,17 +114,17 @@ def _check_pieces(owner: Any, t) -> None:
         if np.any(~(end > begin) & np.isfinite(begin)):
             must = "must be later for each piece, and than the time that it is the first piece of"
             raise ValueError(f"{type(owner).__name__}.break_time {must}, but was {end}")
-        if isinstance(owner, AbstractBelt) and np.all(np.isfinite(end)):
+        if isinstance(owner, AbstractBelt):
             _check_joint(owner, piece, end)
         begin, piece = end, piece + 1
 
 
 def _check_joint(belt: AbstractBelt, piece, end) -> None:
     """Raises ValueError where a belt's speed jumps at the end of a piece: what sticks would too."""
-    places = (end, piece), (end, piece + 1)
-    before, after = (np.asarray(belt.velocity(jnp.asarray(t), of)) for t, of in places)
+    ends, at = np.isfinite(end), jnp.where(np.isfinite(end), end, 0.0)
+    before, after = (np.asarray(belt.velocity(at, of)) for of in (piece, piece + 1))
     size = np.abs(belt.peak)  # where it turns round its speed is rounding
-    if np.any(jumps := abs(after - before) > SAME * size):
+    if np.any(jumps := ends & (abs(after - before) > SAME * size)):
         at, old, new = (np.broadcast_to(x, jumps.shape)[jumps][0] for x in (end, before, after))
         must = f"must go on where a piece ends, but at {at:g} s was {old:g} and then {new:g}"
         raise ValueError(f"{type(belt).__name__}.velocity {must}")
@@ -150,7 +149,7 @@ def _check_bounce(system: AbstractSystem, shape: tuple) -> None:
     (`checks`)."""
     name = f"{type(system).__name__}.bounce"
     _number(name, _called(name, lambda system: system.bounce, system), shape, "be")
-    checks.numbers(name, system.bounce, RESTITUTION)
+    checks.numbers(name, system.bounce, PARAMETERS["restitution"].range)
 
 
 def _check_stops(system: AbstractSystem, switches: int, state: tuple) -> None:

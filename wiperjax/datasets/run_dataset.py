@@ -14,6 +14,7 @@ from ..vocabulary.cf import flag_names
 from ..vocabulary.thresholds import silence
 from ..vocabulary.wording import not_there
 
+ROUNDING = 1e-13  # of velocities, relative to what they are sums of
 FEWEST_PERIODS = 2  # in the settled part: less is no period
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
 
@@ -110,11 +111,18 @@ def contact_axis(ds: xr.Dataset) -> int | None:
     """
     if "slip_speed" not in ds:
         return None
-    contact = np.asarray(ds["slip_speed"] + ds.get("belt_velocity", 0.0), dtype=float)
+    return axis_of(ds, ds["slip_speed"], ds.get("belt_velocity", xr.zeros_like(ds["slip_speed"])))
+
+
+def axis_of(ds: xr.Dataset, *speeds: xr.DataArray) -> int | None:
+    """Number of the first coordinate whose velocity is the sum of ``speeds`` over time, to within
+    its rounding; None where it is that of none.
+    """
+    parts = [np.asarray(speed, dtype=float) for speed in speeds]
     velocity = np.asarray(ds["velocity"].transpose("time", ...), dtype=float)
-    velocity = velocity.reshape(len(contact), -1)
-    room = 1e-9 * np.abs([contact.max(initial=0.0), contact.min(initial=0.0)]).max()
-    same = (np.abs(velocity - contact[:, None]) <= room).all(axis=0)
+    apart = np.abs(velocity.reshape(len(parts[0]), -1) - sum(parts)[:, None])
+    room = ROUNDING * sum(np.abs(part).max(initial=0.0) for part in parts)
+    same = (apart <= room).all(axis=0)
     return int(same.argmax()) if same.any() else None
 
 
@@ -156,14 +164,15 @@ def is_steady(ds: xr.Dataset) -> bool:
 
 
 def settled(ds: xr.Dataset) -> xr.Dataset:
-    """A run on a steady belt after its transient, by which it is judged (`statistics_start`): where
-    none is stored, or it is longer, the second half. All of a run on another belt.
+    """A run on a steady belt after its transient, by which it is judged (`statistics_start`); the
+    second half where none is stored, or the run is cut before its end. On another belt all of it.
     """
     time = np.asarray(ds["time"], dtype=float)
     if not is_steady(ds) or time.size < 16:
         return ds
     begin = float(ds.attrs.get("statistics_start", np.inf))
-    known = np.count_nonzero(time >= begin) >= 8
+    whole = time[-1] > float(ds.attrs.get("duration", np.inf)) - 1.5 * (time[1] - time[0])
+    known = whole and np.count_nonzero(time >= begin) >= 8
     return between(ds, begin if known else 0.5 * (time[0] + time[-1]))
 
 
@@ -177,10 +186,12 @@ def pitch(ds: xr.Dataset) -> float:
         return float("nan")
     part = settled(ds)
     place, speed = judged(part)
+    limits, scale = stored(ds.attrs), None
     if "belt_velocity" in part:
         scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
-        if np.std(speed) <= silence(stored(ds.attrs), scale):
-            return float("nan")
+    told = scale is not None or limits.quiet_velocity is not None
+    if told and np.std(speed) <= silence(limits, scale):
+        return float("nan")
     step = sample_interval(part)
     mean, inner = interval_means(place, speed, step)
     # longer periods than are told are looked for too: else a side lobe stands in for them

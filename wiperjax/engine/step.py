@@ -164,7 +164,8 @@ def _result_after(problem: Problem, state: State, after: Outcome, happens, fires
         at_stop = after.struck
         for slot in stop_slots(problem.system):
             at_stop = at_stop | (state.orders[slot] > 0)
-        piled = piled | (at_stop & (state.streak > ZERO_TIME_EVENTS))
+        much = (state.streak > ZERO_TIME_EVENTS) & (state.result == RUNNING)
+        piled = piled | (at_stop & much)
     return jnp.where(piled, int(Result.ZENO_UNRESOLVED), result).astype(jnp.int32)
 
 

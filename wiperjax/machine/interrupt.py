@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 @contextlib.contextmanager
 def heeded() -> Iterator[Callable[[], None]]:
     """Yields what raises KeyboardInterrupt if Ctrl-C was pressed in the `with` statement and is not
-    known yet: to be called between pieces of work. The handler that was there works as before;
-    where there is none, or in another thread than the main one, nothing is heard.
+    known yet: to be called between pieces of work. Where another handler than Python's own is
+    there, which knows what to do, or in another thread than the main one, nothing is heard.
     """
     pressed: list[int] = []
 
@@ -19,16 +19,19 @@ def heeded() -> Iterator[Callable[[], None]]:
             raise KeyboardInterrupt
 
     before = signal.getsignal(signal.SIGINT)
-    if not callable(before) or threading.current_thread() is not threading.main_thread():
+    if (
+        before is not signal.default_int_handler
+        or threading.current_thread() is not threading.main_thread()
+    ):
         yield check
         return
 
     def note(number, frame) -> None:
         pressed.append(number)
-        before(number, frame)
+        signal.default_int_handler(number, frame)
 
-    signal.signal(signal.SIGINT, note)
     try:
+        signal.signal(signal.SIGINT, note)
         yield check
     finally:
         signal.signal(signal.SIGINT, before)

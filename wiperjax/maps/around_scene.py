@@ -58,8 +58,8 @@ def costs(scenes: Mapping[str, SceneSpec]) -> dict[str, float]:
 
 def around(scene: SceneSpec) -> SweepSpec:
     """Return the sweep of `SIDE` x `SIDE` blades whose load and belt speed are within `SPREAD` of a
-    scene's, with the settings of a sweep; looked at is what is of the scene (`transient_of`), by
-    its thresholds.
+    scene's, with the settings of a sweep and the scene's longest step; looked at is what is of the
+    scene (`transient_of`), by its thresholds.
     """
     data, known = scene.document(), scene.parameters()
     keys = {name: key for key, name in BELTS[scene.belt.kind].items()}
@@ -70,7 +70,8 @@ def around(scene: SceneSpec) -> SweepSpec:
         _without(data, "title")
         | {
             "axes": {name: _near(known[name]) for name in ("normal_load", "belt_speed")},
-            "run": {"transient": transient, "window": scene.run.duration - transient},
+            "run": {"transient": transient, "window": scene.run.duration - transient}
+            | ({} if scene.run.max_step is None else {"max_step": scene.run.max_step}),
             "classes": scene.thresholds().model_dump(exclude_none=True),
         }
     )

@@ -226,8 +226,11 @@ def _in_memory(task: Task) -> xr.Dataset:
     begun, spec = time.perf_counter(), task.spec
     starts = range(0, spec.size, task.block)
     spans = {k: (start, min(spec.size, start + task.block)) for k, start in enumerate(starts)}
-    with Report(spec.size, title=spec.title, show=task.progress) as report:
-        pieces = {block.number: block.columns for block in _computed(task, spans, report)}
+    pieces: dict[int, dict[str, np.ndarray]] = {}
+    with Report(spec.size, title=spec.title, show=task.progress) as report, heeded() as check:
+        for block in _computed(task, spans, report):
+            pieces[block.number] = block.columns
+            check()
     whole = {name: np.concatenate([pieces[k][name] for k in spans]) for name in pieces[0]}
     made = _made(task.known) | provenance.record(task.command, time.perf_counter() - begun)
     return map_dataset.assemble(spec, whole, attributes=made | provenance.phase_times(task.spent))

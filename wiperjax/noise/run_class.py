@@ -14,7 +14,7 @@ from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
 from ..vocabulary.kinds import BELT_KINDS, known, since_reversal
-from ..vocabulary.ranges import Range
+from ..vocabulary.ranges import FEWEST_SETTLED, Range
 from ..vocabulary.thresholds import Thresholds, silence
 from .classes import classify, stored
 from .signals import signal_columns
@@ -52,7 +52,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     `acceleration_max` is NaN.
 
     Raises: ValueError for a run that is no run of a scene, on a belt of unknown kind, or of fewer
-    than 64 samples after the transient.
+    than `FEWEST_SETTLED` samples after the transient.
     """
     checks.instance("run", run, xr.Dataset, "a run of a scene file")
     if thresholds is not None:
@@ -72,12 +72,13 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     kept = run.sel(time=slice(transient, None))
     time = np.asarray(kept["time"], dtype=float)
     finished = int(run["result"]) == RESULTS["finished"]
-    if finished and time.size < 64:
-        raise ValueError(f"run must have 64 samples after the transient, but had {time.size}")
+    if finished and time.size < FEWEST_SETTLED:
+        must = f"must have {FEWEST_SETTLED} samples after the transient"
+        raise ValueError(f"run {must}, but had {time.size}")
     columns: dict[str, Any] = {"result": int(run["result"])}
     if belt is not None:
         columns["belt_speed_rms"] = belt.of(run.attrs)
-    if not finished or time.size < 64:
+    if not finished or time.size < FEWEST_SETTLED:
         absent = ("velocity_rms", "dominant_frequency", "stick_fraction", "flight_fraction")
         columns |= dict.fromkeys(absent, np.nan)
         return _named(columns | classify(columns, limits))

@@ -32,7 +32,7 @@ OF_A_RUN = frozenset(
         *("Conventions", SYSTEM, "duration", "sample_interval", "initial_position"),
         *("initial_velocity", "max_steps", "solver", "rtol", "atol_position", "atol_velocity"),
         *("zeno_time", "steps", "rejected_steps", "unproved_steps", "result_message", "source"),
-        *("versions", "statistics_start", "parameter_units", "max_step"),
+        *("versions", "statistics_start", "parameter_units", "max_step", "of_a_blade"),
     )
 )
 """Attributes of every run: a parameter of such a name is an attribute by another (`beside`)."""
@@ -102,6 +102,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     attrs = {
         "Conventions": cf.CONVENTIONS,
         "system": type(given).__name__,
+        "of_a_blade": int(given.of_a_blade),
         **beside({name: value for name, (value, _) in parameters.items()}),
         **({"parameter_units": units_text(beside(stated))} if stated else {}),
         **attributes,
@@ -155,7 +156,8 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, tuple[Any, st
         if isinstance(value, eqx.Module):
             found[name] = type(value).__name__, None
             if isinstance(value, AbstractFriction):
-                keys = FRICTIONS.get(value.kind, {})  # as in files
+                the_law = value is getattr(module, "law", None)
+                keys = FRICTIONS.get(value.kind, {}) if the_law else {}  # as in files
                 for key, (x, unit) in _parameters(value).items():
                     known = PARAMETERS[keys[key]].unit if key in keys else unit
                     found[prefix + keys.get(key, f"{name}_{key}")] = x, known
@@ -167,7 +169,7 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, tuple[Any, st
         if isinstance(value, bool | str):
             found[name] = value, None
         elif isinstance(value, int | float | np.generic | np.ndarray | jax.Array):
-            entry = declared.get(field.name) or PARAMETERS.get(name)
+            entry = declared.get(field.name) or (PARAMETERS.get(name) if pure is None else None)
             unit = (pure if entry is None else entry.unit) if np.ndim(value) == 0 else None
             found[name] = np.asarray(value)[()], unit
     return found

@@ -38,12 +38,11 @@ from ..machine import provenance
 from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.codes import ADVICE, RUNNING, Result
-from ..vocabulary.ranges import COUNT, POSITIVE, Range
+from ..vocabulary.ranges import COUNT, POSITIVE, SAMPLES, Range
 from .dataset import labelled, with_statistics
 
 EVENTS_AT_ONCE = 1024  # capacity of the log on the device
 STEPS_AT_ONCE = 16384  # about a second: Ctrl-C is heard between
-SAMPLES = 2000  # intervals of the default sampling
 FEWEST_SLOTS = 65536  # of the sample buffer: 4 MB
 
 

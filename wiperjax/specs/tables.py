@@ -23,7 +23,7 @@ from pydantic import (
 from ..vocabulary import kinds
 from ..vocabulary.kinds import BELTS
 from ..vocabulary.parameters import PARAMETERS
-from ..vocabulary.ranges import SETTINGS
+from ..vocabulary.ranges import FEWEST_SETTLED, SAMPLES, SETTINGS
 from ..vocabulary.thresholds import LIMITS, Thresholds
 from ..vocabulary.wording import digits
 from .errors import Fault, show
@@ -197,6 +197,10 @@ class SceneRun(Table):
     def _leaves_something(self) -> "SceneRun":
         if self.transient is not None and not self.transient < self.duration:
             must = f"must be below run.duration, {self.duration:g} s"
+            raise Fault("transient", f"{must}, was {self.transient:g}")
+        least = FEWEST_SETTLED * (self.sample_interval or self.duration / SAMPLES)
+        if self.transient is not None and self.duration - self.transient < least:
+            must = f"must leave {FEWEST_SETTLED} samples, {least:g} s, of run.duration"
             raise Fault("transient", f"{must}, was {self.transient:g}")
         return self
 

@@ -92,6 +92,12 @@ MOST_CELLS = 10**9
 MOST_SAMPLES = 2**20  # of one cell: 4 MB
 RUN_SAMPLES = 10**7  # of one run: 1 GB
 
+SAMPLES = 2000
+"""Intervals between the samples of a run, unless their length is given."""
+
+FEWEST_SETTLED = 64
+"""Samples after the transient by which a run is judged, at least."""
+
 TIP: Mapping[str, Range] = MappingProxyType(
     {"position": Range(-1, 1, unit="m"), "velocity": Range(-1e3, 1e3, unit="m/s")}
 )

@@ -11,7 +11,7 @@ def text(dataset: xr.Dataset) -> str:
         "",
         f"{attrs['device']} ({attrs['machine']}), {attrs['duration']} s of motion each, "
         f"{attrs['created']}; medians of {attrs['repeats']} interleaved repeats, compilation "
-        "apart. Errors at 20 ms against the scalar loop at 1e-12.",
+        "apart, all programs at once. Errors at 20 ms against the scalar loop at 1e-12.",
         "",
         "| method | rtol | batch | lanes | trajectories/s (10-90 %) | a turn [us] | occupancy | "
         "not finished | wrong events | error | event time [s] | first call [s] |",

@@ -80,6 +80,7 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
             "Conventions": cf.CONVENTIONS,
             "over": name,
             "system": type(first.system).__name__,
+            "of_a_blade": int(first.system.of_a_blade),
             "ends": "; ".join(branch.ends),
             "source": f"wiperjax {provenance.version('wiperjax')}",
         },

@@ -25,9 +25,8 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
     Raises ValueError for no curves at all, and for a parameter named as a variable of these.
     """
     if not isinstance(curves, list) or not all(isinstance(curve, Curve) for curve in curves):
-        raise ValueError(
-            f"curves must be a list of follow_curves(...), but was {checks.shown(curves)}"
-        )
+        must = "must be a list of follow_curves(...)"
+        raise ValueError(f"curves {must}, but was {checks.shown(curves)}")
     if not curves:
         raise ValueError("curves must hold at least one curve, but the branch had none to follow")
     system = curves[0].system
@@ -90,6 +89,7 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
             "over": names[0],
             "second": names[1],
             "system": type(system).__name__,
+            "of_a_blade": int(system.of_a_blade),
             "source": f"wiperjax {provenance.version('wiperjax')}",
         },
     )

@@ -149,9 +149,8 @@ def roomy(count: int) -> int:
 LANES = {"float64": 64, "float32": 128}
 
 
-# On an accelerator, which needs many to be busy, with 16 cells or more for each: on an H200 a turn
-# of 16,384 lanes takes 113 us, one of 65,536 takes 189, and one of 262,144, half of which idled for
-# want of cells, 475.
+# On an accelerator, which needs many to be busy: a turn of 65,536 takes less than twice as long as
+# one of 16,384, and four times as many idle for want of cells (`docs/bench/speed_h200.md`)
 WIDE = 1 << 16
 
 

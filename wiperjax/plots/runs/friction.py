@@ -100,7 +100,7 @@ def law_of(ds: xr.Dataset) -> str:
     kind = str(ds.attrs.get("friction", "stribeck")).lower()
     needed = known("friction", kind, FRICTION_KINDS).keys.values()
     if missing := [name for name in needed if name not in ds.attrs]:
-        only = "the friction law is known of a scene and of a Wiper only"
+        only = "the friction law is known of laws of the package only"
         raise ValueError(f"the run has no {missing[0]}: {only}")
     return kind
 

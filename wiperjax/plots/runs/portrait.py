@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.ticker import MaxNLocator
 
-from ...datasets.run_dataset import contact_axis, is_steady, usual_axis
+from ...datasets.run_dataset import contact_axis, is_steady, signal, usual_axis
 from ...vocabulary.cf import flag_names
 from ..style.axes import label, legend_below, page, shown, shown_unit
 from ..style.caption import direction, partner, set_caption
@@ -90,8 +90,7 @@ def phase_portrait(
 
 def orbit(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray]:
     """Position and velocity of one coordinate in the units of pictures."""
-    columns = (shown(ds[name].transpose("time", ...))[0] for name in ("position", "velocity"))
-    x, v = (values[:, component] if values.ndim > 1 else values for values in columns)
+    x, v = (shown(signal(ds, name, component))[0] for name in ("position", "velocity"))
     return x, v
 
 

@@ -12,6 +12,7 @@ from ...vocabulary.codes import Result
 from ...vocabulary.columns import SYSTEM
 from ...vocabulary.kinds import BELTS
 from ...vocabulary.parameters import PARAMETERS
+from ...vocabulary.ranges import FEWEST_SETTLED
 from .axes import SHOWN, long_name, number
 from .palette import readable
 
@@ -50,10 +51,12 @@ def parameters_text(ds: xr.Dataset) -> str:
 
 
 def is_own(ds: xr.Dataset) -> bool:
-    """Whether a map, run or branch is of a system that has no lip: one's own, or another one of the
-    package."""
+    """Whether a map, run or branch is of a system that is no blade: one's own, or another one of
+    the package. A run or branch knows; of a map the name of its system tells."""
+    if "of_a_blade" in ds.attrs:
+        return not ds.attrs["of_a_blade"]
     system = str(ds.attrs.get(SYSTEM, BLADES[0]))
-    return system not in BLADES and "lip_length" not in {*ds.attrs, *ds.variables}
+    return ":" in system or system not in BLADES and "lip_length" not in {*ds.attrs, *ds.variables}
 
 
 def moving(ds: xr.Dataset) -> str:
@@ -105,12 +108,17 @@ def noise_text(ds: xr.Dataset) -> str:
     """
     if "noise" in ds.attrs:
         return str(ds.attrs["noise"])
-    if not is_run(ds) or "belt_velocity" not in ds:
+    if not is_run(ds):
         return ""
     if "belt_kind" not in ds.attrs or "event_time" not in ds:
+        if "belt_velocity" not in ds:
+            return ""
         return f"{tone:.4g} Hz" if np.isfinite(tone := pitch(ds)) else ""
     time, left = np.asarray(ds["time"], float), 1.5 * float(ds.attrs["sample_interval"])
-    if time[0] > 0 or time[-1] + left < float(ds["final_time"]) or time.size < 128:
+    if time[0] > 0 or time[-1] + left < float(ds["final_time"]):
+        return ""
+    begin = float(ds.attrs.get("statistics_start", time.mean()))
+    if np.count_nonzero(time >= begin) < FEWEST_SETTLED:
         return ""
     found = assess(ds)
     names = words(found)
