@@ -120,7 +120,7 @@ def axis_of(ds: xr.Dataset, *speeds: xr.DataArray) -> int | None:
     """
     parts = [np.asarray(speed, dtype=float) for speed in speeds]
     velocity = np.asarray(ds["velocity"].transpose("time", ...), dtype=float)
-    apart = np.abs(velocity.reshape(len(parts[0]), -1) - sum(parts)[:, None])
+    apart = np.abs(velocity.reshape(len(parts[0]), -1) - np.sum(parts, axis=0)[:, None])
     room = ROUNDING * sum(np.abs(part).max(initial=0.0) for part in parts)
     same = (apart <= room).all(axis=0)
     return int(same.argmax()) if same.any() else None
