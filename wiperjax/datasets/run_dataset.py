@@ -111,7 +111,7 @@ def contact_axis(ds: xr.Dataset) -> int | None:
     """
     if "slip_speed" not in ds:
         return None
-    return axis_of(ds, ds["slip_speed"], ds.get("belt_velocity", xr.zeros_like(ds["slip_speed"])))
+    return axis_of(ds, *(ds[name] for name in ("slip_speed", "belt_velocity") if name in ds))
 
 
 def axis_of(ds: xr.Dataset, *speeds: xr.DataArray) -> int | None:

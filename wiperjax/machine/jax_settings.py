@@ -27,7 +27,7 @@ COMPILER = {
 SKIPPED = ("while-loop-invariant-code-motion", "while-loop-trip-count-annotator")
 
 # On a GPU loops run on the device, as graphs: else every turn waits until the host has read whether
-# it is the last (162 instead of 189 us a turn of 65,536 lanes, on an H200).
+# it is the last, a seventh of its time (`docs/bench/speed_h200.md`).
 GRAPHS = "+WHILE,+CONDITIONAL"
 
 MOST_CORES = 1024  # more is a slip

@@ -101,8 +101,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     stated = {name: unit for name, (_, unit) in parameters.items() if unit is not None}
     attrs = {
         "Conventions": cf.CONVENTIONS,
-        "system": type(given).__name__,
-        "of_a_blade": int(given.of_a_blade),
+        **cf.of_system(given),
         **beside({name: value for name, (value, _) in parameters.items()}),
         **({"parameter_units": units_text(beside(stated))} if stated else {}),
         **attributes,

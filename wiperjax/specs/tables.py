@@ -195,11 +195,13 @@ class SceneRun(Table):
 
     @model_validator(mode="after")
     def _leaves_something(self) -> "SceneRun":
-        if self.transient is not None and not self.transient < self.duration:
+        if self.transient is None:
+            return self
+        if not self.transient < self.duration:
             must = f"must be below run.duration, {self.duration:g} s"
             raise Fault("transient", f"{must}, was {self.transient:g}")
         least = FEWEST_SETTLED * (self.sample_interval or self.duration / SAMPLES)
-        if self.transient is not None and self.duration - self.transient < least:
+        if self.duration - self.transient < least:
             must = f"must leave {FEWEST_SETTLED} samples, {least:g} s, of run.duration"
             raise Fault("transient", f"{must}, was {self.transient:g}")
         return self

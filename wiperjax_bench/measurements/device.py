@@ -67,7 +67,7 @@ def run(output: Path, kind: str, *, quick: bool = False, repeats: int = 3, say=p
     def judge(variant):
         return errors.judge(judged, true, methods[variant].prepare(judged, RTOL[variant]).answer())
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # nothing is timed yet
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # first calls, all at once
         judgements = pool.map(judge, variants)
         ready = list(pool.map(made, cases))
         right = dict(zip(variants, judgements, strict=True))

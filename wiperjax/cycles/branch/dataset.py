@@ -79,8 +79,7 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
         attrs={
             "Conventions": cf.CONVENTIONS,
             "over": name,
-            "system": type(first.system).__name__,
-            "of_a_blade": int(first.system.of_a_blade),
+            **cf.of_system(first.system),
             "ends": "; ".join(branch.ends),
             "source": f"wiperjax {provenance.version('wiperjax')}",
         },

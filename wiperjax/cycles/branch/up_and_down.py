@@ -146,7 +146,7 @@ def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns)
             "result": (plane, result.astype(np.int8), flags),
         },
         coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
-        attrs={"over": name, "system": type(given).__name__, "of_a_blade": int(given.of_a_blade)},
+        attrs={"over": name, **cf.of_system(given)},
     )
 
 

@@ -88,8 +88,7 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
             "Conventions": cf.CONVENTIONS,
             "over": names[0],
             "second": names[1],
-            "system": type(system).__name__,
-            "of_a_blade": int(system.of_a_blade),
+            **cf.of_system(system),
             "source": f"wiperjax {provenance.version('wiperjax')}",
         },
     )
