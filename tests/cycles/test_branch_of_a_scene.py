@@ -59,3 +59,30 @@ def test_a_parameter_named_as_a_variable_of_branches_is_refused_before_any_work(
     for asked in ((name, 0.9, 1.1), ("mass", 0.9, 1.1, 0.03, 0, (name, 0.9, 1.1))):
         with pytest.raises(ValueError, match=f"no variable of a branch has, was '{name}': rename"):
             follow_scene(spec, *asked)
+
+
+def test_a_parameter_named_as_an_attribute_of_branches_is_refused_before_any_work(monkeypatch):
+    """Its value took the place of the name of what is varied, and no picture could be made."""
+    from wiperjax.cycles.branch import from_scene
+
+    monkeypatch.delattr(from_scene, "find_cycle")
+    scene = {"system": "odd_systems:Overdriven", "run": {"duration": 10.0}}
+    spec = parse_scene(scene | {"classes": {"squeal_band": [0.2, 1.0], "chatter_band": [0.0, 0.2]}})
+    with pytest.raises(ValueError, match="no parameter of the name 'over', which is that of an"):
+        follow_scene(spec, "mass", 0.9, 1.1)
+
+
+def test_the_longest_step_of_a_scene_holds_for_its_cycles(tmp_path, monkeypatch):
+    from wiperjax.cycles.branch import from_scene
+
+    given = {}
+
+    def found(system, **arguments):
+        given.update(arguments)
+        raise RuntimeError("far enough")
+
+    monkeypatch.setattr(from_scene, "find_cycle", found)
+    (tmp_path / "scene.toml").write_text(SCENE + "max_step = 1e-4\n")
+    with pytest.raises(RuntimeError, match="far enough"):
+        follow_scene(load_scene(tmp_path / "scene.toml"), "attack_angle", 0.0, 5.0)
+    assert given["max_step"] == 1e-4

@@ -544,3 +544,34 @@ def test_derivatives_hold_where_a_recalled_stay_ends_on_its_other_side():
     slopes = np.stack([(end(state + d) - end(state - d)) / 2e-6 for d in steps], axis=1)
     np.testing.assert_allclose(cycle.motion.by_state, slopes, atol=1e-6)
     assert abs(cycle.multipliers[0]) == pytest.approx(0.0664606, abs=1e-6)
+
+
+class Knocked(Block):
+    """A block on still ground, pushed for an instant once a minute, that sticks in between."""
+
+    def free_acceleration(self, t, q, v):
+        after = t - 60.0 * jnp.round(t / 60.0 - 0.5) - 30.0
+        push = 4.0 * jnp.exp(-((after / 0.4) ** 2))
+        return ((push - self.stiffness * q[0]) / self.mass,)
+
+
+@pytest.mark.slow
+def test_a_push_within_a_long_stick_is_seen_by_steps_that_are_short_enough():
+    block, begin = Knocked(1.0, 1.0), ((0.0,), (0.0,))
+    given = {"settle": 120.0, "initial_state": begin, "period": 60.0}
+    assert find_cycle(block, **given).found == Found.AT_REST  # stepped over: docs/limits.md
+    cycle = find_cycle(block, **given, max_step=0.2)
+    assert cycle.found == Found.FOUND and cycle.regimes.count("slip") >= 2
+    assert np.sort(np.abs(cycle.multipliers))[0] == 0.0  # the stick
+    assert abs(cycle.multipliers[0]) < 0.3  # ten periods later a start is forgotten, to 2e-6
+    long = wiperjax.solve(
+        block, 660.0, initial_state=begin, rtol=1e-10, max_step=0.2,
+        sample_times=np.linspace(600, 660, 20_001),
+    )  # fmt: skip
+    highest = float(long.samples.position[0].max())
+    assert cycle.maximum == pytest.approx(highest, rel=1e-5)
+    found = up_and_down(
+        block, "stiffness", [1.0, 1.1], settle=600.0, window=60.0, initial_state=begin,
+        period=lambda system: 60.0, max_step=0.2,
+    )  # fmt: skip
+    assert float(found.maximum[0, 0, 0]) == pytest.approx(cycle.maximum, rel=1e-5)

@@ -95,6 +95,12 @@ class Spelled(own_systems.Oscillator):
     frequency: float = parameter(1.0, "Hz", above=0)
 
 
+class Overdriven(own_systems.Oscillator):
+    """A parameter that has the name of an attribute of branches."""
+
+    over: float = parameter(1.0, "N", above=0)
+
+
 class Undefined(own_systems.Oscillator):
     """Its acceleration is no number from the start on."""
 

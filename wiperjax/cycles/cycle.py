@@ -82,6 +82,7 @@ def find_cycle(
     over: str | None = None,
     varied: Sequence[str] = (),
     rtol: float = 1e-10,
+    max_step: float | None = None,
 ) -> Cycle:
     """Return the limit cycle that a simulation of ``settle`` seconds comes to.
 
@@ -94,7 +95,7 @@ def find_cycle(
     system without a clock starts, where the settled motion falls through it (default: where the
     first coordinate that moves is highest). ``over``, name of the
     number that `branch.follow` will vary; ``varied``, numbers that `remedy` will: named here, they
-    share its compiled program. ``rtol`` of the integration.
+    share its compiled program. ``rtol`` and ``max_step`` [s] of the integration.
 
     **Returns** a `Cycle`; ``found`` says whether there is one, else why not.
 
@@ -103,6 +104,8 @@ def find_cycle(
     check_system(system)
     settle = checks.number("settle", settle, POSITIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
+    if max_step is not None:
+        max_step = checks.number("max_step", max_step, POSITIVE)
     checks.names("varied", varied)
     if section is not None and not callable(section):
         raise ValueError(f"section must be a function, but was {checks.shown(section)}")
@@ -115,7 +118,7 @@ def find_cycle(
     clock = period if callable(period) or period is None else _constant(float(period))
     typical = _typical(system, len(state) // 2)
     shooting = Shooting(system, over, clock, None if clock else section, 1, typical, 1.0)
-    shooting = replace(shooting, rtol=rtol, varied=varied)
+    shooting = replace(shooting, rtol=rtol, max_step=max_step, varied=varied)
     if over is not None:
         size = abs(numbers.value(system, over))
         shooting = replace(shooting, parameter_scale=size or 1.0)

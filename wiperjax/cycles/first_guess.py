@@ -15,7 +15,7 @@ from .chart import Turning
 from .clock import STATES, check_clock, refuse_a_clock
 from .orbit import crossings, event_margin, far_from_events, smooth_intervals
 from .return_map import FAIR, Found, Lost, Shooting
-from .shooting import SAMPLES, Arc, shoot
+from .shooting import SAMPLES, Arc
 
 STILL = 1e-6  # of the typical size: a coordinate that swings less rests
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
@@ -122,7 +122,7 @@ def driven_guess(shooting: Shooting, state, settle: float):
 
 def _run(shooting: Shooting, state, regime: int, length: float, rtol: float) -> Arc:
     """Return a motion that is looked at only. Raises `Lost` if it ends early."""
-    moved = shoot(shooting.system, shooting.along(), state, length, regime=regime, rtol=rtol)
+    moved = shooting.motion(shooting.system, state, length, regime=regime, rtol=rtol)
     if int(moved.result) not in FAIR:
         raise Lost(f"the motion ended early: {Result(int(moved.result)).name.lower()}")
     return moved

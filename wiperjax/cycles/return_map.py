@@ -59,6 +59,7 @@ class Shooting:
     period_scale: float
     parameter_scale: float = 1.0
     rtol: float = 1e-10
+    max_step: float | None = None  # s; None: as long as the motion is smooth
     varied: tuple[str, ...] = ()  # numbers that the compiled program can differentiate by
 
     def at(self, parameter: float) -> AbstractSystem:
@@ -70,6 +71,11 @@ class Shooting:
     def along(self):
         """Return the tangent of the system along the parameter."""
         return numbers.direction(self.system, self.over, *self.varied)
+
+    def motion(self, system: AbstractSystem, state, period: float, **stretch) -> Arc:
+        """Return `shoot` of one of the family, along the parameter, with the family's steps."""
+        steps = {"rtol": self.rtol, "max_step": self.max_step}
+        return shoot(system, self.along(), state, period, **(steps | stretch))
 
     def driven_period(self, parameter: float) -> tuple[float, float]:
         """Return the period that the clock sets, and its derivative by the parameter."""
@@ -94,15 +100,7 @@ class Shooting:
         if self.clock is not None:
             period, slope = self.driven_period(parameter)
         start = where.state(w)
-        moved = shoot(
-            self.at(parameter),
-            self.along(),
-            start,
-            period,
-            phase=phase,
-            regime=where.regime,
-            rtol=self.rtol,
-        )
+        moved = self.motion(self.at(parameter), start, period, phase=phase, regime=where.regime)
         if int(moved.result) not in FAIR or not np.all(np.isfinite(moved.by_state)):
             raise Lost(f"the motion ended early: {Result(int(moved.result)).name.lower()}")
         residual = where.read(moved.state - moved.samples[0])

@@ -63,15 +63,18 @@ def shoot(
     part: float = 1.0,
     regime: int = -1,
     rtol: float = 1e-10,
+    max_step: float | None = None,
 ) -> Arc:
     """Return the motion from ``state`` at ``phase * period`` over ``part * period``.
 
     ``along`` is the tangent of ``system`` that ``by_parameter`` is taken along
-    (`named.direction`). ``regime`` is that of ``state`` if known: see `tidy`.
+    (`numbers.direction`). ``regime`` is that of ``state`` if known: see `tidy`. No step is longer
+    than ``max_step`` [s].
     """
     numbers = (jnp.asarray(x, float) for x in (period, phase, part, rtol))
     code = jnp.asarray(regime, jnp.int32)
-    found = _shoot(system, along, jnp.asarray(state, float), code, *numbers)
+    longest = None if max_step is None else jnp.asarray(max_step, float)
+    found = _shoot(system, along, jnp.asarray(state, float), code, *numbers, longest)
     return Arc(**jax.tree.map(np.asarray, found))
 
 
@@ -107,7 +110,7 @@ def tidy(system: AbstractSystem, time, state, regime):
 
 
 @Kept
-def _shoot(system, along, state, regime, period, phase, part, rtol) -> Any:
+def _shoot(system, along, state, regime, period, phase, part, rtol, longest) -> Any:
     varied = jax.tree.map(lambda d: d is not None, along, is_leaf=lambda d: d is None)
     moving, fixed = eqx.partition(system, varied)
     n = state.shape[0] // 2
@@ -120,7 +123,7 @@ def _shoot(system, along, state, regime, period, phase, part, rtol) -> Any:
             eqx.combine(moving, fixed),
             duration,
             (tuple(state[:n]), tuple(state[n:])),
-            Integration(rtol=rtol),
+            Integration(rtol=rtol, max_step=longest),
             Recording(
                 start + duration * grid,
                 max_events=EVENTS,

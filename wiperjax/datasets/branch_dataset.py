@@ -4,6 +4,8 @@ curves in two parameters.
 Pure xarray, without jax, since pictures read it.
 """
 
+from collections.abc import Iterable
+
 import xarray as xr
 
 _SIMULATED = "simulated_"
@@ -24,6 +26,7 @@ TAKEN = frozenset(
     )
 )
 """Names of the variables and dimensions of branches and of what lies beside one."""
+_ATTRIBUTES = ("over", "ends")  # of branches alone: those that maps have, too, no parameter has
 
 
 def check_over(name: str) -> None:
@@ -33,6 +36,16 @@ def check_over(name: str) -> None:
     if name in TAKEN:
         must = "must have a name that no variable of a branch has"
         raise ValueError(f"the parameter that is varied {must}, was {name!r}: rename it")
+
+
+def check_fixed(names: Iterable[str]) -> None:
+    """Raises ValueError for a parameter whose value a branch cannot state as an attribute."""
+    for name in names:
+        if name in _ATTRIBUTES:
+            must = "a system whose cycles are followed must have no parameter of the name"
+            raise ValueError(
+                f"{must} {name!r}, which is that of an attribute of branches: rename it"
+            )
 
 
 def with_simulations(branch: xr.Dataset, brute: xr.Dataset) -> xr.Dataset:

@@ -6,32 +6,38 @@ import threading
 from collections.abc import Callable, Iterator
 
 
-@contextlib.contextmanager
-def heeded() -> Iterator[Callable[[], None]]:
-    """Yields what raises KeyboardInterrupt if Ctrl-C was pressed in the `with` statement and is not
-    known yet: to be called between pieces of work. Where another handler than Python's own is
-    there, which knows what to do, or in another thread than the main one, nothing is heard.
-    """
-    pressed: list[int] = []
+class _Heeding:
+    """A handler of Ctrl-C that remembers it."""
 
-    def check() -> None:
-        if pressed:
-            raise KeyboardInterrupt
+    def __init__(self) -> None:
+        self.pressed = False
 
-    before = signal.getsignal(signal.SIGINT)
-    if (
-        before is not signal.default_int_handler
-        or threading.current_thread() is not threading.main_thread()
-    ):
-        yield check
-        return
-
-    def note(number, frame) -> None:
-        pressed.append(number)
+    def __call__(self, number, frame) -> None:
+        self.pressed = True
         signal.default_int_handler(number, frame)
 
+    def check(self) -> None:
+        if self.pressed:
+            raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def heeded() -> Iterator[Callable[[], None]]:
+    """Yields what raises KeyboardInterrupt if Ctrl-C was pressed in the `with` statement, or one
+    around it, and is not known yet: to be called between pieces of work. Where another handler than
+    Python's own is there, which knows what to do, or in another thread than the main one, nothing
+    is heard.
+    """
+    before, handler = signal.getsignal(signal.SIGINT), _Heeding()
+    if isinstance(before, _Heeding):
+        yield before.check
+        return
+    main = threading.current_thread() is threading.main_thread()
+    if before is not signal.default_int_handler or not main:
+        yield handler.check
+        return
     try:
-        signal.signal(signal.SIGINT, note)
-        yield check
+        signal.signal(signal.SIGINT, handler)
+        yield handler.check
     finally:
         signal.signal(signal.SIGINT, before)

@@ -122,6 +122,7 @@ def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycl
         period=None if shooting.clock is None else shooting.clock,
         varied=shooting.varied,
         rtol=shooting.rtol,
+        max_step=shooting.max_step,
     )
 
 

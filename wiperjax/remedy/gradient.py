@@ -16,7 +16,7 @@ from ..blade import numbers
 from ..cycles.chart import Chart, chart
 from ..cycles.cycle import Cycle, Found
 from ..cycles.return_map import Shooting
-from ..cycles.shooting import Arc, shoot
+from ..cycles.shooting import Arc
 from ..engine.observers.totals import variance
 from ..vocabulary import checks
 
@@ -58,16 +58,9 @@ def sensitivities(
     slopes, value = [], getattr(cycle, measure)
 
     def motion(name: str, part: float = 1.0) -> Arc:
-        return shoot(
-            system,
-            numbers.direction(system, name, *every),
-            state,
-            cycle.period,
-            phase=cycle.phase,
-            part=part,
-            regime=cycle.regime,
-            rtol=shooting.rtol,
-        )
+        family = replace(shooting, system=system, over=name, varied=every)
+        stretch = {"phase": cycle.phase, "part": part, "regime": cycle.regime}
+        return family.motion(system, state, cycle.period, **stretch)
 
     part = _top(cycle, partial(motion, next(iter(names)))) if measure == "maximum" else 1.0
     for name in names:

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import signal
+import weakref
 
 import h5py
 import numpy as np
@@ -17,6 +19,7 @@ from wiperjax.machine.provenance import RUN_ATTRIBUTES
 from wiperjax.maps import block, computing, driver
 from wiperjax.maps.refine.grid import Grid
 from wiperjax.maps.refine.points import Points
+from wiperjax.maps.refine.search import Search
 from wiperjax.maps.verify import verify
 from wiperjax.specs.errors import SpecError
 from wiperjax.specs.load import load_sweep
@@ -37,6 +40,29 @@ def same_borders(one, other):
         for name in RUN_ATTRIBUTES:
             ds.attrs.pop(name, None)
     xr.testing.assert_identical(one, other)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # what is dropped
+def test_ctrl_c_that_python_drops_between_blocks_is_heard(tmp_path, monkeypatch):
+    """The search went on to its end."""
+    path, find = tmp_path / "map.h5", Search.run
+    coarse_map(path, DISC)
+
+    def pressed(search, answers):
+        dropped = weakref.WeakSet()  # any object
+        ended = weakref.ref(dropped, lambda _: signal.raise_signal(signal.SIGINT))
+        del dropped
+        find(search, answers)
+        del ended
+
+    monkeypatch.setattr(Search, "run", pressed)
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
+    try:
+        with pytest.raises(KeyboardInterrupt, match="go on with the same command"):
+            refined(path, DISC, levels=3)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 def test_the_root_stays_the_map_and_levels_are_grids(tmp_path):

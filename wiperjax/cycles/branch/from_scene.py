@@ -11,7 +11,13 @@ from ...blade import numbers
 from ...blade.steady_slip import steady_slip
 from ...contact.belts import SteadyBelt
 from ...contact.system import AbstractSystem
-from ...datasets.branch_dataset import check_over, with_curves, with_rest, with_simulations
+from ...datasets.branch_dataset import (
+    check_fixed,
+    check_over,
+    with_curves,
+    with_rest,
+    with_simulations,
+)
 from ...machine import provenance
 from ...specs.scene import SceneSpec
 from ...systems.build import belt_of, build, start
@@ -61,7 +67,8 @@ def follow_scene(
     begun = time.perf_counter()
     built, table = build(spec, spec.parameters()), spec.parameter_table
     system = built.system
-    bounds = _bounds(spec, system, over, low, high, "--over")
+    bounds, stated = _bounds(spec, system, over, low, high, "--over"), _stated(spec, over)
+    check_fixed(stated)
     if second is not None:
         along = _bounds(spec, system, *second, "--second")
         if second[0] == over:
@@ -76,12 +83,12 @@ def follow_scene(
         period=period,
         over=over,
         varied=() if second is None else second[:1],
+        max_step=spec.run.max_step,
     )
     if cycle.found != Found.FOUND:
         why = f" ({cycle.why})" if cycle.why else ""
         raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
     branch = follow(cycle, *bounds, step=step)
-    stated = _stated(spec, over)
     found = branch_dataset(branch)
     if second is not None and (lines := follow_curves(branch, second[0], *along)):
         fixed = {name: value for name, value in stated.items() if name != second[0]}
@@ -95,6 +102,7 @@ def follow_scene(
             window=10 * cycle.period,
             initial_state=(position, velocity),
             period=period,
+            max_step=spec.run.max_step,
         )
         found = with_simulations(found, brute)
     attrs = {

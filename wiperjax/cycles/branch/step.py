@@ -11,7 +11,6 @@ from ..chart import Chart, chart
 from ..cycle import Cycle, cycle_at
 from ..orbit import event_margin, far_from_events, smooth_intervals
 from ..return_map import Lost, Point, Shooting, correct
-from ..shooting import shoot
 
 LOCATED = 1e-7  # of a step's unit: how closely a special point is closed in
 NEAR = 0.05  # of the largest distance from an event: too near for the start of a cycle
@@ -179,15 +178,13 @@ def _moved(shooting: Shooting, here: BranchStep, index: int):
     point = here.point
     d = point.where.basis.shape[1]
     slope = shooting.driven_period(point.parameter)[1]
-    passed = shoot(
+    passed = shooting.motion(
         shooting.at(point.parameter),
-        shooting.along(),
         point.motion.samples[0],
         point.period,
         phase=point.phase,
         part=index / (len(point.motion.times) - 1),
         regime=point.where.regime,
-        rtol=shooting.rtol,
     )
     change = here.tangent[-1] * shooting.parameter_scale
     tangent = passed.by_state @ (point.where.basis @ here.tangent[:d])

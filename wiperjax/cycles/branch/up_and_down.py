@@ -47,6 +47,7 @@ def up_and_down(
     kick: float = 1e-6,
     samples: int = 1024,
     rtol: float = 1e-7,
+    max_step: float | None = None,
 ) -> xr.Dataset:
     """Return the motions met on the way up and down ``values`` of the number ``over``.
 
@@ -60,7 +61,7 @@ def up_and_down(
     first coordinate is moved before each value, of its typical size: without it an equilibrium that
     has become unstable is left only when rounding has grown (delayed loss of stability);
     ``samples`` of a window: swings shorter than a few of them have no ``maximum`` of their own;
-    ``rtol``.
+    ``rtol`` and ``max_step`` [s] of the integration.
 
     **Returns** a dataset with the dimensions ``way`` (up, down), the parameter (in the unit of
     files) and ``peak``: ``maximum`` of the first coordinate (the largest first; NaN-padded; of a
@@ -80,6 +81,8 @@ def up_and_down(
     kick = checks.number("kick", kick, Range(0, 1))
     samples = checks.whole("samples", samples, SETTINGS["samples"])
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
+    if max_step is not None:
+        max_step = checks.number("max_step", max_step, POSITIVE)
     if period is not None and not callable(period):
         must = "period must be a function of the system that gives its period"
         raise ValueError(f"{must}, but was {checks.shown(period)}")
@@ -89,6 +92,7 @@ def up_and_down(
     state = _ends(system, over, values, initial_state)
     ways = jnp.stack([values, values[::-1]])
     spans = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))
+    spans += (None if max_step is None else jnp.asarray(max_step, float),)
     found = _march(system, over, period, ways, state, spans, samples)
     position, velocity, *columns = (np.array(x) for x in found)
     for array in (position, velocity, *columns):
@@ -189,7 +193,7 @@ def repeat_time(states, window):
 
 @Kept
 def _march(system, over, period, ways, states, spans, samples: int):
-    settle, window, kick, rtol = spans
+    settle, window, kick, rtol, max_step = spans
     grid = jnp.linspace(0.0, 1.0, samples)
 
     def one(initial, carry, value):
@@ -210,6 +214,7 @@ def _march(system, over, period, ways, states, spans, samples: int):
                 before + after,
                 initial_state=(tuple(state[:n]), tuple(state[n:])),
                 rtol=rtol,
+                max_step=max_step,
                 sample_times=before + after * grid,
                 statistics_start=before,
                 observer=Reach(RegimeTotals(before)),

@@ -19,7 +19,7 @@ from ...numerics.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..orbit import slip_minimum
 from ..return_map import Lost, Shooting
-from ..shooting import Arc, shoot
+from ..shooting import Arc
 from .equations import Spot, Test, solve
 from .of_cycles import OfCycles
 from .plane import placed
@@ -68,10 +68,8 @@ class Touch(OfCycles):
         start = self.where.state(u[:d])
 
         def moved(shooting: Shooting) -> Arc:
-            return shoot(
-                shooting.system, shooting.along(), start, period,
-                phase=self.phase, part=part, regime=self.where.regime, rtol=shooting.rtol,
-            )  # fmt: skip
+            stretch = {"phase": self.phase, "part": part, "regime": self.where.regime}
+            return shooting.motion(shooting.system, start, period, **stretch)
 
         for _ in range(CENTRED):
             arc = moved(pair[0])

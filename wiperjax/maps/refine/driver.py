@@ -19,6 +19,7 @@ import xarray as xr
 
 from ...machine import provenance
 from ...machine.files import StoreError, log, naming
+from ...machine.interrupt import heeded
 from ...machine.lock import acquire, release
 from ...machine.phases import account, during
 from ...specs.load import parse_sweep
@@ -33,7 +34,7 @@ from ...vocabulary import checks
 from ...vocabulary.wording import not_there
 from ..block import Evaluate, block_size
 from ..computing import computing
-from ..driver import Task, check_made_by, fill
+from ..driver import SweepInterrupted, Task, check_made_by, fill
 from .answers import Answers
 from .bank import Bank, Columns
 from .criterion import Criterion
@@ -99,7 +100,7 @@ def refine(
         points = partial(Points, spec, grid, linear=criterion.linear)
         compute = _Computing(folder, points, task)
         answers = Answers(bank, criterion, found.lengthen, compute, found.max_cells)
-        search.run(answers)
+        compute.through(partial(search.run, answers))
         made = {"identity": json.dumps(known, sort_keys=True), "refine_settings": stated}
         made |= {"fresh_simulations": answers.computed}
         host = workers.host if workers is not None else None
@@ -176,8 +177,22 @@ class _Computing:
         """`points` of numbers and a factor; `task` of points and cells in a block."""
         self._folder, self._points, self._task = folder, points, task
         self.wall_time = 0.0
+        self._check: Callable[[], None] = lambda: None
+        kept = f"points are kept in {folder}; go on with the same command (sweep: --resume)"
+        self._hint = f"interrupted: {kept}"
+
+    def through(self, search: Callable[[], None]) -> None:
+        """Runs a search that asks for points. Raises: `SweepInterrupted` on Ctrl-C."""
+        with heeded() as self._check:
+            try:
+                search()
+            except SweepInterrupted:
+                raise
+            except KeyboardInterrupt:
+                raise SweepInterrupted(self._hint) from None
 
     def __call__(self, index: np.ndarray, factor: int) -> Columns:
+        self._check()
         points, folder = self._points(index, factor), self._folder
         block = min(ROOM, block_size(self._points(np.resize(index, ROOM), factor)))
         task = self._task(points, block=block)
@@ -192,8 +207,7 @@ class _Computing:
                 anew=f"delete {folder} and give the same command again",
             ) as store,
         ):
-            kept = f"points are kept in {folder}; go on with the same command (sweep: --resume)"
-            fill(task, store, lambda: f"interrupted: {kept}")
+            fill(task, store, lambda: self._hint)
             reader = Reader(store)
             columns = reader.read(0, points.size, reader.names)
         self.wall_time += reader.wall_time
