@@ -126,6 +126,15 @@ class Rising(wiperjax.AbstractFriction):
         return 1.2 * self.static
 
 
+class Driving(wiperjax.AbstractFriction):
+    """A law that drives what slips."""
+
+    static: float = parameter(0.5)
+
+    def coefficient(self, speed):
+        return -0.2 * self.static
+
+
 class Lopsided(Ball):
     """It has two coordinates, and accelerates one."""
 

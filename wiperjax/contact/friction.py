@@ -28,18 +28,19 @@ class AbstractFriction(eqx.Module):
 
     def _check_rest(self):
         """Raises ValueError for a law that rises at rest: what holds would begin to slip, and be
-        held."""
+        held; and for one that drives what has begun to slip."""
         numbers = jax.tree.leaves(self)
         if any(checks.is_traced(x) or not checks.is_number(x) for x in numbers):
             return
         at_rest = self.coefficient(jnp.zeros(()))
         if not checks.is_number(at_rest):  # said where a motion is asked for (`fits`)
             return
-        at_rest = np.asarray(at_rest)
+        at_rest, what = np.asarray(at_rest), f"{type(self).__name__}: its coefficient at speed 0"
         if np.any(at_rest > np.asarray(self.static) * (1 + 1e-9)):
             was, most = checks.digits(at_rest.max()), checks.digits(np.max(self.static))
-            what = f"{type(self).__name__}: its coefficient at speed 0"
             raise ValueError(f"{what} must not be larger in slip than at rest ({most}), was {was}")
+        if np.any(at_rest < 0):
+            raise ValueError(f"{what} must be >= 0, was {checks.digits(at_rest.min())}")
 
     @abstractmethod
     def coefficient(self, speed) -> Any:
