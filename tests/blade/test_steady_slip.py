@@ -114,6 +114,25 @@ def test_three_branches_on_the_leading_side_and_their_hopf_speed():
     assert steady.phi.shape == () and steady.phi == below.phi[0]
 
 
+def test_branches_are_seen_where_they_are_born():
+    """Two are born at a shoulder, the farther one first along the belt: while they lay within 0.35
+    degrees of each other the third was taken for the branch that leans farthest. The angles are
+    roots of the closed form, found on a grid of 400001."""
+
+    def branches(angle):
+        return steady_slip_branches(wiperjax.Wiper(attack_angle=angle, support_damping=1.0), 0.3)
+
+    beside = branches(-0.6530319102837717)
+    expected = [-3.0357539371, -3.1288972048, -72.2650005817]
+    np.testing.assert_allclose(np.degrees(beside.phi[:3]), expected, rtol=1e-9)
+    none, two = -0.6540, -0.6530
+    while two - none > 1e-9:
+        middle = 0.5 * (none + two)
+        born = bool(branches(middle).exists[1])
+        none, two = (none, middle) if born else (middle, two)
+    assert np.degrees(-np.diff(branches(two).phi[:2])) < 1e-5
+
+
 def test_mirror_image():
     blade, speed = random_blades(2)
     mirrored = wiperjax.Wiper(**{**vars(blade), "attack_angle": -blade.attack_angle})

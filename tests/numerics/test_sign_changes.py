@@ -50,6 +50,19 @@ def test_a_dip_between_two_places_that_are_looked_at(middle, apart):
         np.testing.assert_array_equal(found(function, 2), on_the_whole_grid(function, 2))
 
 
+@pytest.mark.parametrize("apart", [2e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize("middle", [-0.489, 0.0002, 0.0623, 0.611])
+def test_two_roots_in_one_interval_where_they_are_born(middle, apart):
+    """The grid is 0.0078 wide; they lie beside its places, or astride one of those looked at."""
+    for dip in (lambda x: x**2 - (0.5 * apart) ** 2, lambda x: jnp.abs(x) - 0.5 * apart):
+        function = always(lambda x, dip=dip: dip(x - middle))
+        changes = sign_changes(function, 1.0, -1.0, STRETCHES, 3)
+        assert list(np.asarray(changes.exists)) == [True, True, False]
+        assert list(np.asarray(changes.falls)[:2]) == [True, False]
+        for k, root in enumerate((middle + 0.5 * apart, middle - 0.5 * apart)):
+            assert changes.after[k] - 1e-9 < root < changes.before[k] + 1e-9
+
+
 def test_a_pole_is_no_root_and_what_lies_beside_it_is_seen():
     """Beyond 0.3 there is no value; a root lies 0.01 before it, another beyond."""
 

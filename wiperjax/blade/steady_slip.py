@@ -26,7 +26,7 @@ from ..vocabulary.codes import Regime
 from ..vocabulary.ranges import FINITE
 from .wiper import Wiper
 
-STRETCHES = 64  # of `sign_changes`: two roots that lie within 0.35 degrees are not seen
+STRETCHES = 64  # of `sign_changes`: 2.8 degrees each
 MOST_BRANCHES = 5  # three occur (one on each shoulder, a saddle on the neck)
 _LANES = 64  # cells at a time, with all their angles: they fit in a cache
 # Cells are filled up to so many: few compilations. Two turns of the loop at least: of one XLA makes

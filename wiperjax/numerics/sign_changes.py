@@ -2,7 +2,9 @@
 
 Every `PARTS`-th place is looked at. Between two of them that have one sign the function may still
 dip through zero: only if it bends there as much as it is away from it, by the second differences
-around. Those stretches, and those over which the sign changes, are looked at place by place.
+around. Those stretches, and those over which the sign changes, are looked at place by place, and
+beside the lowest of these places at the bottom of the dip: two roots are born there, nearer to each
+other than any grid.
 """
 
 from collections.abc import Callable
@@ -14,6 +16,10 @@ import jax.numpy as jnp
 from .types import Scalar
 
 PARTS = 8
+NARROWINGS = 24  # of two intervals about a bottom, to 1e-5 of one
+GOLDEN = 0.5 * (5**0.5 - 1)
+
+Function = Callable[[Scalar], tuple[Scalar, Scalar, Scalar]]
 
 
 class SignChanges(NamedTuple):
@@ -21,7 +27,7 @@ class SignChanges(NamedTuple):
 
     Attributes:
         exists: whether there are so many.
-        before, after: neighbouring places of the grid on either side of it.
+        before, after: places on either side of it, neighbours on the grid or nearer.
         falls: whether the function is positive (or zero) before it.
     """
 
@@ -32,26 +38,22 @@ class SignChanges(NamedTuple):
 
 
 def sign_changes(
-    function: Callable[[Scalar], tuple[Scalar, Scalar, Scalar]], start: Scalar, end: Scalar,
-    stretches: int, count: int,
-) -> SignChanges:  # fmt: skip
+    function: Function, start: Scalar, end: Scalar, stretches: int, count: int
+) -> SignChanges:
     """Return the first ``count`` changes of sign from ``start`` to ``end``.
 
     ``function``: place -> its value there, whether it has one, and a smooth number that must be
     positive at a root: where it vanishes between two places, the straight lines through both tell
     on which side of that the root is. The grid has ``stretches`` times
-    `PARTS` intervals of one width: of two roots within one of them nothing is seen. A dip between
-    coarse places is seen where it is no deeper than the sum of the two second differences beside it
-    (four times what a kink, sixteen times what a parabola can do).
+    `PARTS` intervals of one width. A dip between coarse places is seen where it is no deeper than
+    the sum of the two second differences beside it (four times what a kink, sixteen times what a
+    parabola can do). Two roots within one interval are seen down to 1e-5 of it apart, of one such
+    pair in a stretch.
 
-    May be mapped, not differentiated in reverse: what is found are places of a grid, and constant.
+    May be mapped, not differentiated in reverse: what is found are places, and constant.
     """
     width = (end - start) / (PARTS * stretches)
-
-    def at(number):
-        return function(start + width * number)
-
-    value, has, room = jax.vmap(at)(PARTS * jnp.arange(stretches + 1))
+    value, has, room = jax.vmap(function)(start + width * (PARTS * jnp.arange(stretches + 1)))
     slopes = jnp.diff(value)
     bends = jnp.pad(jnp.abs(jnp.diff(slopes)), 1, mode="edge")
     up, away = value >= 0, jnp.abs(value)
@@ -61,25 +63,62 @@ def sign_changes(
     order = jnp.arange(stretches)
 
     def left(state):
-        place, seen, _, _ = state
+        place, seen, _ = state
         return (seen < count) & jnp.any(suspect & (order >= place))
 
     def look(state):
-        place, seen, before, falls = state
+        place, seen, found = state
         place = jnp.argmax(suspect & (order >= place))
-        fine = PARTS * place + jnp.arange(PARTS + 1)
-        value, has, room = jax.vmap(at)(fine)
+        x = start + width * (PARTS * place + jnp.arange(PARTS + 1))
+        x, (value, has, room) = _with_bottom(function, x, jax.vmap(function)(x))
         up, away = value >= 0, jnp.abs(value)
         at_root = room[:-1] * away[1:] + room[1:] * away[:-1]
         change = (up[1:] != up[:-1]) & has[1:] & has[:-1] & (at_root > 0)
         number = seen + jnp.cumsum(change) - 1
         mine = change & (number == jnp.arange(count)[:, None])
         which, one = jnp.argmax(mine, axis=1), jnp.any(mine, axis=1)
-        before = jnp.where(one, fine[which], before)
-        falls = jnp.where(one, up[which], falls)
-        return place + 1, seen + jnp.sum(change), before, falls
+        here = SignChanges(one, x[which], x[which + 1], up[which])
+        found = jax.tree.map(lambda new, old: jnp.where(one, new, old), here, found)
+        return place + 1, seen + jnp.sum(change), found
 
-    none = jnp.zeros(count, int)
-    _, seen, before, falls = jax.lax.while_loop(left, look, (0, 0, none, none > 0))
-    exists = jnp.arange(count) < seen
-    return SignChanges(exists, start + width * before, start + width * (before + 1), falls)
+    no, nowhere = jnp.zeros(count, bool), jnp.full(count, start)
+    return jax.lax.while_loop(left, look, (0, 0, SignChanges(no, nowhere, nowhere, no)))[2]
+
+
+def _with_bottom(function: Function, x, values):
+    """Return places ``x`` (places,) and their ``values`` with one more, in order: the bottom beside
+    the place nearest to zero, if the sign is another there than at its neighbours; else that place
+    once more."""
+    value = values[0]
+    last, lowest = len(x) - 1, jnp.argmin(jnp.abs(value))
+    low, high = x[jnp.maximum(lowest - 1, 0)], x[jnp.minimum(lowest + 1, last)]
+    sign = jnp.where(value[lowest] >= 0, 1.0, -1.0)
+
+    def height(place):
+        return sign * function(place)[0]
+
+    def narrowed(_, state):
+        low, one, other, high, at_one, at_other = state
+        left = at_one < at_other
+        low, high = jnp.where(left, low, one), jnp.where(left, other, high)
+        new = jnp.where(left, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
+        at_new = height(new)
+        one, other = jnp.where(left, new, other), jnp.where(left, one, new)
+        at = jnp.where(left, at_new, at_other), jnp.where(left, at_one, at_new)
+        return low, one, other, high, *at
+
+    one, other = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    state = low, one, other, high, height(one), height(other)
+    _, one, other, _, at_one, at_other = jax.lax.fori_loop(0, NARROWINGS, narrowed, state)
+    bottom = jnp.where(at_one < at_other, one, other)
+    around = jnp.clip(lowest + jnp.arange(-1, 2), 0, last)
+    through = jnp.all(sign * value[around] > 0) & (height(bottom) < 0)
+    values_there = function(bottom)
+    beyond = jnp.abs(bottom - x[0]) > jnp.abs(x[lowest] - x[0])
+    order, here = jnp.arange(last + 2), lowest + (beyond & through)
+
+    def with_one(old, one):
+        one = jnp.where(through, one, old[lowest])
+        return jnp.where(order == here, one, old[order - (order >= here)])
+
+    return with_one(x, bottom), jax.tree.map(with_one, values, values_there)
