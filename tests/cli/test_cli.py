@@ -18,6 +18,7 @@ import xarray as xr
 from wiperjax.cli import main, tables
 from wiperjax.machine import files as storage
 from wiperjax.noise import run_class
+from wiperjax.runs.scene import run_scene
 from wiperjax.store import whole
 from wiperjax.vocabulary import codes
 
@@ -579,19 +580,30 @@ def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
 
 
 @pytest.mark.parametrize(
-    ("band", "frequency", "told", "word"),
+    ("band", "frequency", "told", "sticks", "word"),
     [
-        ("none", 1.9e6, "yes", "none: no tone"),  # of what is carried, rounding has a line, too
-        ("none", np.nan, "no", "not known: too fast for run.sample_interval"),
-        ("none", np.nan, "unknown", "not known: no line"),  # of a run that failed
-        ("squeal", 780.8, "yes", "780.8 Hz"),
+        ("none", 1.9e6, "yes", 0, "none: no tone"),  # of what is carried, rounding has a line, too
+        ("none", np.nan, "no", 1, "not known: window too short (run.duration)"),
+        ("none", np.nan, "no", 2, "not known: not told by these samples (run.sample_interval)"),
+        ("none", np.nan, "unknown", 0, "not known: no line"),  # of a run that failed
+        ("squeal", 780.8, "yes", 9, "780.8 Hz"),
     ],
 )
 def test_the_frequency_of_a_run_is_told_where_it_has_one(
-    band, frequency, told, word, monkeypatch, capsys
+    band, frequency, told, sticks, word, monkeypatch, capsys
 ):
     known = {"dominant_frequency": frequency, "frequency_told": codes.TOLD[told]}
+    known |= {"stick_count": sticks, "impact_count": 0, "stick_fraction": 0.5}
+    known |= {"flight_fraction": 0.0}
     found = xr.Dataset({name: ((), x) for name, x in known.items()} | {"band": codes.BANDS[band]})
     monkeypatch.setattr(run_class, "assess", lambda run: found)
     tables.print_class(None)
     assert f"frequency   {word}" in capsys.readouterr().out
+
+
+def test_a_window_with_one_slip_in_it_is_too_short(capsys):
+    """Chattering at 8.1 Hz, looked at for 0.1 s, was called too fast for its samples."""
+    blade, belt = {"attack_angle": -30}, {"kind": "steady", "speed": 0.05}
+    times = {"duration": 0.3, "transient": 0.2, "sample_interval": 5e-5}
+    tables.print_class(run_scene({"blade": blade, "belt": belt, "run": times}))
+    assert "frequency   not known: window too short (run.duration)" in capsys.readouterr().out

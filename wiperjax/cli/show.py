@@ -215,7 +215,8 @@ def info(
             print_classes(dataset)
             of = counted(dataset)
             if fast := untold(dataset):
-                print(f"not told     {fast} {of}: faster than the finest samples (frequency: NaN)")
+                why = "too fast for the finest samples, or of no two periods (frequency: NaN)"
+                print(f"not told     {fast} {of}: {why}")
             if lost := unsettled(dataset):
                 print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
             if "mechanism" in dataset:

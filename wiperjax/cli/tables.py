@@ -64,18 +64,16 @@ def print_class(run: Any) -> None:
     """Class and frequency of a run."""
     import numpy as np
 
-    from ..noise.run_class import assess, words
-    from ..vocabulary.codes import BANDS, TOLD
+    from ..noise.run_class import assess, why_untold, words
+    from ..vocabulary.codes import BANDS
 
     found = assess(run)
     for name, word in words(found).items():
         print(f"{name:<12}{word}")
     frequency = float(found["dominant_frequency"])
-    told = int(found.get("frequency_told", TOLD["unknown"]))
     pitch = f"{frequency:.1f} Hz"
     if np.isnan(frequency):
-        fast = told == TOLD["no"]
-        pitch = f"not known: {'too fast for run.sample_interval' if fast else 'no line'}"
+        pitch = f"not known: {why_untold(found)}"
     elif int(found["band"]) == BANDS["none"]:  # rounding has a strongest line, too
         pitch = "none: no tone"
     print(f"{'frequency':<12}{pitch}")

@@ -17,7 +17,7 @@ from ..vocabulary.kinds import BELT_KINDS, known, since_reversal
 from ..vocabulary.ranges import FEWEST_SETTLED, Range
 from ..vocabulary.thresholds import Thresholds, silence
 from .classes import classify, stored
-from .signals import signal_columns
+from .signals import FEWEST_PERIODS, signal_columns
 from .spectrum import interval_means
 
 TURN = 2 * np.pi
@@ -136,6 +136,18 @@ def words(columns: Any) -> dict[str, str]:
         for name, table in flags.items()
         if name in columns
     }
+
+
+def why_untold(columns: Any) -> str:
+    """Why an assessment tells no frequency: what sticks or strikes says how often it does, and with
+    fewer than two periods no samples tell one."""
+    if int(columns.get("frequency_told", TOLD["unknown"])) != TOLD["no"]:
+        return "no line"
+    most = max(float(columns["stick_count"]), float(columns["impact_count"]))
+    clings = float(columns["stick_fraction"]) > 0 or float(columns["flight_fraction"]) > 0
+    if clings and most < FEWEST_PERIODS:
+        return "window too short (run.duration)"
+    return "not told by these samples (run.sample_interval)"
 
 
 def _named(columns: dict[str, Any]) -> xr.Dataset:

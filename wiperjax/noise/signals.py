@@ -19,6 +19,7 @@ from ..vocabulary.thresholds import FADE, silence
 from .spectrum import dominant_frequency, strongest_lines
 from .tones import SIDES, tones
 
+FEWEST_PERIODS = 2  # in the settled part: less is no period
 SLOW = 10.0  # multiples of the wiping frequency that are the stroke's own motion, not vibration
 
 
@@ -149,7 +150,7 @@ def settled(
     tones = [dominant_frequency(part[open_], interval, averaged=True) for part in parts]
     with np.errstate(invalid="ignore"):
         steady[open_] = np.abs(tones[1] - tones[0]) <= change * np.maximum(*tones)
-        steady &= pitch * interval * signal.shape[-1] >= 2
+        steady &= pitch * interval * signal.shape[-1] >= FEWEST_PERIODS
     return np.where(
         known, np.where(silent | steady, SETTLED["yes"], SETTLED["no"]), SETTLED["unknown"]
     )
