@@ -43,10 +43,10 @@ def quieten(
     """Return blades inside ``bounds`` with the least noise: the spread of the tip's velocity.
 
     Simulated from the blade's default start for ``duration`` [s], of which the last ``window`` [s]
-    counts: of a belt that turns a period at least. The derivative is that of the simulation,
-    forward through its events; where the window cuts a period it is off by a share of one period in
-    the window, and beyond a change of events it does not see, so the search is a means and the
-    simulated value is what is reported.
+    counts: of a belt that turns as many of its periods as are in it, one at least. The derivative
+    is that of the simulation, forward through its events; where the window cuts a period of the
+    motion it is off by a share of one period in the window, and beyond a change of events it does
+    not see, so the search is a means and the simulated value is what is reported.
 
     **Arguments:** ``bounds``, name -> (low, high), SI units; ``effort``, price of a change by a
     whole range, relative to the noise of the blade as it is: 0 asks for the quietest blade at any
@@ -60,11 +60,11 @@ def quieten(
     checks.instance("blade", blade, Wiper, "a Wiper")
     duration = checks.number("duration", duration, POSITIVE)
     window = checks.number("window", window, Range(0, duration, low_open=True, unit="s"))
-    check_period(window, blade)
     effort = checks.number("effort", effort, NON_NEGATIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
     check_search(starts, seed, most)
     box, system = Box.of(blade, bounds), numbers.traceable(blade, *bounds)
+    check_period(window, blade, bounds)
     given = box.shares_of(blade)
     times = jnp.array([duration, window]), jnp.asarray(rtol, float)
 
@@ -109,11 +109,16 @@ def _noise(system: Any, box: Box, share, times, rtol):
 
     def noise(share):
         changed = box.blade(system, share)
-        run = solve(changed, duration, rtol=rtol, statistics_start=duration - window, max_events=0)
+        frequency = jnp.asarray(changed.belt.wiping_frequency, float)
+        turns = frequency > 0
+        periods = jnp.floor(window * frequency + 1e-6)
+        judged = jnp.where(turns, periods / jnp.where(turns, frequency, 1.0), window)
+        begins = jnp.maximum(duration - judged, 0.0)  # rounding, where the window is all of it
+        run = solve(changed, duration, rtol=rtol, statistics_start=begins, max_events=0)
         fine = run.result == Result.FINISHED
-        spread = jnp.where(fine, run.statistics.variance(window), 0.0)
+        spread = jnp.where(fine, run.statistics.variance(judged), 0.0)
         level = jnp.sqrt(spread + (_FLOOR * changed.belt.peak) ** 2)
-        return level, (level, run.statistics.deviation(window), fine)
+        return level, (level, run.statistics.deviation(judged), fine)
 
     slope, (level, rms, fine) = jax.jacfwd(noise, has_aux=True)(share)
     return level, slope, rms, fine
