@@ -34,9 +34,11 @@ def sensitivities(
     **Arguments:** ``cycle`` of `find_cycle`; ``names``, or name -> (low, high), bounds in SI units;
     ``measure``, one of `MEASURES`; what is relative to one of 0 is NaN.
 
-    **Returns** a dataset over ``parameter``: ``derivative`` (SI units), ``elasticity`` (relative
-    change of the measure by relative change of the parameter) and, with bounds, ``buys``: change of
-    the measure in per cent of it for one per cent of the range between the bounds; ``measure``.
+    **Returns** a dataset over ``parameter``: ``derivative`` (SI units, that of each is in
+    ``derivative_units``), ``elasticity`` (change of the measure over its size, by relative change
+    of the parameter) and, with bounds, ``buys``: change of the measure in per cent of its size for
+    one per cent of the range between the bounds; ``measure``. Whichever sign the measure has, it
+    sinks where these are negative.
 
     Raises ValueError for a cycle that was not found, an unknown measure, or a maximum at an impact.
     """
@@ -70,7 +72,7 @@ def sensitivities(
             m = motion(name, part)
         slopes.append(_slope(cycle, m, moved, measure))
     slope = np.array(slopes)
-    relative = slope / (value or math.nan)
+    relative = slope / (abs(value) or math.nan)
     at = np.array([numbers.value(system, name) for name in names])
     words = measure.replace("_", " ")
     variables: dict[str, Any] = {
