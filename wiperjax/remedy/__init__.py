@@ -13,9 +13,9 @@ counts in the end is a simulation of the final blade from the default start (`ve
 
 from .descent import Path as Path
 from .descent import descend as descend
-from .descent import verdict as verdict
 from .gradient import MEASURES as MEASURES
 from .gradient import sensitivities as sensitivities
+from .judge import verdict as verdict
 from .quiet import Quietened as Quietened
 from .quiet import quieten as quieten
 from .steady import Stabilised as Stabilised

@@ -11,14 +11,11 @@ from ..blade import numbers
 from ..blade.wiper import Wiper
 from ..cycles.cycle import Cycle, Found, close, find_cycle, same_word
 from ..cycles.return_map import Lost
-from ..noise.classes import label
-from ..noise.spectrum import dominant_frequency
-from ..runs.simulate import simulate
 from ..vocabulary import checks
-from ..vocabulary.codes import LABELS, Regime
-from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, Range
+from ..vocabulary.ranges import POSITIVE, Range
 from .gradient import MEASURES, sensitivities
 
+from .judge import turns, verdict
 
 class Path(NamedTuple):
     """The way to a remedy."""
@@ -101,13 +98,9 @@ def descend(
         "same_events": ("step", np.array([row["same_events"] for row in rows])),
     }
     said = ""
-    if isinstance(system, Wiper) and not _turns(system):
+    if isinstance(system, Wiper) and not turns(system):
         said = verdict(system, settle=settle)["label"]
     return Path(xr.Dataset(columns, attrs={"end": end}), system, end, said)
-
-
-def _turns(blade: Wiper) -> bool:
-    return float(blade.belt.wiping_frequency) > 0
 
 
 def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycle:
@@ -149,34 +142,3 @@ def _tracked(cycle: Cycle, system) -> Cycle | None:
     near = found.found == Found.FOUND and abs(found.period / cycle.period - 1) < 0.2
     # a cycle that has lost its stick and repels is not what is heard
     return found if near and found.stable else None
-
-
-def verdict(blade: Wiper, *, settle: float = 0.2, window: float = 0.1, rtol: float = 1e-8) -> dict:
-    """Return the class of noise of ``blade`` from its default start, with what it rests on.
-
-    A simulation of ``settle`` seconds, and of ``window`` seconds that are looked at; the thresholds
-    are the defaults of `labels`. Raises ValueError for a blade on a belt that turns: its class is
-    that of whole periods, by their turns and strokes, as `run_scene` and `assess` judge it.
-    """
-    checks.instance("blade", blade, Wiper, "a Wiper")
-    if _turns(blade):
-        must = "must be on a belt that does not turn (whole periods of one are judged by run_scene)"
-        raise ValueError(f"blade {must}, but was on one of {blade.belt.wiping_frequency:g} Hz")
-    settle = checks.number("settle", settle, NON_NEGATIVE)
-    window = checks.number("window", window, POSITIVE)
-    interval = window / 4096
-    run = simulate(blade, settle + window, sample_interval=interval, rtol=rtol)
-    late = run.isel(time=slice(-4096, None))
-    velocity = late["velocity"].sel(axis="x").values
-    whole = len(velocity) == 4096
-    regime = late["regime"].values
-    columns = {
-        "result": int(run["result"]),
-        "velocity_rms": float(np.std(velocity)),
-        "belt_speed_rms": float(blade.belt.rms),
-        "dominant_frequency": float(dominant_frequency(velocity, interval)) if whole else np.nan,
-        "stick_fraction": float(np.mean(regime == Regime.STICK)),
-        "flight_fraction": float(np.mean(regime == Regime.FLIGHT)),
-    }
-    names = {code: name for name, code in LABELS.items()}
-    return columns | {"label": names[int(label(columns))]}
