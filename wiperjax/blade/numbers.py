@@ -141,16 +141,22 @@ def _is_none(x) -> bool:
     return x is None
 
 
+def attributes(system: AbstractSystem, name: str) -> dict[str, str]:
+    """Return the attributes of the number ``name`` as it is in code: in SI units and radians."""
+    if (entry := entry_of(system, name)) is not None:
+        return {"long_name": entry.long_name, "units": entry.unit}
+    return {"long_name": ".".join(path(system, name))}
+
+
 def stored(system: AbstractSystem, name: str) -> tuple[str, dict[str, str], Callable]:
     """Return how the number ``name`` is called in files, its attributes, and SI -> unit of files.
 
     Parameters of files have their names and units there (angles in degrees).
     """
+    attrs = attributes(system, name)
     if (entry := entry_of(system, name)) is not None:
-        attrs = {"long_name": entry.long_name, "units": entry.edge_unit}
-        return entry.name, attrs, entry.to_edge
-    route = path(system, name)
-    return "_".join(route), {"long_name": ".".join(route)}, lambda x: x
+        return entry.name, attrs | {"units": entry.edge_unit}, entry.to_edge
+    return "_".join(path(system, name)), attrs, lambda x: x
 
 
 def words(system: AbstractSystem) -> dict[str, str]:

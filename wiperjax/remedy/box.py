@@ -48,10 +48,13 @@ class Box(eqx.Module):
             blade = numbers.replaced(blade, name, number)
         return blade
 
-    def columns(self, shares) -> dict[str, tuple[str, np.ndarray]]:
-        """Values of the numbers at ``shares`` (starts, n), as variables over ``start``."""
+    def columns(self, blade: Wiper, shares) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
+        """Numbers of ``blade`` at ``shares`` (starts, n), as variables over ``start``."""
         values = np.asarray(self.low) + np.asarray(shares) * np.asarray(self.high - self.low)
-        return {name: ("start", values[:, i]) for i, name in enumerate(self.names)}
+        return {
+            name: ("start", values[:, i], numbers.attributes(blade, name))
+            for i, name in enumerate(self.names)
+        }
 
 
 def check_search(starts: int, seed: int, most: int = 1) -> None:

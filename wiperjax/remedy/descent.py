@@ -9,13 +9,14 @@ import xarray as xr
 
 from ..blade import numbers
 from ..blade.wiper import Wiper
+from ..cycles.branch.dataset import column_attributes
 from ..cycles.cycle import Cycle, Found, close, find_cycle, same_word
 from ..cycles.return_map import Lost
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, Range
 from .gradient import MEASURES, sensitivities
-
 from .judge import turns, verdict
+
 
 class Path(NamedTuple):
     """The way to a remedy."""
@@ -90,13 +91,14 @@ def descend(
             break
         rows.append(_row(following, bounds, measure, same_word(cycle, following)))
         cycle = following
-    names = list(bounds)
-    columns = {name: ("step", np.array([row[name] for row in rows])) for name in names}
-    columns |= {
-        measure: ("step", np.array([row[measure] for row in rows])),
-        "word": ("step", np.array([row["word"] for row in rows], object)),
-        "same_events": ("step", np.array([row["same_events"] for row in rows])),
+    about = {name: numbers.attributes(system, name) for name in bounds}
+    about[measure] = column_attributes(system, measure)
+    columns: dict[str, Any] = {
+        name: ("step", np.array([row[name] for row in rows]), attrs)
+        for name, attrs in about.items()
     }
+    columns["word"] = ("step", np.array([row["word"] for row in rows], object))
+    columns["same_events"] = ("step", np.array([row["same_events"] for row in rows]))
     said = ""
     if isinstance(system, Wiper) and not turns(system):
         said = verdict(system, settle=settle)["label"]

@@ -13,12 +13,14 @@ import xarray as xr
 from scipy.optimize import brentq
 
 from ..blade import numbers
+from ..cycles.branch.dataset import column_attributes
 from ..cycles.chart import Chart, chart
 from ..cycles.cycle import Cycle, Found
 from ..cycles.return_map import Shooting
 from ..cycles.shooting import Arc
 from ..engine.observers.totals import variance
 from ..vocabulary import checks
+from ..vocabulary.cf import quotient
 
 MEASURES = ("velocity_rms", "stick_fraction", "maximum", "period")
 TURNS = 1e-9  # of the largest velocity: there a coordinate turns
@@ -37,8 +39,8 @@ def sensitivities(
     **Returns** a dataset over ``parameter``: ``derivative`` (SI units, that of each is in
     ``derivative_units``), ``elasticity`` (change of the measure over its size, by relative change
     of the parameter) and, with bounds, ``buys``: change of the measure in per cent of its size for
-    one per cent of the range between the bounds; ``measure``. Whichever sign the measure has, it
-    sinks where these are negative.
+    one per cent of the range between the bounds; ``measure``. Whichever sign the measure has, a
+    negative ``buys`` is a way down.
 
     Raises ValueError for a cycle that was not found, an unknown measure, or a maximum at an impact.
     """
@@ -75,6 +77,9 @@ def sensitivities(
     relative = slope / (abs(value) or math.nan)
     at = np.array([numbers.value(system, name) for name in names])
     words = measure.replace("_", " ")
+    about = column_attributes(cycle.system, measure)
+    units = [numbers.attributes(cycle.system, name).get("units", "") for name in names]
+    per = [quotient(about["units"], unit) if about.get("units") and unit else "" for unit in units]
     variables: dict[str, Any] = {
         "derivative": ("parameter", slope, {"long_name": f"derivative of {words}"}),
         "elasticity": (
@@ -83,7 +88,7 @@ def sensitivities(
             {"long_name": f"relative change of {words} by relative change", "units": "1"},
         ),
         "value": ("parameter", at, {"long_name": "value of the parameter, SI units"}),
-        "measure": ((), value, {"long_name": words}),
+        "measure": ((), value, about),
     }
     if bounds is not None:
         size = np.array([high - low for low, high in bounds.values()])
@@ -92,7 +97,12 @@ def sensitivities(
             relative * size,
             {"long_name": f"change of {words} in % for 1 % of the range", "units": "1"},
         )
-    return xr.Dataset(variables, coords={"parameter": list(names)}, attrs={"of": measure})
+    coords = {
+        "parameter": list(names),
+        "parameter_units": ("parameter", units, {"long_name": "unit of the parameter"}),
+        "derivative_units": ("parameter", per, {"long_name": "unit of the derivative"}),
+    }
+    return xr.Dataset(variables, coords=coords, attrs={"of": measure})
 
 
 def _moved(shooting: Shooting, where: Chart, m: Arc) -> np.ndarray:

@@ -89,11 +89,16 @@ def quieten(
     levels = np.array([noise(share)[2] for share in shares])
     cost = distance(shares, given)
     rank = np.argsort(levels + effort * before * cost)
+    about = {"long_name": "rms of the tip velocity about its mean", "units": "m/s"}
     found = xr.Dataset(
-        box.columns(shares[rank])
+        box.columns(blade, shares[rank])
         | {
-            "velocity_rms": ("start", levels[rank], {"units": "m/s"}),
-            "cost": ("start", cost[rank], {"long_name": "squared share of the ranges"}),
+            "velocity_rms": ("start", levels[rank], about),
+            "cost": (
+                "start",
+                cost[rank],
+                {"long_name": "squared share of the ranges", "units": "1"},
+            ),
             "steps": ("start", steps[rank], {"long_name": "steps of the search"}),
         },
         attrs={"velocity_rms_before": rms_before},

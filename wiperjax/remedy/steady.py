@@ -83,10 +83,18 @@ def stabilise(
     rank = best_first(excess(rate), cost)
     meets = excess(rate) <= 0
     found = xr.Dataset(
-        box.columns(shares[rank])
+        box.columns(blade, shares[rank])
         | {
-            "cost": ("start", cost[rank], {"long_name": "squared share of the ranges"}),
-            "growth_rate": ("start", rate[rank], {"units": "1/s"}),
+            "cost": (
+                "start",
+                cost[rank],
+                {"long_name": "squared share of the ranges", "units": "1"},
+            ),
+            "growth_rate": (
+                "start",
+                rate[rank],
+                {"long_name": "growth rate of steady slip", "units": "1/s"},
+            ),
             "meets": ("start", meets[rank], {"long_name": "steady slip decays as demanded"}),
         }
     )

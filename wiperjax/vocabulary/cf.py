@@ -39,6 +39,11 @@ def plain_attributes(attrs: Mapping[str, Any]) -> dict[str, Any]:
     return plain
 
 
+def quotient(unit: str, by: str) -> str:
+    """Unit of a derivative of what has one `unit` by what has another."""
+    return f"({unit})" + (f"/({by})" if by != "1" else "")
+
+
 def units_text(units: Mapping[str, str]) -> str:
     """Units of parameters in one attribute: ``name: unit; name: unit``."""
     return "; ".join(f"{name}: {unit}" for name, unit in units.items())

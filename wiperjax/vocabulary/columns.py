@@ -4,6 +4,7 @@ have the names of parameters in theirs: d_velocity_rms_d_attack_angle."""
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from .cf import quotient
 from .parameters import PARAMETERS
 from .schema import SCHEMA, Column
 
@@ -98,5 +99,5 @@ def _of_derivative(outcome: str, parameter: str, of: Mapping[str, Any]) -> dict[
     what = SCHEMA[outcome]
     return {
         "long_name": f"derivative of {what.long_name} by {words}",
-        "units": f"({_units(what.units, of)})" + (f"/({unit})" if unit != "1" else ""),
+        "units": quotient(_units(what.units, of), unit),
     }

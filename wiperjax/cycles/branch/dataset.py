@@ -4,12 +4,13 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
+from ...contact.system import AbstractSystem
 from ...datasets.branch_dataset import check_over
 from ...machine import provenance
 from ...vocabulary import cf, checks
 from .follow import Branch
 
-_COLUMNS = {  # name: (unit for a blade, meaning)
+COLUMNS = {  # name: (unit for a blade, meaning)
     "period": ("s", "period"),
     "maximum": ("m", "largest {position}"),
     "minimum": ("m", "smallest {position}"),
@@ -22,6 +23,14 @@ _COLUMNS = {  # name: (unit for a blade, meaning)
     "residual": ("1", "of the return map, relative to the size of the motion"),
     "trivial_error": ("1", "by how much the trivial multiplier misses 1"),
 }
+
+
+def column_attributes(system: AbstractSystem, name: str) -> dict[str, str]:
+    """Return the attributes of one of `COLUMNS`; lengths and forces of another system than a blade
+    have units of its own."""
+    unit, text = COLUMNS[name]
+    known = {"units": unit} if system.of_a_blade or unit in "1s" else {}
+    return {"long_name": text.format(**numbers.words(system)), **known}
 
 
 def branch_dataset(branch: Branch) -> xr.Dataset:
@@ -37,17 +46,15 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     name, attrs, to_file = numbers.stored(first.system, branch.over)
     check_over(name)
 
-    words = numbers.words(first.system)
-
-    def about(text, units):
-        unit = {"units": units} if first.system.of_a_blade or units in "1s" else {}
-        return {"long_name": text.format(**words), **unit}
-
     variables = {
         name: ("point", to_file(branch.parameters), attrs),
         **{
-            key: ("point", np.array([getattr(c, key) for c in branch.cycles]), about(text, unit))
-            for key, (unit, text) in _COLUMNS.items()
+            key: (
+                "point",
+                np.array([getattr(c, key) for c in branch.cycles]),
+                column_attributes(first.system, key),
+            )
+            for key in COLUMNS
         },
     }
     values = np.stack([_known(c.multipliers) for c in branch.cycles])

@@ -1,0 +1,132 @@
+"""Remedies: which way is down, what is judged, and in what units it is said."""
+
+import math
+
+import numpy as np
+import pytest
+
+import wiperjax
+from wiperjax import remedy
+from wiperjax.contact.belts import AbstractBelt
+from wiperjax.cycles import find_cycle
+from wiperjax.noise.run_class import assess, words
+from wiperjax.systems.oscillator import Oscillator
+
+CHATTER = {"attack_angle": -30}
+
+
+def chattering(speed):
+    return wiperjax.Wiper(attack_angle=math.radians(-30.0), belt=wiperjax.SteadyBelt(speed))
+
+
+@pytest.mark.slow
+def test_the_way_down_is_down_where_the_measure_is_negative():
+    """Of an oscillator that is pulled back the largest place is below zero: descend climbed."""
+    bounds = {"load": (0.8, 1.2), "stiffness": (0.8, 1.2)}
+    system = Oscillator(belt=wiperjax.SteadyBelt(-0.3))
+    cycle = find_cycle(system, settle=60.0, varied=tuple(bounds))
+    assert cycle.maximum < 0
+    found = remedy.sensitivities(cycle, bounds, "maximum")
+    assert np.all(np.sign(found.buys) == np.sign(found.derivative))
+    assert list(found.derivative_units.values) == ["", ""]  # lengths are those of the system
+    path = remedy.descend(cycle, bounds, measure="maximum", step=0.05, most=2)
+    assert np.all(np.diff(path.steps["maximum"]) < 0)
+    assert path.steps["load"].attrs["units"] == "N" and "units" not in path.steps["maximum"].attrs
+
+
+@pytest.mark.slow
+def test_remedies_say_their_units():
+    """Angles are radians in Python, where files have degrees: a dataset did not say which."""
+    blade = wiperjax.Wiper(attack_angle=math.radians(5.0), support_damping=9.0)
+    bounds = {"attack_angle": (-0.2, 0.2), "normal_load": (10.0, 20.0)}
+    times = {"duration": 0.01, "window": 0.005, "starts": 1, "most": 1}
+    for found in (
+        remedy.stabilise(blade, bounds, starts=1).parameters,
+        remedy.quieten(blade, bounds, **times).parameters,
+    ):
+        assert found.attack_angle.attrs == {"long_name": "attack angle", "units": "rad"}
+        assert found.normal_load.attrs["units"] == "N/m" and found.cost.attrs["units"] == "1"
+    squeal = wiperjax.Wiper(attack_angle=math.radians(5.0))
+    cycle = find_cycle(squeal, settle=0.1, varied=tuple(bounds))
+    found = remedy.sensitivities(cycle, bounds)
+    assert list(found.parameter_units.values) == ["rad", "N/m"]
+    assert list(found.derivative_units.values) == ["(m/s)/(rad)", "(m/s)/(N/m)"]
+    assert found.measure.attrs["units"] == "m/s"
+    steps = remedy.descend(cycle, bounds, most=1).steps
+    assert steps.attack_angle.attrs["units"] == "rad"
+    assert steps.velocity_rms.attrs["units"] == "m/s"
+
+
+def test_whole_periods_of_a_belt_are_judged():
+    """The lip is carried to and fro: rms 0.3 / sqrt(2) m/s, of 2.14 periods 0.208."""
+    blade = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 20.0))
+    bounds = {"belt_frequency": (14.0, 20.0)}
+    times = {"duration": 0.15, "window": 0.1071429, "starts": 1, "most": 1}
+    found = remedy.quieten(blade, bounds, **times).parameters
+    levels = [float(found.velocity_rms[0]), found.attrs["velocity_rms_before"]]
+    assert levels == pytest.approx([0.3 / math.sqrt(2)] * 2, rel=1e-6)
+
+
+def test_a_verdict_is_what_a_run_is_called():
+    """One slip in the window was told as 21.9 Hz, and as chattering where `assess` says other."""
+    blade = chattering(0.05)
+    times = {"duration": 3.2, "transient": 1.6, "sample_interval": 2.5e-5}
+    run = wiperjax.run_scene(
+        {"blade": CHATTER, "belt": {"kind": "steady", "speed": 0.05}, "run": times}
+    )
+    found, seen = remedy.verdict(blade, settle=1.6, window=1.6), assess(run)
+    for name, word in words(seen).items():
+        assert found[name] == word
+    assert found["label"] == "chattering" and found["window"] == 1.6
+    for name in ("dominant_frequency", "velocity_rms", "stick_fraction"):
+        assert found[name] == pytest.approx(float(seen[name]), rel=1e-5)
+
+
+def test_a_verdict_looks_on_until_it_has_seen_periods():
+    found = remedy.verdict(chattering(0.02))
+    assert found["label"] == "chattering" and found["window"] == pytest.approx(1.6)
+    assert found["dominant_frequency"] == pytest.approx(3.334, abs=0.002)
+    cut = remedy.verdict(chattering(0.002))  # 0.33 Hz: of fewer nothing is told
+    assert cut["label"] == "other" and math.isnan(cut["dominant_frequency"])
+
+
+def test_a_quiet_blade_has_no_frequency():
+    quiet = wiperjax.Wiper(attack_angle=math.radians(5.0), support_damping=9.0)
+    found = remedy.verdict(quiet)
+    assert found["label"] == "quiet" and found["window"] == 0.1
+    assert found["velocity_rms"] > 0 and math.isnan(found["dominant_frequency"])  # of rounding
+
+
+class Own(AbstractBelt):
+    """A steady belt of one's own."""
+
+    speed: float = 0.3
+
+    def velocity(self, time, piece):
+        return self.speed
+
+    def break_time(self, piece):
+        return math.inf
+
+    def first_piece(self, time):
+        return 0
+
+    def reverses(self, piece):
+        return False
+
+    @property
+    def peak(self):
+        return self.speed
+
+    @property
+    def rms(self):
+        return self.speed
+
+
+def test_a_verdict_on_a_belt_of_ones_own():
+    angle = math.radians(5.0)
+    own, known = (
+        remedy.verdict(wiperjax.Wiper(attack_angle=angle, belt=belt))
+        for belt in (Own(), wiperjax.SteadyBelt(0.3))
+    )
+    assert own == known and own["label"] == "squeal"
