@@ -67,8 +67,9 @@ def check_search(starts: int, seed: int, most: int = 1) -> None:
 def check_period(window: float, blade: Wiper, bounds: Mapping[str, tuple[float, float]]) -> None:
     """Raises ValueError for a ``window`` [s] that may miss a turn of the belt of ``blade``, or of a
     slower one in ``bounds``."""
-    ends = (numbers.replaced(blade, name, end) for name, pair in bounds.items() for end in pair)
-    frequencies = [float(each.belt.wiping_frequency) for each in (blade, *ends)]
+    blades: list[Any] = [blade]
+    blades += [numbers.replaced(blade, name, end) for name, pair in bounds.items() for end in pair]
+    frequencies = [float(each.belt.wiping_frequency) for each in blades]
     slowest = min((f for f in frequencies if f > 0), default=np.inf)
     if window * slowest < 1 - 1e-9:
         must = f"must hold the longest period in bounds of the belt ({1 / slowest:.4g} s)"
