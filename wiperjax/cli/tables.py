@@ -36,7 +36,7 @@ def print_map(dataset: Any) -> None:
 
 def print_classes(dataset: Any) -> None:
     """Classes of a map, counted; of several starts, of each named one, and what hangs on them."""
-    from ..datasets.map_starts import hangs_on_start
+    from ..datasets.map_starts import failed_somewhere, hangs_on_start
     from ..noise.class_counts import class_table
 
     print(f"{'class':<12}{counted(dataset):>9}{'share':>9}")
@@ -53,6 +53,8 @@ def print_classes(dataset: Any) -> None:
         print(f"start {start}: {shares}")
     done = int((dataset["class_set"] >= 0).sum())
     print(f"the class depends on the start in {int(several.sum())} of {done} cells")
+    if failed := int(failed_somewhere(dataset).sum()):
+        print(f"some starts failed in {failed} of {done} cells; a failure is no class")
 
 
 def counted(dataset: Any) -> str:
