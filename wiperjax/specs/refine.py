@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, ValidationError, model_validator
 
 from ..vocabulary.ranges import MOST_VALUES
-from ..vocabulary.schema import SCHEMA
+from ..vocabulary.schema import OF_CELLS_ALONE, OF_THE_WINDOW, SCHEMA
 from ..vocabulary.wording import not_there
 from .errors import Fault, SpecError, sentence, show, unknown
 from .tables import Pair, Table
@@ -35,7 +35,8 @@ class Refine(Table):
         box: axis -> [low, high] (edge units) to look in; left out: the whole map.
         max_cells: simulations after which it ends, whatever is left; stored points take none.
         probes: random points in cubes without a border, and as many in those with one.
-        lengthen: times as long a window where the answer is not settled; 1: never.
+        lengthen: times as long a window where the answer is not settled; 1: never. To be left out
+            where `on` is counted in the window, or of its end: a longer one has another.
         splits: how often a cube is halved whose border is not what its edges tell.
         seed: of the random points.
     """
@@ -63,6 +64,8 @@ class Refine(Table):
         known = [n for n, column in SCHEMA.items() if not column.along]
         if name not in known:
             raise Fault("on", not_there(name, "kind of map", known))
+        if name in OF_CELLS_ALONE:
+            raise Fault("on", f"must be of what finer points have too; {name} is of cells alone")
         if not equals:
             if SCHEMA[name].flags is None:
                 raise Fault("on", f"must be {name}=NUMBER, for {name} is a number; was {self.on}")
@@ -170,5 +173,9 @@ def check(refine: Refine, spec: Any) -> None:
     axes = spec.axes_values()
     if all(len(values) == 1 for values in axes.values()):
         raise Fault("", "must be left out: no axis of the map has two values")
+    name, _ = refine.criterion()
+    if name in OF_THE_WINDOW and "lengthen" in refine.model_fields_set and refine.lengthen > 1:
+        must = f"must be left out with on = {show(refine.on)}: a longer window has another {name}"
+        raise Fault("lengthen", f"{must}; was {refine.lengthen}")
     refine.check_box(axes)
     refine.depth({name: len(values) for name, values in axes.items()})

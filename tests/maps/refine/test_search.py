@@ -4,9 +4,10 @@ import shutil
 
 import numpy as np
 import pytest
-from border_maps import AXES, coarse_map, engine, refined
+from border_maps import AXES, coarse_map, engine, refined, unit
 
 from wiperjax.maps.refine.replay import places_of, replay
+from wiperjax.store.whole import open_map
 from wiperjax.vocabulary.codes import CROSSINGS, LABELS
 
 
@@ -200,3 +201,25 @@ def test_answers_that_are_not_settled_are_asked_with_a_longer_window(tmp_path):
     assert found.attrs["lengthened_points"] > 0 and found.attrs["unsettled_points"] == 0
     short = refined(tmp_path / "short.h5", evaluate, levels=5, lengthen=1)
     assert np.abs(to_unit(short)[1] - 0.6).max() < 1 / (8 * 2**5)
+
+
+def test_counts_are_compared_in_windows_of_one_length(tmp_path):
+    """Of a motion that never settles: a window four times as long has four times the count."""
+    path, never = tmp_path / "map.h5", engine(disc, lambda *_: 0)
+
+    def counted(y, window):
+        return np.floor((5 + 10 * y) * window + 1e-9)  # 1 to 3 in the map's 0.2 s
+
+    def evaluate(spec, index, finer=1, room=None):
+        count = counted(unit(spec, index)[1], spec.run.window)
+        return never(spec, index) | {"stick_count": count.astype(int)}
+
+    coarse_map(path, evaluate)
+    refined(path, evaluate, levels=3)  # its points beside the disc have the longer window
+    found = refined(path, evaluate, levels=3, on="stick_count=1.5")
+    assert np.abs(to_unit(found)[1] - 0.5).max() < 1 / (8 * 2**3)
+    assert found.attrs["lengthened_points"] == found.attrs["wide_cubes_unsettled"] == 0
+    fine = open_map(path, level=3)
+    expected = counted(np.linspace(0, 1, 65), 0.2 * fine.window_factor.values)
+    assert (fine.stick_count.values == expected)[fine.computed == 1].all()
+    assert set(np.unique(fine.window_factor)) == {0, 1, 4}
