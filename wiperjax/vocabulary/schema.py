@@ -214,7 +214,7 @@ OF_THE_WINDOW = (
     *("steps", "rejected_steps", "unproved_steps", "final_time"),
     *("final_x", "final_y", "final_vx", "final_vy", "final_regime"),
 )
-"""Columns of which one motion has another value in a longer window: counts, and what ends it."""
+"""Columns of which one motion has another value in a longer window: counts, and its end."""
 
 SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error")
 """Columns that only a map of several starts has; shares, only of random ones."""
