@@ -263,6 +263,14 @@ def test_a_reversal_is_judged_by_its_forces():
     assert compare_rungs._judged(rung("bar", label="quiet", amplitude=1e-7), quiet).suffices
 
 
+def test_what_fails_as_the_lip_fails_does_not_suffice():
+    fails = {"label": "failed", "mechanism": "none", "band": "none"}
+    numbers = {"frequency": np.nan, "amplitude": np.nan}
+    rungs = [rung(model, **fails, **numbers) for model in ("block", "bar", "lip")]
+    judged = [compare_rungs._judged(each, rungs[-1]) for each in rungs]
+    assert compare_rungs.lowest_sufficient(judged) == "lip"
+
+
 @pytest.mark.slow
 def test_ladder_of_squeal():
     rungs = compare_rungs.compare(

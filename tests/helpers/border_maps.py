@@ -24,12 +24,11 @@ def unit(spec, index):
     """Axes of cells from 0 to 1, (axes, cells)."""
     cells = spec.cells(np.asarray(index))
     found = []
-    for name, axis in AXES.items():
-        low, high = axis["start"], axis["stop"]
+    for name in [name for name in AXES if name in spec.axes]:
+        low, high = spec.axes[name].values()[[0, -1]]
         if name == "attack_angle":
             low, high = np.deg2rad(low), np.deg2rad(high)
-        if name in spec.axes:
-            found.append((cells[name] - low) / (high - low))
+        found.append((cells[name] - low) / (high - low))
     return np.array(found)
 
 

@@ -76,8 +76,47 @@ def test_one_cell_of_a_probe_that_differs_is_enough():
 
     chosen = on_chosen_model(auto(), evaluate=one_flies)
     assert chosen.model == "lip"
-    said = f"block is unlike the lip in 1 of {len(cells)} cells (1 by another name)"
+    failed = json.loads(chosen.choice["model_probe"])["failed"]
+    assert failed > 0
+    said = f"block is unlike the lip in 1 of {len(cells) - failed} cells (1 by another name)"
     assert said in chosen.choice["model_choice"]
+
+
+@pytest.mark.parametrize(("failing", "model"), [(0.3, "block"), (0.6, "lip")])
+def test_a_cell_in_which_the_lip_fails_is_no_evidence(failing, model):
+    """The poorer rungs tell something there, or fail as well: both say nothing of them."""
+
+    def fails(spec, index, *look):
+        columns = evaluate(spec, index, *look)
+        cells = np.arange(len(index)) < failing * len(index)
+        lost = cells & ((spec.model == "lip") | (np.arange(len(index)) % 2 == 0))
+        columns["result"] = np.where(lost, RESULTS["non_finite"], RESULTS["finished"])
+        return columns
+
+    chosen = on_chosen_model(auto(), evaluate=fails)
+    words, probe = chosen.choice["model_choice"], json.loads(chosen.choice["model_probe"])
+    assert chosen.model == model and probe["failed"] == np.ceil(failing * probe["cells"])
+    told = probe["cells"] - probe["failed"]
+    if model == "lip":
+        assert f"lip: it fails in {probe['failed']} of {probe['cells']} cells" in words
+    else:
+        start = f"as the lip in all {told} cells of a probe (without {probe['failed']} in which"
+        assert start in words and probe["block"]["renamed"] == 0
+
+
+def test_no_agreement_is_stated_of_what_nothing_was_compared_of():
+    def silent(spec, index, *look):
+        columns = evaluate(spec, index, *look)
+        columns["result"] = np.full(len(index), RESULTS["finished"])
+        loud = {"velocity_rms", "signal", "stick_fraction", "flight_fraction"}
+        return {name: 0 * x if name in loud else x for name, x in columns.items()}
+
+    chosen = on_chosen_model(auto(), evaluate=silent)
+    count = len(probe_cells(auto()))
+    words = f"block: as the lip in all {count} cells of a probe ({count} quiet)"
+    assert chosen.choice["model_choice"] == words
+    probe = json.loads(chosen.choice["model_probe"])
+    assert probe["quiet"] == count and probe["block"]["amplitude"] is None
 
 
 def test_a_model_that_cannot_stand_for_the_blade_is_not_probed():
@@ -172,7 +211,8 @@ def test_the_command_says_which_and_goes_on_with_it(tmp_path, monkeypatch, capsy
                     '[run]\ntransient = 0\nwindow = 0.2\nsamples = 512\n')  # fmt: skip
     words = ["sweep", str(file), "-o", str(path), "--model", "auto"]
     assert main(words) == 0
-    said = "model    bar: as the lip in all 20 cells of a probe (frequency within 0.01 %, amplitude"
+    said = "model    bar: as the lip in all 19 cells of a probe (without 1 in which the lip fails, "
+    said += "4 quiet, frequency within 0.01 %, amplitude within 5 %); block is unlike the lip in "
     assert said in capsys.readouterr().out
     drawn = path.with_suffix(".png").stat().st_mtime_ns
     path.unlink()  # as if it had been killed: the picture is that of this sweep

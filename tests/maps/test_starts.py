@@ -9,6 +9,7 @@ import xarray as xr
 from stub_sweep import BLOCK, assert_same_map, data_of, make_spec, rewritten, run
 
 import wiperjax
+from wiperjax.cli.tables import print_classes
 from wiperjax.datasets.map_starts import from_start, hangs_on_start
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver, starts
@@ -20,6 +21,7 @@ from wiperjax.store import checksums
 from wiperjax.store.manifest import parts_of
 from wiperjax.store.partial import open_partial
 from wiperjax.vocabulary.codes import LABELS, RESULTS
+from wiperjax.vocabulary.schema import SCHEMA
 
 LOW, HIGH = 0.1, 0.6  # belt speeds between which the stub has two answers
 REST = 0.3  # below which a start at rest squeals
@@ -83,6 +85,25 @@ def test_up_and_down_meet_both_answers_and_only_between_them(tmp_path):
     assert masks == {name: 1 << code for name, code in LABELS.items()}
     for name, mask in masks.items():
         xr.testing.assert_equal((ds.class_set & mask) > 0, (ds.label == LABELS[name]).any("start"))
+
+
+def test_a_failed_start_is_no_second_class(capsys):
+    quiet, squeal, failed = (LABELS[name] for name in ("quiet", "squeal", "failed"))
+    pairs = [(quiet, quiet), (quiet, squeal), (quiet, failed), (failed, failed)]
+    label = np.array([*pairs, (-1, -1)], dtype=np.int8)  # the last: not computed
+    met = np.where(label >= 0, 1 << np.maximum(label, 0), -1)
+    ds = xr.Dataset(
+        {
+            "label": (("belt_speed", "start"), label, SCHEMA["label"].attributes()),
+            "class_set": ("belt_speed", np.bitwise_or.reduce(met, axis=1).astype(np.int16)),
+        },
+        {"start": ["up", "down"]},
+    )
+    assert hangs_on_start(ds).values.tolist() == [False, True, False, False, False]
+    print_classes(ds)
+    shown = capsys.readouterr().out
+    assert "the class depends on the start in 1 of 4 cells" in shown
+    assert "some starts failed in 2 of 4 cells" in shown
 
 
 def test_a_failure_hands_nothing_on(tmp_path):

@@ -23,7 +23,10 @@ def refine(
     levels: Levels = None,
     resolution: Annotated[
         float | None,
-        typer.Option(metavar="SHARE", help="Bracket of border points, as a share of each axis."),
+        typer.Option(
+            metavar="SHARE",
+            help="Bracket of border points, as a share of each axis (geometric: of its logarithm).",
+        ),
     ] = None,
     on: Annotated[
         str | None,

@@ -36,7 +36,7 @@ def print_map(dataset: Any) -> None:
 
 def print_classes(dataset: Any) -> None:
     """Classes of a map, counted; of several starts, of each named one, and what hangs on them."""
-    from ..datasets.map_starts import hangs_on_start
+    from ..datasets.map_starts import failed_somewhere, hangs_on_start
     from ..noise.class_counts import class_table
 
     print(f"{'class':<12}{counted(dataset):>9}{'share':>9}")
@@ -53,6 +53,8 @@ def print_classes(dataset: Any) -> None:
         print(f"start {start}: {shares}")
     done = int((dataset["class_set"] >= 0).sum())
     print(f"the class depends on the start in {int(several.sum())} of {done} cells")
+    if failed := int(failed_somewhere(dataset).sum()):
+        print(f"some starts failed in {failed} of {done} cells; a failure is no class")
 
 
 def counted(dataset: Any) -> str:
@@ -214,7 +216,7 @@ def print_borders(borders: Any) -> None:
     print(
         f"borders of {said['on']}: {borders.sizes['border']} points ({', '.join(counts) or 'none'})"
     )
-    print(f"bracket, as a share of the axis: {_shares(said, 'bracket_share_')}")
+    print(f"bracket, as a share of the axis: {_shares(borders, 'bracket_share_')}")
     if said.get("wide_cubes"):
         reasons = [f"{said[f'wide_cubes_{why}']} {words}" for why, words in WIDE.items()
                    if said[f"wide_cubes_{why}"]]  # fmt: skip
@@ -224,7 +226,7 @@ def print_borders(borders: Any) -> None:
             f"{', '.join(reasons)}"
         )
         if said["wide_points"]:
-            widest = _shares(said, WIDEST)
+            widest = _shares(borders, WIDEST)
             print(f"    {said['wide_points']} points have such a cube, at most {widest}")
     every = said["simulations"] + said["map_cells"]
     full = said["full_grid_cells"]
@@ -253,10 +255,15 @@ def print_borders(borders: Any) -> None:
         print(f"note: {said['unsettled_points']} points are not settled in the longest window")
 
 
-def _shares(said: Any, prefix: str) -> str:
+def _shares(borders: Any, prefix: str) -> str:
     """Shares of the axes."""
-    found = {n.removeprefix(prefix): x for n, x in said.items() if n.startswith(prefix)}
-    return ", ".join(f"{name} 1/{1 / share:.0f}" for name, share in found.items())
+    found = []
+    for name, share in borders.attrs.items():
+        if name.startswith(prefix):
+            axis = name.removeprefix(prefix)
+            geometric = borders[axis].attrs.get("spacing") == "geometric"
+            found.append(f"{axis} 1/{1 / share:.0f}" + (" of its logarithm" if geometric else ""))
+    return ", ".join(found)
 
 
 def cost(output: Path, begun: float) -> str:

@@ -9,6 +9,8 @@ from ..vocabulary.codes import LABELS
 from ..vocabulary.kinds import STARTS
 from ..vocabulary.wording import not_there
 
+_FAILED = 1 << LABELS["failed"]  # its bit in class_set
+
 
 def from_start(ds: xr.Dataset, start: Any = None) -> xr.Dataset:
     """The map of one start: `start` is its name, or the number of a random one. None: the first
@@ -48,8 +50,16 @@ def usual_start(label: xr.DataArray) -> xr.DataArray:
 
 
 def hangs_on_start(ds: xr.Dataset) -> xr.DataArray | None:
-    """Whether the starts of each cell end in several classes; None in a map of one start."""
+    """Whether the starts of each cell end in several classes, of which a failure of the computation
+    is none; None in a map of one start.
+    """
     if "class_set" not in ds:
         return None
     met = ds["class_set"]
-    return (met > 0) & ((met & (met - 1)) != 0)
+    classes = met & ~_FAILED
+    return (met > 0) & ((classes & (classes - 1)) != 0)
+
+
+def failed_somewhere(ds: xr.Dataset) -> xr.DataArray:
+    """Whether a start of each cell failed, in a map of several."""
+    return (ds["class_set"] > 0) & ((ds["class_set"] & _FAILED) != 0)

@@ -2,8 +2,9 @@
 
 The cells of a probe are spread over the grid as the digest of the specification has it, so that the
 same sweep is always given the same model. All rungs compute them; the poorest whose every cell is
-the lip's, within the tolerances of `noise.agreement`, computes the map. From then on the sweep is
-that of this model, as if a person had named it, and its attributes say why.
+the lip's, within the tolerances of `noise.agreement`, computes the map. Cells in which the lip
+fails tell nothing; where they are most of the probe, it is the lip. From then on the sweep is that
+of this model, as if a person had named it, and its attributes say why.
 """
 
 import json
@@ -20,6 +21,7 @@ from ..noise.agreement import Differences, Said, differences, said
 from ..specs.errors import SpecError
 from ..store import manifest
 from ..store.whole import open_map
+from ..vocabulary.codes import LABELS
 from ..vocabulary.kinds import AUTO, MODELS
 from .block import Evaluate
 from .computing import Blocks, computing
@@ -75,26 +77,48 @@ def probe_cells(spec: Any) -> np.ndarray:
     return np.unique(np.ravel_multi_index(tuple(places.T), spec.shape))
 
 
+class Probed(NamedTuple):
+    """What the lip says of the cells of a probe, counted."""
+
+    cells: int
+    failed: int
+    quiet: int
+
+    @classmethod
+    def of(cls, lip: Said) -> "Probed":
+        """Of what it says of each."""
+        failed, quiet = (int((lip.label == LABELS[name]).sum()) for name in ("failed", "quiet"))
+        return cls(len(lip.label), failed, quiet)
+
+    @property
+    def told(self) -> int:
+        """Cells that a rung can be compared by."""
+        return self.cells - self.failed
+
+
 class Unlike(NamedTuple):
-    """How a rung differs from the lip on a probe.
+    """How a rung differs from the lip in the cells of a probe in which the lip does not fail.
 
     Attributes:
         differing: cells in which the difference is not tolerated.
         renamed: those of them of another class, mechanism or band.
-        frequency, amplitude, forces: largest relative differences in the others.
+        frequency, amplitude, forces: largest relative differences in the others; None where none of
+            them has any to compare.
     """
 
     differing: int
     renamed: int
-    frequency: float
-    amplitude: float
-    forces: float
+    frequency: float | None
+    amplitude: float | None
+    forces: float | None
 
     @classmethod
     def of(cls, found: Differences) -> "Unlike":
         """Of the differences in each cell."""
-        largest = (float(np.max(x[~found.name], initial=0.0)) for x in found[1:])
-        return cls(int((~found.tolerated).sum()), int(found.name.sum()), *largest)
+        renamed, numbers = found.told & found.name, (found.frequency, found.amplitude, found.forces)
+        compared = (x[found.told & ~found.name & ~np.isnan(x)] for x in numbers)
+        largest = (float(x.max()) if len(x) else None for x in compared)
+        return cls(int((found.told & ~found.tolerated).sum()), int(renamed.sum()), *largest)
 
 
 def _chosen(spec: Any, blocks: Blocks, here: bool) -> Any:
@@ -106,8 +130,9 @@ def _chosen(spec: Any, blocks: Blocks, here: bool) -> Any:
             rungs[model] = spec.on(model)
         except SpecError as error:
             refused[model] = str(error)
-    cells, unlike = probe_cells(spec), {}
+    unlike, seen = {}, Probed(0, 0, 0)
     if rungs:
+        cells = probe_cells(spec)
         every = {model: _probe(rung, cells) for model, rung in {LIP: spec.on(LIP), **rungs}.items()}
         if here:
             from .cells.batch import compile_all  # jax, of the process that computes
@@ -115,13 +140,15 @@ def _chosen(spec: Any, blocks: Blocks, here: bool) -> Any:
             compile_all(every.values(), 2**MOST, jax_settings.cores())
         told = {model: _said(probe, blocks) for model, probe in every.items()}
         lip = told.pop(LIP)
+        seen = Probed.of(lip)
         unlike = {model: Unlike.of(differences(found, lip)) for model, found in told.items()}
-    model = next((model for model, found in unlike.items() if not found.differing), LIP)
+    same = [model for model, found in unlike.items() if not found.differing]
+    model = same[0] if same and seen.told >= seen.failed else LIP
     probed = {name: found._asdict() for name, found in unlike.items()}
     probed |= {name: {"refused": why} for name, why in refused.items()}
     attributes = {
-        CHOICE: _words(model, unlike, refused, len(cells)),
-        PROBE: json.dumps({"cells": len(cells) if rungs else 0} | probed, sort_keys=True),
+        CHOICE: _words(model, unlike, refused, seen),
+        PROBE: json.dumps(seen._asdict() | probed, sort_keys=True),
     }
     return spec.on(model, attributes)
 
@@ -137,19 +164,34 @@ def _said(probe: Points, blocks: Blocks) -> Said:
     return said(block.columns)
 
 
-def _words(model: str, unlike: Mapping[str, Unlike], refused: Mapping[str, str], cells: int) -> str:
+def _words(
+    model: str, unlike: Mapping[str, Unlike], refused: Mapping[str, str], seen: Probed
+) -> str:
     """What was chosen and at what disagreement, in one line."""
     parts = []
+    if seen.told < seen.failed:
+        cells = f"{seen.failed} of {seen.cells} cells of a probe"
+        parts.append(f"it fails in {cells}, too many to choose by")
     for name, found in unlike.items():
         if name == model:
-            most = f"frequency within {_percent(found.frequency)}"
-            most += f", amplitude within {_percent(found.amplitude)}"
-            parts.insert(0, f"as the lip in all {cells} cells of a probe ({most})")
+            within = _within(found, seen)
+            parts.insert(0, f"as the lip in all {seen.told} cells of a probe ({within})")
             break  # richer ones were not needed
-        named = f"{found.renamed} by another name"
-        parts.append(f"{name} is unlike the lip in {found.differing} of {cells} cells ({named})")
+        if found.differing:
+            named = f"{found.renamed} by another name"
+            cells = f"{found.differing} of {seen.told} cells"
+            parts.append(f"{name} is unlike the lip in {cells} ({named})")
     parts += [f"{name} cannot stand for it ({why})" for name, why in refused.items()]
     return f"{model}: {'; '.join(parts)}"
+
+
+def _within(found: Unlike, seen: Probed) -> str:
+    """By what a rung was chosen, and at what largest differences of what could be compared."""
+    names = "frequency", "amplitude", "force ratio"
+    most = zip(names, (found.frequency, found.amplitude, found.forces), strict=True)
+    parts = [f"without {seen.failed} in which the lip fails"] if seen.failed else []
+    parts += [f"{seen.quiet} quiet"] if seen.quiet else []
+    return ", ".join(parts + [f"{name} within {_percent(x)}" for name, x in most if x is not None])
 
 
 def _percent(share: float) -> str:

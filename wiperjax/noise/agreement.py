@@ -51,12 +51,14 @@ class Differences(NamedTuple):
     """How motions by a poorer model differ from the same by a better one, an array each.
 
     Attributes:
+        told: whether the better one has a result; where it failed there is nothing to agree with.
         name: whether class, mechanism or band is another.
-        frequency, amplitude, forces: relative differences; 0 where there is nothing to compare
+        frequency, amplitude, forces: relative differences; NaN where there is nothing to compare
             (what is quiet or has no result; the frequency of a reversal, the forces of all else),
             infinite where only one of them has a number.
     """
 
+    told: np.ndarray
     name: np.ndarray
     frequency: np.ndarray
     amplitude: np.ndarray
@@ -65,8 +67,8 @@ class Differences(NamedTuple):
     @property
     def tolerated(self) -> np.ndarray:
         """Whether the poorer model says the same."""
-        same = (self.frequency <= FREQUENCY) & (self.amplitude <= AMPLITUDE)
-        return ~self.name & same & (self.forces <= AMPLITUDE)
+        apart = (self.frequency > FREQUENCY) | (self.amplitude > AMPLITUDE)
+        return self.told & ~self.name & ~apart & ~(self.forces > AMPLITUDE)
 
 
 def differences(poorer: Said, better: Said) -> Differences:
@@ -75,6 +77,7 @@ def differences(poorer: Said, better: Said) -> Differences:
     reversal = np.asarray(better.label) == LABELS["reversal"]
     name = np.any([there != here for there, here in zip(poorer[:3], better[:3], strict=True)], 0)
     return Differences(
+        np.asarray(better.label) != LABELS["failed"],
         name,
         _gap(poorer.frequency, better.frequency, heard & ~reversal),
         _gap(poorer.amplitude, better.amplitude, heard),
@@ -86,5 +89,6 @@ def _gap(there: Any, here: Any, where: np.ndarray) -> np.ndarray:
     there, here = np.asarray(there, dtype=float), np.asarray(here, dtype=float)
     with np.errstate(all="ignore"):
         gap = np.abs(there - here) / np.abs(here)
-    same = (there == here) | (np.isnan(there) & np.isnan(here))
-    return np.where(where & ~same, np.nan_to_num(gap, nan=np.inf), 0.0)
+    none = np.isnan(there) & np.isnan(here)
+    gap = np.where(there == here, 0.0, np.nan_to_num(gap, nan=np.inf))
+    return np.where(where & ~none, gap, np.nan)

@@ -63,6 +63,16 @@ class Axis(Table):
         """Number of values."""
         return len(self.listed) if self.listed is not None else self.num or 0
 
+    def steps(self) -> np.ndarray:
+        """Length of each step from value to value over the mean one, (count - 1,), in the scale of
+        the axis: the logarithm of a geometric one. All 1 unless values are listed unevenly.
+        """
+        if self.listed is None:
+            return np.ones(self.count - 1)
+        steps = np.abs(np.diff(self.values()))
+        even = np.isclose(steps, steps.mean(), rtol=1e-9, atol=0)  # but for rounding
+        return np.where(even, 1.0, steps / steps.mean())
+
     def values(self) -> np.ndarray:
         """All values (count,), float64, both ends exact."""
         if self.listed is not None:

@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import BeforeValidator, ValidationError, model_validator
 
 from ..vocabulary.ranges import MOST_VALUES
-from ..vocabulary.schema import SCHEMA
+from ..vocabulary.schema import OF_CELLS_ALONE, OF_THE_WINDOW, SCHEMA
 from ..vocabulary.wording import not_there
+from .axis import Axis
 from .errors import Fault, SpecError, sentence, show, unknown
 from .tables import Pair, Table
 
@@ -30,12 +31,13 @@ class Refine(Table):
         on: what the borders are between: a variable of names (label, mechanism, band), or
             NAME=NUMBER for a threshold of any stored number, such as velocity_rms=0.1.
         levels: how often the spacing of the map is halved; left out: as `resolution` needs.
-        resolution: bracket of a border point, as a share of each axis; left out: one step of the
-            finest level.
+        resolution: bracket of a border point at most, as a share of each axis (geometric: of its
+            logarithm); left out: one step of the finest level.
         box: axis -> [low, high] (edge units) to look in; left out: the whole map.
         max_cells: simulations after which it ends, whatever is left; stored points take none.
         probes: random points in cubes without a border, and as many in those with one.
-        lengthen: times as long a window where the answer is not settled; 1: never.
+        lengthen: times as long a window where the answer is not settled; 1: never. To be left out
+            where `on` is counted in the window, or of its end: a longer one has another.
         splits: how often a cube is halved whose border is not what its edges tell.
         seed: of the random points.
     """
@@ -63,6 +65,8 @@ class Refine(Table):
         known = [n for n, column in SCHEMA.items() if not column.along]
         if name not in known:
             raise Fault("on", not_there(name, "kind of map", known))
+        if name in OF_CELLS_ALONE:
+            raise Fault("on", f"must be of what finer points have too; {name} is of cells alone")
         if not equals:
             if SCHEMA[name].flags is None:
                 raise Fault("on", f"must be {name}=NUMBER, for {name} is a number; was {self.on}")
@@ -86,9 +90,9 @@ class Refine(Table):
                 must = f"must be [low, high] inside [{least:g}, {most:g}], low < high"
                 raise Fault(f"box.{name}", f"{must}; was [{low:g}, {high:g}]")
 
-    def depth(self, counts: Mapping[str, int]) -> int:
-        """Levels for axes of so many values each. Raises: Fault if they are too many."""
-        levels = self._levels(counts)
+    def depth(self, axes: Mapping[str, Axis]) -> int:
+        """Levels for a map of some axes. Raises: Fault if they are too many."""
+        levels, counts = self._levels(axes), {name: axis.count for name, axis in axes.items()}
         key, be = ("resolution", "need") if self.levels is None else ("levels", "be")
         for name, count in counts.items():
             if (fine := values_at(count, levels)) > MOST_VALUES:
@@ -99,22 +103,25 @@ class Refine(Table):
             raise Fault(key, f"{must} 63 bits; was {levels}")
         return levels
 
-    def _levels(self, counts: Mapping[str, int]) -> int:
+    def _levels(self, axes: Mapping[str, Axis]) -> int:
         if self.levels is not None:
             return self.levels
         assert self.resolution is not None
-        steps = min((n - 1 for n in counts.values() if n > 1), default=1)
+        steps = min((a.count - 1) / a.steps().max() for a in axes.values() if a.count > 1)
         needed = max(0, math.ceil(math.log2(1 / (self.resolution * steps)) - 1e-9))
         if needed > MOST_LEVELS:
             must = f"must need at most {MOST_LEVELS} halvings of the map's spacing"
             raise Fault("resolution", f"{must}; {self.resolution:g} needs {needed}")
         return needed
 
-    def bracket(self, shape: np.ndarray) -> np.ndarray:
-        """Steps of the finest grid that are a bracket along each axis; `shape` of that grid."""
+    def bracket(self, shape: np.ndarray, largest: np.ndarray) -> np.ndarray:
+        """Steps of the finest grid that are a bracket along each axis; `shape` of that grid,
+        `largest` of its steps over the mean one.
+        """
         if self.resolution is None:
             return np.ones(len(shape), dtype=np.int64)
-        return np.maximum(1, np.floor(self.resolution * (shape - 1) + 1e-9)).astype(np.int64)
+        steps = np.floor(self.resolution * (shape - 1) / largest + 1e-9)
+        return np.maximum(1, steps).astype(np.int64)
 
     def cells_of(
         self, along: Mapping[str, np.ndarray], names: tuple[str, ...], width: int
@@ -170,5 +177,9 @@ def check(refine: Refine, spec: Any) -> None:
     axes = spec.axes_values()
     if all(len(values) == 1 for values in axes.values()):
         raise Fault("", "must be left out: no axis of the map has two values")
+    name, _ = refine.criterion()
+    if name in OF_THE_WINDOW and "lengthen" in refine.model_fields_set and refine.lengthen > 1:
+        must = f"must be left out with on = {show(refine.on)}: a longer window has another {name}"
+        raise Fault("lengthen", f"{must}; was {refine.lengthen}")
     refine.check_box(axes)
-    refine.depth({name: len(values) for name, values in axes.items()})
+    refine.depth(spec.axes)

@@ -169,7 +169,8 @@ def is_refined(path: str | Path) -> bool:
 
 def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | None) -> xr.Dataset:
     """A refined map `ds` as a regular grid of a level, in memory, with `computed` (int8, 1 where a
-    point was looked at); elsewhere its variables hold what is not computed: NaN or -1.
+    point was looked at) and `window_factor` (int16, 0 elsewhere); elsewhere its variables hold what
+    is not computed: NaN or -1.
 
     Raises: `StoreError` if it has no such level, or too many points for the memory.
     """
@@ -191,24 +192,25 @@ def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | 
             "coarser level"
         )
     found = {name: np.full(size, column_of(name).missing, column_of(name).dtype) for name in names}
-    computed = np.zeros(size, dtype=np.int8)
+    factors = np.zeros(size, dtype=np.int16)
 
-    def put(places: list[np.ndarray], number: int, columns: Mapping[str, Any]) -> None:
+    def put(places: Any, number: int, factor: Any, columns: Mapping[str, Any]) -> None:
         scaled = [place << (level - number) for place in places]
         flat = np.ravel_multi_index(scaled, shape)
-        computed[flat] = 1
+        factors[flat] = factor
         for name in names:
             if name in columns:
                 found[name][flat] = columns[name]
 
     whole = [np.ravel(place) for place in np.indices([ds.sizes[name] for name in axes])]
-    put(whole, 0, {n: ds[n].transpose(*axes).values.ravel() for n in names})
+    put(whole, 0, 1, {n: ds[n].transpose(*axes).values.ravel() for n in names})
     for one in levels:
         counts = tuple(len(values) for values in one.axes.values())
-        put(list(np.unravel_index(one.index, counts)), one.number, one.columns)
+        put(np.unravel_index(one.index, counts), one.number, one.factor, one.columns)
     dims = tuple(axes)
     variables_ = {n: (dims, v.reshape(shape), attributes_of(n, ds.attrs)) for n, v in found.items()}
     words = {"long_name": "whether the point was looked at", "units": "1"}
-    variables_["computed"] = (dims, computed.reshape(shape), words)
+    variables_["computed"] = (dims, (factors > 0).astype(np.int8).reshape(shape), words)
+    variables_[FACTOR] = (dims, factors.reshape(shape), FACTOR_ATTRS)
     coords = {name: ((name,), values, ds[name].attrs) for name, values in axes.items()}
     return xr.Dataset(variables_, coords=coords, attrs=ds.attrs | {"level": level})

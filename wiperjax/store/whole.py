@@ -54,7 +54,8 @@ def open_map(
     - `check`: compare the file with its checksums first, which reads all of it. (Blocks of an
         unfinished sweep always are.)
     - `level`: of a refined map the regular grid of this level, in memory, of these `variables`,
-        with `computed` (1 where a point was looked at).
+        with `computed` (1 where a point was looked at) and `window_factor` (how many times the
+        map's window it had, 0 where none was: counts of unlike windows do not compare).
 
     Raises: `StoreError` if there is no such file or it is no readable HDF5 file; with `check` also
         if it is damaged (the line says what) or has no checksums.

@@ -209,6 +209,13 @@ ENDED_ELSEWHERE = ("result", "final_position", "final_velocity", "final_regime")
 """The same of a system of one's own."""
 
 
+OF_THE_WINDOW = (
+    *("reversal_count", "impact_count", "stick_count", "lift_off_count"),
+    *("steps", "rejected_steps", "unproved_steps", "final_time"),
+    *("final_x", "final_y", "final_vx", "final_vy", "final_regime"),
+)
+"""Columns of which one motion has another value in a longer window: counts, and its end."""
+
 SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error")
 """Columns that only a map of several starts has; shares, only of random ones."""
 
@@ -225,6 +232,9 @@ _OF_DERIVATIVES = (
         comment="NaN: not checked, or not fine",
     ),
 )  # fmt: skip
+
+OF_CELLS_ALONE = ("event_count", "event_overflow", *(column.name for column in _OF_DERIVATIVES))
+"""Columns that the finer points of a refined map do not have."""
 
 SCHEMA: Mapping[str, Column] = {column.name: column for column in (*_TABLE, *_OF_DERIVATIVES)}
 """Every column that has the same name in all maps; those of derivatives have the names of

@@ -87,7 +87,8 @@ def test_the_root_stays_the_map_and_levels_are_grids(tmp_path):
         assert np.isnan(ds.dominant_frequency.values[~done]).all()
         assert (ds.label.values[~done] == -1).all()
         np.testing.assert_array_equal(ds.attack_angle[:: 2**level], before.attack_angle)
-    assert set(open_map(path, ["label"], level=2).data_vars) == {"label", "computed"}
+    names = {"label", "computed", "window_factor"}
+    assert set(open_map(path, ["label"], level=2).data_vars) == names
     with pytest.raises(StoreError, match="has no level 4; its levels are 0 to 3"):
         open_map(path, level=4)
 
@@ -258,6 +259,15 @@ BAD = {
     },
     "refine.resolution: must need at most 20 halvings": {"resolution": 1e-12},
     "refine.levels: must leave axes.attack_angle at most 1000000 values": {"levels": 20},
+    "refine.on: must be of what finer points have too; event_count is": {
+        "levels": 2,
+        "on": "event_count=3",
+    },
+    "refine.lengthen: must be left out with on = 'stick_count=2.5': a longer": {
+        "levels": 2,
+        "on": "stick_count=2.5",
+        "lengthen": 4,
+    },
     "refine.levls: unknown key; did you mean 'levels'": {"levls": 2},
     "refine.max_cells: must be a whole number": {"levels": 2, "max_cells": 0},
 }

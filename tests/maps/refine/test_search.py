@@ -4,9 +4,11 @@ import shutil
 
 import numpy as np
 import pytest
-from border_maps import AXES, coarse_map, engine, refined
+from border_maps import AXES, coarse_map, engine, refined, unit
 
+from wiperjax.cli import main
 from wiperjax.maps.refine.replay import places_of, replay
+from wiperjax.store.whole import open_map
 from wiperjax.vocabulary.codes import CROSSINGS, LABELS
 
 
@@ -174,12 +176,62 @@ def test_a_resolution_is_held_along_every_axis(tmp_path):
     assert found.attrs["levels"] == 6  # 5 steps of the load must become 250 at least
 
 
+@pytest.fixture
+def uneven(monkeypatch):
+    """Speeds listed from 0.1 to 0.9, the last of whose cells has 13/16 of the axis."""
+    monkeypatch.setitem(AXES, "belt_speed", {"values": [0.1, 0.15, 0.2, 0.25, 0.9]})
+
+
+@pytest.mark.usefixtures("uneven")
+def test_a_resolution_is_held_where_values_are_listed_unevenly(tmp_path):
+    def layers(x, y):
+        return np.select([y < 0.1 + 0.02 * x, y < 0.6 + 0.2 * x], [300.0, 700.0], 2000.0)
+
+    coarse_map(tmp_path / "map.h5", engine(layers))
+    found = refined(tmp_path / "map.h5", engine(layers), resolution=0.01, on="band")
+    largest = found.attrs["bracket_share_belt_speed"]
+    found = found.isel(border=found.axis.values == 1)
+    wide = (found.bracket_high - found.bracket_low).values / 0.8
+    assert wide.max() <= 0.01 * (1 + 1e-9) and 0.005 < largest <= 0.01
+    lower = found.belt_speed.values < 0.3
+    assert lower.sum() == (~lower).sum() == 9  # of two borders, each in cells of one length
+    np.testing.assert_allclose(found.bracket_share[lower], largest / 13)
+    np.testing.assert_allclose(found.bracket_share[~lower], largest)
+
+
+@pytest.mark.usefixtures("uneven")
+def test_probes_are_spread_evenly_over_an_axis_of_uneven_values(tmp_path):
+    def island(x, y):
+        inside = ((x - 0.44) / 0.05) ** 2 + ((y - 0.6) / 0.13) ** 2 < 1
+        return np.where(inside, 700.0, 300.0)
+
+    coarse_map(tmp_path / "map.h5", engine(island))
+    found = refined(tmp_path / "map.h5", engine(island), levels=7, probes=3000)
+    met, area = found.attrs["probes_wrong"] / found.attrs["probes"], np.pi * 0.05 * 0.13
+    assert met == pytest.approx(area, abs=4 * np.sqrt(area / 3000))
+    assert area < found.attrs["probes_wrong_share_at_most"]
+
+
+def test_a_share_of_a_geometric_axis_is_of_its_logarithm_and_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(AXES, "belt_speed", AXES["belt_speed"] | {"spacing": "geometric"})
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(disc))
+    found = refined(path, engine(disc), resolution=0.02)
+    found = found.isel(border=found.axis.values == 1)
+    wide = np.log(found.bracket_high / found.bracket_low) / np.log(9)
+    np.testing.assert_allclose(wide, 1 / 64)
+    assert main(["info", str(path)]) == 0
+    assert "attack_angle 1/64, belt_speed 1/64 of its logarithm" in capsys.readouterr().out
+
+
 def test_only_the_box_is_looked_at(tmp_path):
     path = tmp_path / "map.h5"
     coarse_map(path, engine(disc))
     found = refined(path, engine(disc), levels=4, box={"attack_angle": (-30, -5)})
     assert found.sizes["border"] > 5
     assert ((found.attack_angle >= -30) & (found.attack_angle <= 0)).all()
+    assert found.attrs["map_cells"] == 4 * 9  # of the box, as the grid that it stands for
+    assert found.attrs["full_grid_cells"] == (3 * 2**4 + 1) * (8 * 2**4 + 1)
 
 
 def test_answers_that_are_not_settled_are_asked_with_a_longer_window(tmp_path):
@@ -200,3 +252,25 @@ def test_answers_that_are_not_settled_are_asked_with_a_longer_window(tmp_path):
     assert found.attrs["lengthened_points"] > 0 and found.attrs["unsettled_points"] == 0
     short = refined(tmp_path / "short.h5", evaluate, levels=5, lengthen=1)
     assert np.abs(to_unit(short)[1] - 0.6).max() < 1 / (8 * 2**5)
+
+
+def test_counts_are_compared_in_windows_of_one_length(tmp_path):
+    """Of a motion that never settles: a window four times as long has four times the count."""
+    path, never = tmp_path / "map.h5", engine(disc, lambda *_: 0)
+
+    def counted(y, window):
+        return np.floor((5 + 10 * y) * window + 1e-9)  # 1 to 3 in the map's 0.2 s
+
+    def evaluate(spec, index, finer=1, room=None):
+        count = counted(unit(spec, index)[1], spec.run.window)
+        return never(spec, index) | {"stick_count": count.astype(int)}
+
+    coarse_map(path, evaluate)
+    refined(path, evaluate, levels=3)  # its points beside the disc have the longer window
+    found = refined(path, evaluate, levels=3, on="stick_count=1.5")
+    assert np.abs(to_unit(found)[1] - 0.5).max() < 1 / (8 * 2**3)
+    assert found.attrs["lengthened_points"] == found.attrs["wide_cubes_unsettled"] == 0
+    fine = open_map(path, level=3)
+    expected = counted(np.linspace(0, 1, 65), 0.2 * fine.window_factor.values)
+    assert (fine.stick_count.values == expected)[fine.computed == 1].all()
+    assert set(np.unique(fine.window_factor)) == {0, 1, 4}

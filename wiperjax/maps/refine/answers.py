@@ -39,7 +39,7 @@ class Answers:
         factor = self._lengthen if request.longer else 1
         place = bank.find(index)
         there = place >= 0
-        if request.longer:
+        if request.longer or self._criterion.of_window:
             there[there] = bank.factor[place[there]] == factor
         lacking, room = index[~there], self._most - self.computed
         if len(lacking) > room:  # spread over all that was asked for

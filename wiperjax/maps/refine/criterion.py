@@ -7,7 +7,7 @@ import numpy as np
 
 from ...specs.refine import Refine
 from ...vocabulary.codes import MECHANISMS, SETTLED
-from ...vocabulary.schema import SCHEMA
+from ...vocabulary.schema import OF_THE_WINDOW, SCHEMA
 from .known import Facts
 
 SIDES = {"below": 0, "above": 1, "no_number": 2}
@@ -22,12 +22,14 @@ class Criterion:
         needs: columns that it reads.
         thresholds: of the number.
         linear: whether no simulation is needed.
+        of_window: whether answers of windows of unlike length do not compare.
     """
 
     def __init__(self, refine: Refine, classes: Any):
         """`classes`: thresholds of the noise classes of the map."""
         self.variable, self.threshold = refine.criterion()
         self.linear = self.variable in LINEAR
+        self.of_window = self.variable in OF_THE_WINDOW
         needs = {self.variable}
         if self.threshold is not None:
             self.names, self.thresholds = SIDES, [self.threshold]
@@ -60,6 +62,7 @@ class Criterion:
         else:
             mechanism = np.asarray(columns["mechanism"])
             settled = np.asarray(columns["settled"]) != SETTLED["no"]
+            settled |= self.of_window  # a longer window is no better answer, but another one
             number = np.where(mechanism == MECHANISMS["none"], np.nan, number)
             if self.threshold is not None:
                 number = values.astype(float)  # of quiet cells too: it is what is asked about

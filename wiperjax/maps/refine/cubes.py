@@ -40,6 +40,12 @@ class Cubes:
     def __len__(self) -> int:
         return len(self.size)
 
+    @property
+    def volume(self) -> np.ndarray:
+        """Volume of each in the scales of the axes, in steps of mean length."""
+        stretch = self.grid.lengths(self.origin).prod(axis=1)
+        return self.size.astype(float) ** self.grid.dim * stretch
+
     def corners(self, which: np.ndarray | slice = slice(None), parts: int = 1) -> np.ndarray:
         """Numbers of the corners of cubes, (cubes, 2^dim), or of the lattice that cuts each into
         `parts` along each axis, (cubes, (parts + 1)^dim).

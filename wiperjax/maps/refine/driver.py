@@ -86,7 +86,7 @@ def refine(
         blocks, known = computing(spec, evaluate, workers)
         known |= dict(identity or {})
         check_made_by(path, ds.attrs, known)
-        grid = Grid(spec.axes, found.depth({n: a.count for n, a in spec.axes.items()}))
+        grid = Grid(spec.axes, found.depth(spec.axes))
         criterion = Criterion(found, spec.classes)
         facts, axes = _of_map(path, ds, criterion), {name: ds[name] for name in spec.axes}
     if criterion.linear:

@@ -21,6 +21,7 @@ class Grid:
         names: of the axes that count.
         width: spacing of the map in steps of the grid.
         shape: values along each of `names`.
+        cells: lengths of the map's cells along each of `names`, over the mean one (`Axis.steps`).
     """
 
     def __init__(self, axes: Mapping[str, Any], levels: int):
@@ -33,6 +34,7 @@ class Grid:
         self.names = tuple(name for name, axis in axes.items() if axis.count > 1)
         self.coarse = np.array([axes[name].count for name in self.names], dtype=np.int64)
         self.shape = (self.coarse - 1) * self.width + 1
+        self.cells = [axes[name].steps() for name in self.names]
         self.along = {name: values(axis, levels) for name, axis in axes.items()}
         for name, found in self.along.items():
             if not np.all(np.diff(found) * np.sign(found[-1] - found[0]) > 0):
@@ -60,6 +62,15 @@ class Grid:
         places = dict(zip(self.names, np.moveaxis(self.places(flat), -1, 0), strict=True))
         zero = np.zeros(np.shape(flat), dtype=np.int64)
         return {name: found[places.get(name, zero)] for name, found in self.along.items()}
+
+    def lengths(self, places: np.ndarray) -> np.ndarray:
+        """Steps along each axis of the cells of the map that hold the steps from `places`
+        (points, dim) on, over the mean ones: a share of an axis is (steps of the grid) times this
+        over `shape` - 1.
+        """
+        cell = np.minimum(places // self.width, self.coarse - 2)
+        each = [steps[cell[:, k]] for k, steps in enumerate(self.cells)]
+        return np.stack(each, axis=-1)
 
     def coarse_points(self) -> np.ndarray:
         """Numbers of the points of the map itself, in the order of its cells."""

@@ -22,7 +22,7 @@ class Outcome(NamedTuple):
     code_high: np.ndarray
     kind: np.ndarray  # of CROSSINGS
     level: np.ndarray  # of the cube's edge that it lies on
-    stated: np.ndarray  # steps of the grid: the stated bracket
+    stated: np.ndarray  # the stated bracket, as a share of the axis in its scale
     report: dict[str, Any]
 
     @classmethod
@@ -55,12 +55,15 @@ class Outcome(NamedTuple):
         keep = order[first]
         stated = search.wanted[axis[keep]]
         np.maximum.at(stated, same, _stated(search)[pairs.edge[order]])
+        wide_points = int((stated > search.wanted[axis[keep]]).sum())
+        length = grid.lengths(grid.places(known.index[pairs.low[keep]]))
+        stated = stated * length[np.arange(len(keep)), axis[keep]] / (grid.shape - 1)[axis[keep]]
         rows = (
             *(place, axis, low, low + pairs.gap),
             *(facts.code[pairs.low], facts.code[pairs.high], kind, level),
         )
         kept = [values[keep] for values in rows]
-        return cls(*kept, stated=stated, report=_report(search, kind[keep], stated, axis[keep]))
+        return cls(*kept, stated=stated, report=_report(search, kind[keep], wide_points))
 
 
 def _stated(search: Any) -> np.ndarray:
@@ -93,15 +96,16 @@ def share_of(wrong: np.ndarray) -> tuple[int, int, float]:
     return len(wrong), int(wrong.sum()), float(found.proportion_ci(0.95, "exact").high)
 
 
-def _report(search: Any, kind: np.ndarray, stated: np.ndarray, axis: np.ndarray) -> dict[str, Any]:
+def _report(search: Any, kind: np.ndarray, wide_points: int) -> dict[str, Any]:
     """Attributes of a refinement: what it took, and what it can promise."""
     grid, known = search.grid, search.known
-    fine = [int(n) for n in np.ceil((grid.shape - 1) / search.wanted) + 1]
-    volume, wide = search.cubes.size.astype(float) ** grid.dim, search.why > 0
+    volume, wide = search.cubes.volume, search.why > 0
+    length = grid.lengths(search.cubes.origin)
+    across = np.array([steps.sum() / steps.max() for steps in search.box]) * grid.width
     report: dict[str, Any] = {
         "simulations": search.used,
-        "map_cells": int(np.prod(grid.coarse)),
-        "full_grid_cells": float(np.prod([float(n) for n in fine])),
+        "map_cells": int(np.prod([len(steps) + 1 for steps in search.box])),
+        "full_grid_cells": float(np.prod(np.ceil(across / search.wanted) + 1)),
         "budget_spent": int(search.spent),
         "unsettled_points": int((~known.facts.settled & known.facts.longer).sum()),
         "lengthened_points": int(known.facts.longer.sum()),
@@ -109,12 +113,14 @@ def _report(search: Any, kind: np.ndarray, stated: np.ndarray, axis: np.ndarray)
         "cubes_with_border": int((~search.now.pure).sum()),
         "wide_cubes": int(wide.sum()),
         "wide_cubes_volume_share": float(volume[wide].sum() / volume.sum()),
-        "wide_points": int((stated > search.wanted[axis]).sum()),
+        "wide_points": wide_points,
     }
-    largest = search.cubes.size[wide].max(initial=0)
-    for name, size, wanted in zip(grid.names, grid.shape, search.wanted, strict=True):
-        report[f"bracket_share_{name}"] = float(wanted / (size - 1))
-        report[f"widest_bracket_share_{name}"] = float(max(wanted, largest) / (size - 1))
+    size = np.where(wide, search.cubes.size, 0)[:, None]
+    plain = (search.wanted * length).max(axis=0) / (grid.shape - 1)
+    widest = (np.maximum(search.wanted, size) * length).max(axis=0) / (grid.shape - 1)
+    for k, name in enumerate(grid.names):
+        report[f"bracket_share_{name}"] = float(plain[k])
+        report[f"widest_bracket_share_{name}"] = float(widest[k])
     for code, name in enumerate(REASONS, 1):
         report[f"wide_cubes_{name}"] = int((search.why == code).sum())
     for name, code in CROSSINGS.items():

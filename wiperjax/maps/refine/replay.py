@@ -30,7 +30,7 @@ def replay(path: str | Path) -> tuple[Search, Criterion]:
         if criterion.linear:
             raise StoreError(f"{path}: has borders of {settings.on}, of which no point is stored")
         facts = criterion.facts({name: ds[name].values.ravel() for name in criterion.needs})
-    grid = Grid(spec.axes, settings.depth({n: a.count for n, a in spec.axes.items()}))
+    grid = Grid(spec.axes, settings.depth(spec.axes))
     bank, search = Bank.of_file(path, grid), Search(grid, settings, criterion.thresholds, facts)
     search.run(Answers(bank, criterion, settings.lengthen))  # to the end, or that of its budget
     return search, criterion

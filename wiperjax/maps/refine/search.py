@@ -182,7 +182,7 @@ class Search(State):
         cubes = np.flatnonzero(which & (self.cubes.size > 1))
         if not len(cubes) or not self.settings.probes:
             return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        volume = self.cubes.size[cubes].astype(float) ** self.grid.dim
+        volume = self.cubes.volume[cubes]
         drawn = self._random.choice(cubes, self.settings.probes, p=volume / volume.sum())
         places = np.unique(self._inside(drawn), axis=0)
         code, _ = self.answer(places)

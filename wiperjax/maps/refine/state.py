@@ -18,6 +18,8 @@ class State:
     Attributes:
         now: what follows from them (`View`).
         why: of each cube, why it is not believed (`judge.reasons`).
+        box: lengths of the map's cells in the box looked in, along each axis (`Grid.cells`).
+        wanted: steps of the grid that are a bracket along each axis.
     """
 
     def __init__(self, grid: Grid, settings: Refine, thresholds: list[float], facts: Facts):
@@ -26,7 +28,9 @@ class State:
         self.known = Known(grid, grid.coarse_points(), facts)
         low, high = settings.cells_of(grid.along, grid.names, grid.width)
         self.cubes = Cubes.of_map(grid, low, high)
-        self.wanted = settings.bracket(grid.shape)
+        self.box = [steps[a:b] for steps, a, b in zip(grid.cells, low, high, strict=True)]
+        largest = np.array([steps.max() for steps in grid.cells])
+        self.wanted = settings.bracket(grid.shape, largest)
         self._now: View | None = None
         self._why: np.ndarray | None = None
 

@@ -33,6 +33,7 @@ def border_dataset(
             where = _values(values, found.place[:, grid.names.index(name)])
         units, long_name = (described[name].attrs[key] for key in ("units", "long_name"))
         attrs = {"units": units, "long_name": f"{long_name} of the border"}
+        attrs["spacing"] = grid.axes[name].spacing
         variables[name] = ("border", where, attrs)
     ends = {"bracket_low": found.low, "bracket_high": found.high}
     for name, steps in ends.items():
@@ -53,9 +54,9 @@ def border_dataset(
         variables[name] = ("border", values.astype(np.int8), attrs)
     words = {"long_name": "level of the cube that the point lies on an edge of", "units": "1"}
     variables["level"] = ("border", found.level, words)
-    share = found.stated / (grid.shape - 1)[found.axis]
     words = "stated bracket, of the border inside the cubes that it is of, as a share of `axis`"
-    variables["bracket_share"] = ("border", share, {"long_name": words, "units": "1"})
+    words = {"long_name": words, "units": "1", "comment": "of a geometric axis: of its logarithm"}
+    variables["bracket_share"] = ("border", found.stated, words)
     attrs = {"on": settings.on, "levels": grid.levels} | found.report | dict(made)
     return xr.Dataset(variables, attrs=attrs)
 
