@@ -7,7 +7,7 @@ import xarray as xr
 
 matplotlib.use("Agg")
 
-from wiperjax import plots
+from wiperjax import plots, preview
 from wiperjax.datasets import map_dataset
 from wiperjax.plots.style.caption import parameters_text
 from wiperjax.specs.load import parse_sweep
@@ -69,3 +69,32 @@ def test_a_slice_is_headed_with_where_it_lies():
 def test_a_heading_names_the_model_and_the_law_that_are_not_the_usual_ones(tables, words):
     said = parameters_text(a_map(**tables)).split(", ")
     assert said == ["normal load 15 N/m", *words]
+
+
+@pytest.mark.parametrize("order", [[2, 0, 1], [0, 1, 1]])
+def test_an_axis_in_disorder_is_refused_only_where_it_is_drawn(order):
+    ds = a_map().isel(attack_angle=order)
+    for draw in (
+        plots.class_map,
+        plots.map_overview,
+        lambda ds: plots.value_map(ds, "velocity_rms"),
+        lambda ds: plots.along_axis(ds, along="attack_angle"),
+    ):
+        with pytest.raises(ValueError, match="attack_angle must have values that rise, or fall"):
+            draw(ds)
+    assert "attack angle" in heading(plots.along_axis(ds, along="belt_speed"))
+    assert preview(ds).png and not preview(ds.isel(belt_speed=0)).png
+    assert plots.class_map(a_map().isel(attack_angle=[2, 1, 0])).shape == (1,)
+
+
+def test_cells_that_are_masked_are_left_blank():
+    """They are neither slip, nor quiet, nor an error."""
+    ds = a_map()
+    masked = ds.where(ds["belt_speed"] > 1)
+    for draw in (plots.class_map, plots.regime_map, plots.mechanism_map):
+        (ax,) = draw(masked)
+        codes = ax.collections[0].get_array().reshape(4, 3)
+        assert np.ma.getmaskarray(codes)[0].all() and not np.ma.getmaskarray(codes)[1:].any()
+    shares = plots.along_axis(masked, along="belt_speed")[2].patches
+    tops = [band.get_data().values for band in shares]
+    assert np.isnan(tops).all(axis=0).tolist() == [True, False, False, False]
