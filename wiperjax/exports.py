@@ -163,7 +163,12 @@ def _write_sets(sets: list[dict], path: Path) -> None:
         import pyuff  # the format has its own kept writer; needed for this ending only
     except ImportError:
         raise ValueError("universal files need pyuff: pip install pyuff") from None
-    pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+    try:
+        pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+    except Exception as error:  # of a full disk it says only that it could not write
+        if isinstance(error.__context__, OSError):
+            raise error.__context__ from None
+        raise
 
 
 def _line(text: str, length: int = 80) -> str:

@@ -413,6 +413,30 @@ def test_what_would_fill_the_memory_is_refused_unread(tmp_path):
         huge.plane("x", "y", {}, None, set())
 
 
+def test_a_slice_of_joined_maps_is_simulated_only_with_its_own_parameters():
+    """The attributes of maps that are joined are those of the first."""
+    document, parts = make_spec().document(), {}
+    del document["axes"]["normal_load"]
+    for load in (10.0, 25.0):
+        spec = parse_sweep(document | {"blade": {"normal_load": load}})
+        parts[load] = driver.sweep(spec, evaluate=evaluate, progress=False)
+    along = xr.DataArray(list(parts), dims="normal_load", name="normal_load")
+    both = xr.concat(parts.values(), along, combine_attrs="override")
+    own, other = (explored(both.sel(normal_load=load)) for load in parts)
+    place = motion.first_place(own)
+    assert scene_of(own, place)["blade"]["normal_load"] == 10
+    assert "normal_load is not the 10 that" in other.unable
+    with pytest.raises(ValueError, match="cannot be simulated: normal_load is not"):
+        scene_of(other, place)
+
+
+def test_a_cell_that_was_masked_has_no_numbers(whole):
+    masked = explored(whole.ds.where(whole.ds["belt_speed"] > whole.ds["belt_speed"][0]))
+    place = motion.first_place(masked)
+    assert masked.cell(place, ["label", "velocity_rms"])
+    assert masked.cell(place | {"belt_speed": 0}, ["label", "velocity_rms"]) == {}
+
+
 def test_a_map_that_does_not_say_what_it_was_made_from_is_shown_only(whole):
     for attrs in ({}, {"specification": "[" * 5000}, {"specification": '{"axes": 3}'}):
         bare = explored(whole.ds.drop_attrs(deep=False).assign_attrs(attrs))

@@ -81,3 +81,36 @@ def test_each_cell_of_a_box_begins_at_its_own_steady_slip():
     found = whole({"names": ["steady_slip"], "kick": 1e-3})
     spec = box_spec(found, {"attack_angle": (0, 1), "belt_speed": (2, 4)}, {"normal_load": 1}, None)
     assert spec.starts.names == ["steady_slip"] and spec.starts.kick == 1e-3
+
+
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_a_start_that_was_taken_by_hand_is_the_one_that_is_simulated(way):
+    """`ds.sel(start=...)` leaves the attributes of a map of several."""
+    both = whole({"names": ["up", "down"], "kick": 1e-3})
+    one = explored(both.ds.sel(start=way))
+    assert one.starts == (way,) and one.spec is not None
+    for start in (None, way):
+        assert start_of(one, PLACE, start) == start_of(both, PLACE, way)
+    assert one.cell(PLACE, ["final_x"]) == both.cell(PLACE, ["final_x"], way)
+
+
+def test_random_starts_keep_their_numbers_in_a_part_of_them():
+    found = whole({"random": 9, "seed": 2, "x": [1e-3, 2e-3], "vx": [0.0, 1.0]})
+    speeds = found.ds["start_vx"].values
+    part = explored(found.ds.isel(start=[7, 4, 5]))
+    assert part.starts == (7, 4, 5)
+    for start in part.starts:
+        assert start_of(part, PLACE, start)["velocity"] == [speeds[start], 0.0]
+        for name in ("label", "velocity_rms"):
+            assert part.cell(PLACE, [name], start) == found.cell(PLACE, [name], start)
+    usual = start_of(part, PLACE, None)["velocity"][0]
+    label = found.cell(PLACE, ["label"], int(np.flatnonzero(speeds == usual)[0]))
+    assert usual in speeds[[7, 4, 5]] and part.cell(PLACE, ["label"]) == label
+    alone = explored(found.ds.isel(start=4))
+    assert start_of(alone, PLACE, None)["velocity"] == [speeds[4], 0.0]
+
+
+def test_a_map_that_does_not_say_which_start_it_is_of_is_shown_only():
+    both = whole({"names": ["up", "down"]}).ds
+    for ds in (both.isel(start=0, drop=True), both.assign_coords(start=["up", "sideways"])):
+        assert "starts" in explored(ds).unable

@@ -124,8 +124,12 @@ def test_a_blade_by_any_model_is_headed_as_a_blade():
     text = caption.parameters_text(soft)
     assert text.startswith("attack angle 0°, normal load 12 N/m, belt speed 0.3 m/s")
     assert "contact stiffness 2000 N/m/m" in text
-    for model in ("block", "bar", "lip"):
-        assert not caption.is_own(wiperjax.run_scene({"model": model} | run))
+    for model, said in {"block": "block model", "bar": "bar model", "lip": "0.3 m/s"}.items():
+        found = wiperjax.run_scene({"model": model} | run)
+        assert not caption.is_own(found)
+        assert caption.parameters_text(found).endswith(said)
+        del found.attrs["model"]  # as in a run of Python, and in a branch
+        assert caption.parameters_text(found).endswith(said)
 
 
 class Block(own_systems.Oscillator):
@@ -151,7 +155,8 @@ def test_a_system_of_ones_own_is_what_it_is_whatever_its_names():
     assert caption.is_own(run)
     assert [ax.get_ylabel() for ax in plots.time_history(run).figure.axes]  # draws
     assert run.attrs["mu_static"] == 0.5 and run.attrs["seal_static"] == 0.9
-    assert "normal load 3," in caption.parameters_text(run) + ","
+    assert "normal load 3," in (said := caption.parameters_text(run) + ",")
+    assert "block model" not in said
     with pytest.raises(ValueError, match="component must be 0 ... 2, was 7"):
         plots.phase_portrait(run, component=7)
 

@@ -104,3 +104,33 @@ def test_numbers_say_which_start_they_are_of():
     ds = a_map(names=["up", "down"])
     ax = plots.value_map(ds, "velocity_rms", at={"start": "down"})
     assert "start: down (" in ax.figure.get_suptitle()
+
+
+def test_a_random_start_is_asked_for_by_its_number_also_in_a_part_of_them():
+    ds = a_map(random=9, x=[0.0, 1e-3])
+    part = ds.isel(start=slice(3, 9))
+    for start in (3, 8):
+        codes = [drawn(plots.class_map(some, at={"start": start})[0])[0] for some in (part, ds)]
+        np.testing.assert_array_equal(*codes)
+    said = plots.value_map(part, "velocity_rms", at={"start": 3}).figure.get_suptitle()
+    assert "start: number 3 of 9 random ones" in said
+    assert "6 of 9 random" in plots.value_map(part, "velocity_rms").figure.get_suptitle()
+    with pytest.raises(ValueError, match="one of this map's starts, 3 to 8, was 2"):
+        plots.class_map(part, at={"start": 2})
+
+
+@pytest.mark.parametrize("starts", [{"names": ["up", "down"]}, {"random": 9, "x": [0.0, 1e-3]}])
+def test_one_start_that_was_taken_by_hand_is_said(starts):
+    ds = a_map(**starts)
+    last = ds["start"].values[-1]
+    one = plots.value_map(ds.sel(start=last), "velocity_rms")
+    same = plots.value_map(ds, "velocity_rms", at={"start": last})
+    assert one.figure.get_suptitle() == same.figure.get_suptitle()
+    assert "several" not in one.figure.get_suptitle()
+    with pytest.raises(ValueError, match="start must be left out: each cell of this map has"):
+        plots.class_map(ds.sel(start=last), at={"start": "left"})
+
+
+def test_a_number_is_no_name_of_a_start():
+    with pytest.raises(ValueError, match="'3' is not in this map's starts; it holds up, down"):
+        plots.class_map(a_map(names=["up", "down"]), at={"start": 3})

@@ -1,5 +1,9 @@
 """A run as other programs read it."""
 
+import errno
+import os
+import resource
+
 import numpy as np
 import own_systems
 import pytest
@@ -105,6 +109,22 @@ def test_the_command_writes_runs_only_and_nothing_over_a_file(squeal, tmp_path, 
     write_dataset(squeal.drop_vars("regime"), tmp_path / "other.h5")
     assert main(["export", str(tmp_path / "other.h5"), "-o", str(tmp_path / "o.mat")]) == 1
     assert "only a run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", ["csv", "mat", "uff"])
+def test_a_full_disk_is_one_line(ending, squeal, tmp_path, capsys):
+    """As a limit on the size of files is."""
+    run, made = tmp_path / "run.h5", tmp_path / f"made.{ending}"
+    write_dataset(squeal, run)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, before[1]))
+    try:
+        assert main(["export", str(run), "-o", str(made)]) == 1
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    said = capsys.readouterr().err
+    assert said == f"wiperjax: {made}: cannot be written: {os.strerror(errno.EFBIG)}\n"
+    assert list(tmp_path.iterdir()) == [run]
 
 
 def test_uneven_samples_are_no_universal_file(squeal, tmp_path):

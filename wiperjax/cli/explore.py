@@ -49,7 +49,7 @@ def explore(
 ) -> None:
     """Look into a map in a browser: click on a cell, see and hear its motion."""
     check_input(file)
-    cells = [dict(cuts(one.split(",")) or {}) for one in cell] if cell else None
+    cells = [dict(cuts(one.split(","), "--cell") or {}) for one in cell] if cell else None
     if static is None and (cells or force):
         raise ValueError("--cell and --force are for --static PAGE.html")
     if static is not None:

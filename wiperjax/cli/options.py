@@ -76,12 +76,18 @@ def check_input(path: Path) -> None:
 
 
 def beside(path: Path, ending: str) -> Path:
-    """The name of what is made of `path` where none is given: its own with another ending."""
+    """The name of what is made of `path` where none is given: its own with another ending. Raises
+    ValueError for a folder that is named by dots alone.
+    """
+    if path.name in ("", ".."):
+        raise ValueError(f"-o must be given: {path} has no name to call a file after")
     return path.with_name(Path(path.name.removesuffix(".parts")).stem + ending)
 
 
 def check_output(path: Path, suffixes: Sequence[str], force: bool, *sources: Path) -> None:
     """Raises ValueError or StoreError if `path` is no place for a new file made from `sources`."""
+    if not path.name:  # "" or "."
+        raise ValueError(f"the output must name a file that ends in {' or '.join(suffixes)}")
     if path.suffix not in suffixes:
         raise ValueError(f"{path}: must end in {' or '.join(suffixes)}")
     from ..machine.files import check_output
@@ -90,9 +96,9 @@ def check_output(path: Path, suffixes: Sequence[str], force: bool, *sources: Pat
         check_output(path, force, source)
 
 
-def cuts(texts: Sequence[str] | None) -> dict[str, float | str] | None:
-    """`AXIS=VALUE` options as a mapping; a start may have a name. Raises ValueError for any other
-    form.
+def cuts(texts: Sequence[str] | None, option: str = "--at") -> dict[str, float | str] | None:
+    """`AXIS=VALUE` of an option as a mapping; a start may have a name. Raises ValueError, which
+    names the option, for any other form.
     """
     cuts: dict[str, float | str] = {}
     for text in texts or ():
@@ -104,7 +110,7 @@ def cuts(texts: Sequence[str] | None) -> dict[str, float | str] | None:
                 cuts["start"] = value.strip()
                 continue
             raise ValueError(
-                f"--at must be AXIS=NUMBER, such as normal_load=15, was {text}"
+                f"{option} must be AXIS=NUMBER, such as normal_load=15, was {text}"
             ) from None
     return cuts or None
 

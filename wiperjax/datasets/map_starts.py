@@ -16,28 +16,45 @@ def from_start(ds: xr.Dataset, start: Any = None) -> xr.Dataset:
     """The map of one start: `start` is its name, or the number of a random one. None: the first
     name; of random starts, in each cell the first of those that end in its most frequent class.
 
-    A map of one start is returned as it is. Raises: `ValueError` for a start that is not there.
+    A map of one start is returned as it is; one that was taken by `ds.sel(start=...)` says which.
+    Raises: `ValueError` for a start that is not there.
     """
     if "start" not in ds.sizes:
-        if start is not None:
-            raise ValueError("start must be left out: each cell of this map has but one")
-        return ds
+        alone = "start" in ds.coords and not ds["start"].ndim
+        only = ds["start"].item() if alone else None
+        if start is not None and start != only:
+            has = "but one" if only is None else f"{only} alone"
+            raise ValueError(f"start must be left out: each cell of this map has {has}")
+        return ds if only is None else _told(ds, only)
     values = ds["start"].values
-    if "class_share" not in ds:
-        chosen = str(values[0]) if start is None else start
-        if chosen not in values:
-            raise ValueError(not_there(chosen, "map's starts", list(map(str, values))))
-        one = ds.isel(start=int(np.flatnonzero(values == chosen)[0]), drop=True)
-        return one.assign_attrs(start=f"{chosen} ({STARTS.get(str(chosen), 'own')})")
-    if start is not None:
-        if start not in values:
-            raise ValueError(f"start must be a whole number in [0, {len(values) - 1}], was {start}")
-        one = ds.isel(start=int(start), drop=True)
-        return one.assign_attrs(start=f"number {int(start)} of {len(values)} random ones")
-    one = ds.isel(start=usual_start(ds["label"])).drop_vars(
-        ["start", *(name for name in ds.coords if str(name).startswith("start_"))], errors="ignore"
-    )
-    return one.assign_attrs(start=f"{len(values)} random ones, the most frequent class")
+    drawn = ds.attrs.get("starts_random", len(values))  # of which the map may be a part
+    if start is None and "class_share" in ds:
+        many = f"{len(values)}" if len(values) == drawn else f"{len(values)} of {drawn}"
+        words = f"{many} random ones, the most frequent class"
+        return _without_start(ds.isel(start=usual_start(ds["label"]))).assign_attrs(start=words)
+    chosen = values[0] if start is None else start
+    places = np.flatnonzero(values == chosen)
+    if not places.size and values.dtype.kind in "iuf":
+        numbers = f"one of this map's starts, {values.min()} to {values.max()}"
+        raise ValueError(f"start must be the number of {numbers}, was {start}")
+    if not places.size:
+        raise ValueError(not_there(str(chosen), "map's starts", list(map(str, values))))
+    return _told(ds.isel(start=int(places[0])), values[places[0]])
+
+
+def _told(ds: xr.Dataset, start: Any) -> xr.Dataset:
+    """A map of the one start that it is of, which its attribute then names."""
+    if isinstance(start, str):
+        words = f"{start} ({STARTS.get(start, 'own')})"
+    else:
+        words = f"number {int(start)} of {ds.attrs.get('starts_random', 'the')} random ones"
+    return _without_start(ds).assign_attrs(start=words)
+
+
+def _without_start(ds: xr.Dataset) -> xr.Dataset:
+    """A map without what is told of its starts one by one."""
+    states = [name for name in ds.coords if str(name).startswith("start_")]
+    return ds.drop_vars(["start", *states], errors="ignore")
 
 
 def usual_start(label: xr.DataArray) -> xr.DataArray:

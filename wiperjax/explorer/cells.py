@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..datasets.map_starts import usual_start
+from ..datasets.map_starts import from_start, usual_start
 from ..maps.starts import before, drawn, ended_columns, kicked
 from ..noise.run_class import assess
 from ..plots.style.axes import value_text
@@ -72,18 +72,25 @@ def start_of(explored: Explored, place: dict[str, int], start: Any) -> dict[str,
     if starts is None:
         return dict(spec.document().get("start", {}))
     cell = np.array([np.ravel_multi_index([place[dim] for dim in explored.dims], spec.shape)])
+    start = _usual(explored, place) if start is None else start
     if starts.random is not None:
-        one = int(usual_start(ds["label"].isel(place)) if start is None else start)
-        return _state(spec, cell, {name: x[[one]] for name, x in drawn(starts, 1).items()})
-    start = explored.starts[0] if start is None else start
+        return _state(spec, cell, {name: x[[int(start)]] for name, x in drawn(starts, 1).items()})
     if start == "steady_slip":
         return _state(spec.model_copy(update={"start": Start(equilibrium=starts.kick)}), cell)
     if start not in WAYS or (last := int(before(spec, cell, start)[0])) < 0:
         return {}
     where = dict(zip(explored.dims, np.unravel_index(last, spec.shape), strict=True))
-    there = ds[list(ended_columns(spec))].isel(where).sel(start=start).load()
+    there = from_start(ds[list(ended_columns(spec))].isel(where), start).load()
     ended = {str(name): x.values[None] for name, x in there.data_vars.items()}
     return _state(spec, cell, kicked(spec, cell, ended))
+
+
+def _usual(explored: Explored, place: dict[str, int]) -> Any:
+    """The start that the map shows of a cell: its name, or the number that it was drawn as."""
+    label = explored.ds["label"]
+    if explored.spec.starts.random is None or "start" not in label.dims:
+        return explored.starts[0]
+    return explored.starts[int(usual_start(label.isel(place)))]
 
 
 def _state(spec: Any, cell: np.ndarray, ended: Any = None) -> dict[str, Any]:

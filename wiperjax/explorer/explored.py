@@ -17,7 +17,7 @@ from ..machine.files import StoreError
 from ..plots.maps.borders import PREFIX, with_borders
 from ..plots.maps.numbers import ENDED
 from ..plots.maps.planes import map_dims, usual_plane
-from ..plots.style.axes import axis_numbers, long_name, shown
+from ..plots.style.axes import axis_numbers, is_ordered, long_name, shown
 from ..specs.imported import findable, is_path
 from ..specs.load import SpecError, parse_sweep
 from ..store.levels import is_refined
@@ -47,7 +47,8 @@ class Explored:
         spec: the sweep it was made from, None if its cells cannot be simulated.
         unable: why they cannot; empty if they can.
         dims: its axes.
-        starts: names or numbers of the starts of a cell; empty if it has but one.
+        starts: names or numbers of the starts of a cell that the map holds; empty where it does not
+            tell starts apart.
         unpacked: pieces of its file that planes side by side share.
     """
 
@@ -114,13 +115,14 @@ class Explored:
         self, place: dict[str, int], names: Iterable[str], start: Any = None
     ) -> dict[str, float]:
         """The numbers `names` of one cell, as far as the map has them; of one that ended early its
-        class alone: the others are of a part of its motion.
+        class alone: the others are of a part of its motion. Of one that `ds.where` took out none.
         """
         held = [name for name in names if name in self.variables]
         wanted = {*held, "label", *(n for n in ("class_share", "class_set") if n in self.ds)}
         one = from_start(self.ds[sorted(wanted)].isel(place).load(), start)
-        ended = int(one["label"]) in ENDED.values()
-        return {name: float(one[name]) for name in held if name == "label" or not ended}
+        code = float(one["label"])
+        told = ["label"] if code in ENDED.values() else held
+        return {} if np.isnan(code) else {name: float(one[name]) for name in held if name in told}
 
 
 def open_explored(path: str | Path, trusted: bool = False) -> tuple[Explored, Any]:
@@ -163,12 +165,13 @@ def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
         raise StoreError("has classes without names ('label' has no flag_values)")
     for variable in ds.data_vars.values():
         _check_variable(variable)
-    spec, unable = _specification(ds, dims, trusted)
+    told = "start" in ds["label"].dims or "start" in ds.coords and not ds["start"].ndim
+    starts = tuple(ds["start"].values.reshape(-1).tolist()) if told else ()
+    spec, unable = _specification(ds, dims, starts, trusted)
     ds = ds.copy()
     for every in EVERY:  # else a slider waits for the file, three times a plane
         if every in ds and ds[every].nbytes <= MOST_KEPT:
             ds[every].load()
-    starts = tuple(ds["start"].values.tolist()) if "start" in ds["label"].dims else ()
     source = str(ds.encoding.get("source", ""))
     return Explored(plain(name), ds, spec, unable, dims, starts, Unpacked(source))
 
@@ -180,8 +183,7 @@ def _check_axis(ds: xr.Dataset, dim: str) -> None:
     values = ds[dim].values
     if values.dtype.kind not in "iuf" or not np.isfinite(values.astype(float)).all():
         raise StoreError(f"has an axis whose values are no finite numbers ({plain(dim)})")
-    steps = np.diff(values.astype(float))
-    if not ((steps > 0).all() or (steps < 0).all()):
+    if not is_ordered(values):
         raise StoreError(f"has an axis whose values neither rise nor fall ({plain(dim)})")
 
 
@@ -198,7 +200,9 @@ def _check_variable(variable: xr.DataArray) -> None:
             raise StoreError(f"has codes whose names do not fit ({name})") from None
 
 
-def _specification(ds: xr.Dataset, dims: tuple[str, ...], trusted: bool) -> tuple[Any, str]:
+def _specification(
+    ds: xr.Dataset, dims: tuple[str, ...], starts: tuple[Any, ...], trusted: bool
+) -> tuple[Any, str]:
     """The sweep that a map was made from, or None and why its cells cannot be simulated."""
     text = ds.attrs.get("specification")
     if not isinstance(text, str):
@@ -215,7 +219,21 @@ def _specification(ds: xr.Dataset, dims: tuple[str, ...], trusted: bool) -> tupl
         len(axes[dim]) == ds.sizes[dim] and np.allclose(axes[dim], ds[dim], rtol=1e-12, atol=0)
         for dim in dims
     )
-    return (spec, "") if same else (None, "the axes of the map are not those it was made from")
+    if not same:
+        return None, "the axes of the map are not those it was made from"
+    for name, value in spec.fixed().items():  # attributes and axes may be those of another map
+        entry = spec.parameter_table.get(name)
+        made = entry.to_edge(value) if entry else value
+        if name in ds.coords and not np.allclose(ds[name], made, rtol=1e-9, atol=0):
+            return None, f"{name} is not the {made:g} that the map says it was made with"
+    if spec.starts is not None and not _are_of(starts, spec.starts):
+        return None, "the starts of the map are not those it was made from"
+    return spec, ""
+
+
+def _are_of(starts: tuple[Any, ...], made: Any) -> bool:
+    """Whether a map has starts, and only such as the table `[starts]` names or draws."""
+    return bool(starts) and set(starts) <= set(made.names or range(made.count))
 
 
 def _modules(data: Any) -> set[str]:

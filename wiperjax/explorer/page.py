@@ -110,7 +110,7 @@ class Page:
         self.across.visible = self.up.visible = bool(self.y)
         children: list[Any] = [Row(children=[self.variable, self.across, self.up])]
         self.start = None
-        if explored.starts:
+        if len(explored.starts) > 1:
             names = [("", "the usual one"), *((str(s), plain(str(s))) for s in explored.starts)]
             self.start = choice("start", "" if start is None else str(start), names, 200)
             self.start.on_change("value", self._other_start)

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from .maps.numbers import SIGNED, suited
-from .maps.planes import usual_plane
+from .maps.planes import check_order, usual_plane
 from .style.axes import edges, label, long_name, page, set_axis, shown
 from .style.caption import set_caption
 from .style.palette import BOUNDARY, UNKNOWN
@@ -22,13 +22,15 @@ def modes_page(ds: xr.Dataset) -> Figure:
     """Page of modes over a sweep: over one axis real part and frequency of each (lock-in); over two
     or more the largest real part over two, as a map is drawn, the others at their middle.
 
-    Raises: `ValueError` for modes over no axis.
+    Raises: `ValueError` for modes over no axis, or one whose values are in disorder.
     """
     names = axes_of(ds)
     if not names:
         raise ValueError("modes must be over an axis of two values or more to be drawn")
     one = {str(n): 0 for n in ds["growth_rate"].dims if ds.sizes[n] == 1}
     x, y = usual_plane(names)
+    for name in filter(None, (x, y)):
+        check_order(ds, name)
     if x is None or y is None:
         return _lock_in(ds.isel(one), names[0])
     return _plane(ds.isel(one | {n: ds.sizes[n] // 2 for n in names if n not in (x, y)}), x, y)

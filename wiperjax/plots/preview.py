@@ -12,7 +12,7 @@ from ..datasets.run_dataset import is_run, last_periods
 from ..vocabulary import checks
 from .maps.categories import category_legend, category_panel
 from .maps.line import along_axis
-from .maps.planes import choose_plane, cut, map_dims
+from .maps.planes import choose_plane, cut
 from .runs.history import time_history
 from .style.axes import legend_below, page
 from .style.caption import noise_text
@@ -77,8 +77,7 @@ def preview(ds: xr.Dataset) -> Preview:
     try:
         x, y = choose_plane(ds, None, None)
     except ValueError:
-        one = any(ds.sizes[dim] > 1 for dim in map_dims(ds))
-        return Preview(text, _line(ds) if one else b"")
+        return Preview(text, _line(ds))
     plane, where = cut(ds, (x, y))
     return Preview(text + (f"; shown at {where}" if where else ""), _map(plane.load(), x, y))
 
@@ -91,7 +90,10 @@ def _map(plane: xr.Dataset, x: str, y: str) -> bytes:
 
 
 def _line(ds: xr.Dataset) -> bytes:
-    return _png(along_axis(ds)[0].figure)
+    try:
+        return _png(along_axis(ds)[0].figure)
+    except ValueError:  # no axis of two values, or none in order
+        return b""
 
 
 def _run(run: xr.Dataset) -> bytes:

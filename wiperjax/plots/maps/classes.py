@@ -51,7 +51,13 @@ def motion(ds: xr.Dataset) -> xr.DataArray:
         default=names["slip_only"],
     ).astype(np.int8)
     attrs = {"long_name": "regimes in the settled window"} | flags(names)
-    return xr.DataArray(codes, coords=ds["label"].coords, dims=ds["label"].dims, attrs=attrs)
+    label = ds["label"]
+    return _as_masked(xr.DataArray(codes, coords=label.coords, dims=label.dims, attrs=attrs), label)
+
+
+def _as_masked(codes: xr.DataArray, label: xr.DataArray) -> xr.DataArray:
+    """Codes of cells, none of those that `ds.where` took out: their class is NaN."""
+    return codes if label.dtype.kind == "i" else codes.where(label.notnull())
 
 
 def class_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.ndarray:
@@ -68,14 +74,14 @@ def mechanism_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.
     """What keeps the motion going (the column `mechanism`) over two axes; see `category_map`."""
     names = flag_names(ds["mechanism"])
     names = {code: "quiet" if name == "none" else name for code, name in names.items()}
-    codes = np.asarray(ds["mechanism"], dtype=np.int8).copy()
+    codes = np.asarray(ds["mechanism"].fillna(0), dtype=np.int8).copy()
     ended = np.asarray(ds["label"])
     for name in ("failed", "collapsed"):  # these have no motion to speak of, and are not quiet
         extra = np.int8(max(names) + 1)
         codes[ended == LABELS[name]] = extra
         names[int(extra)] = name
     attrs = flags({name: code for code, name in names.items()})
-    marked = ds["mechanism"].copy(data=codes).assign_attrs(attrs)
+    marked = _as_masked(ds["mechanism"].copy(data=codes).assign_attrs(attrs), ds["label"])
     return category_map(ds.assign(mechanism=marked), "mechanism", ax, **options)
 
 

@@ -12,7 +12,7 @@ from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
 from ..style.caption import is_own, moving, set_caption, start_text
 from ..style.palette import BOUNDARY, CLASSES, HATCHES, REGIMES, UNKNOWN, readable
 from .numbers import TONE, told
-from .planes import At, check_dim, class_names, cut, map_dims
+from .planes import At, check_dim, check_order, class_names, cut, map_dims
 from .shares import regime_shares, stacked
 
 
@@ -76,6 +76,7 @@ def _line(ds: xr.Dataset, along: str | None, at: At | None) -> tuple[xr.Dataset,
         )
     if along is None or ds.sizes[along] < 2:
         raise ValueError("the picture needs a map with an axis of more than one value")
+    check_order(ds, along)
     line, where = cut(ds, (along,), at)
     return line, where, along
 

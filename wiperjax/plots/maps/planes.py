@@ -14,6 +14,7 @@ from ...vocabulary.columns import derivative
 from ...vocabulary.wording import not_there
 from ..style.axes import (
     edges,
+    is_ordered,
     label,
     log_marks,
     long_name,
@@ -38,7 +39,8 @@ def map_dims(ds: xr.Dataset) -> list[str]:
 def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str]:
     """Dimensions across and up: attack angle across and belt speed up if they are there.
 
-    Raises: `ValueError` for a dimension that the map does not have, or a map without two.
+    Raises: `ValueError` for a dimension that the map does not have or whose values are in disorder,
+        or a map without two.
     """
     for name in (x, y):
         check_dim(ds, name)
@@ -49,6 +51,8 @@ def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str
         raise ValueError(
             f"a map needs at least two axes of more than one value to be drawn as a plane{also}"
         )
+    for name in (x, y):
+        check_order(ds, name)
     return x, y
 
 
@@ -67,6 +71,13 @@ def check_dim(ds: xr.Dataset, name: str | None) -> None:
     """Raises `ValueError` unless `name` is None or an axis of the map."""
     if name is not None and name not in map_dims(ds):
         raise ValueError(not_there(name, "map's axes", map_dims(ds)))
+
+
+def check_order(ds: xr.Dataset, name: str) -> None:
+    """Raises `ValueError` for an axis whose values neither rise nor fall."""
+    if not is_ordered(ds[name].values):
+        must = f"{name} must have values that rise, or fall, throughout"
+        raise ValueError(f"{must}, to be an axis of a picture; ds.sortby({name!r}) sorts them")
 
 
 def check_cellwise(ds: xr.Dataset, name: str) -> None:
@@ -215,8 +226,8 @@ def frequency_map(
 
 
 def class_names(ds: xr.Dataset) -> np.ndarray:
-    """Name of the class of each cell of a (small) map."""
+    """Name of the class of each cell of a (small) map; empty of those that `ds.where` took out."""
     names = flag_names(ds["label"])
-    return np.vectorize(lambda code: names.get(int(code), "not_computed"), otypes=[object])(
-        ds["label"].values
-    )
+    codes = ds["label"].values
+    found = np.vectorize(lambda code: names.get(code, "not_computed"), otypes=[object])(codes)
+    return np.where(np.isnan(codes), "", found)

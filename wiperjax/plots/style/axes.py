@@ -79,6 +79,12 @@ def is_geometric(values: np.ndarray) -> bool:
     return bool(np.std(np.diff(np.log(values))) < 0.1 * np.std(np.diff(values)) / np.mean(values))
 
 
+def is_ordered(values: np.ndarray) -> bool:
+    """Whether the values of an axis rise throughout, or fall: else its cells have no borders."""
+    steps = np.diff(np.asarray(values, dtype=float))
+    return bool((steps > 0).all() or (steps < 0).all())
+
+
 def edges(values: np.ndarray) -> np.ndarray:
     """Borders of the cells around axis values, shape (n + 1,); geometric axes have geometric
     borders.

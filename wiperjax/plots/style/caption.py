@@ -18,23 +18,24 @@ from .palette import readable
 
 ALWAYS = ("attack_angle", "normal_load", "belt_speed")
 DIRECTIONS = ("along the glass", "normal to the glass")
-BLADES = ("Wiper", "Bar", "Block")  # as the datasets of their runs and branches name them
-UNSAID = "steady"  # the kind of belt that a caption leaves out
+BLADES = {"Wiper": "lip", "Bar": "bar", "Block": "block"}  # as runs and branches name their models
+UNSAID = ("", "steady", "lip", "stribeck")  # kinds that a caption leaves out
 
 
 def parameters_text(ds: xr.Dataset) -> str:
     """`attack angle 5°, normal load 15 N/m, belt speed 0.3 m/s, ...`: the three that are always
-    named, and every other that is not the reference blade's. Axes of a map are left out.
+    named, every other that is not the reference blade's, and the belt, the model and the friction
+    law where they are not. Axes of a map are left out.
 
     Of a system of one's own every one.
     """
     own, stated = is_own(ds), _units(ds)
     words = []
     for name in stated if own else dict.fromkeys([*ALWAYS, *PARAMETERS, *stated]):
-        if name not in ds.attrs or name in ds.dims:
-            continue
-        value, unit = float(ds.attrs[name]), stated.get(name, "1")
         entry = None if own else PARAMETERS.get(name)
+        value, unit = _value(ds, name, stated.get(name) or (entry.edge_unit if entry else "1"))
+        if value is None:
+            continue
         usual = None if entry is None or name in ALWAYS else entry.reference
         if entry is not None and usual is not None and unit == entry.edge_unit:
             usual = entry.to_edge(usual)
@@ -43,11 +44,28 @@ def parameters_text(ds: xr.Dataset) -> str:
             gap, unit = ("", "°") if unit == "deg" else (" ", unit)
             called = name.replace("_", " ") if entry is None else entry.long_name
             words.append(f"{called} {number(factor * value)}{gap}{unit}".strip())
-    belt = str(ds.attrs.get("belt_kind", ds.attrs.get("belt", "")))
-    kind = {f"{name}belt": name for name in BELTS}.get(belt.lower(), belt)  # or a class of its own
-    if words and kind not in ("", UNSAID):
-        words.append(f"{kind} belt")
-    return ", ".join(words)
+    return ", ".join(words + _kinds(ds) if words else words)
+
+
+def _value(ds: xr.Dataset, name: str, unit: str) -> tuple[float | None, str]:
+    """A parameter and its unit; None for an axis and for what no one knows. The coordinate of a
+    slice counts: the attribute may be that of another map that it was joined with.
+    """
+    if name in ds.coords and not ds[name].ndim:
+        return float(ds[name]), str(ds[name].attrs.get("units", unit))
+    known = name in ds.attrs and name not in {*ds.coords, *ds.dims}
+    return float(ds.attrs[name]) if known else None, unit
+
+
+def _kinds(ds: xr.Dataset) -> list[str]:
+    """`wiping belt`, `block model`, `coulomb friction`: what is not the usual kind."""
+    attrs = ds.attrs
+    belt = str(attrs.get("belt_kind", attrs.get("belt", "")))
+    belt = {f"{name}belt": name for name in BELTS}.get(belt.lower(), belt)  # or a class of its own
+    model = "" if is_own(ds) else attrs.get("model", BLADES.get(str(attrs.get(SYSTEM)), ""))
+    law = str(attrs.get("friction", "")).rpartition(":")[2]
+    kinds = {"belt": belt, "model": model, "friction": law}
+    return [f"{kind} {what}" for what, kind in kinds.items() if kind.lower() not in UNSAID]
 
 
 def is_own(ds: xr.Dataset) -> bool:
@@ -55,7 +73,7 @@ def is_own(ds: xr.Dataset) -> bool:
     the package. A run or branch knows; of a map the name of its system tells."""
     if "of_a_blade" in ds.attrs:
         return not ds.attrs["of_a_blade"]
-    system = str(ds.attrs.get(SYSTEM, BLADES[0]))
+    system = str(ds.attrs.get(SYSTEM, "Wiper"))
     return ":" in system or system not in BLADES and "lip_length" not in {*ds.attrs, *ds.variables}
 
 

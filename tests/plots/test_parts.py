@@ -1,0 +1,100 @@
+"""Pictures of parts of maps: slices, masks, maps that were joined, and axes in disorder."""
+
+import matplotlib
+import numpy as np
+import pytest
+import xarray as xr
+
+matplotlib.use("Agg")
+
+from wiperjax import plots, preview
+from wiperjax.datasets import map_dataset
+from wiperjax.plots.style.caption import parameters_text
+from wiperjax.specs.load import parse_sweep
+from wiperjax.vocabulary.codes import LABELS, MECHANISMS
+
+QUIET, SQUEAL = LABELS["quiet"], LABELS["squeal"]
+
+
+def a_map(**tables):
+    """Angles 0, 5, 10 and speeds 1 to 4: squeal below 3, steady slip from there on."""
+    axes = {"attack_angle": {"values": [0, 5, 10]}, "belt_speed": {"values": [1, 2, 3, 4]}}
+    run = {"transient": 0.1, "window": 0.1}
+    spec = parse_sweep({"axes": axes, "run": run} | tables)
+    speed = np.tile([1.0, 2.0, 3.0, 4.0], 3)
+    loud = speed < 3
+    columns = {
+        "label": np.where(loud, SQUEAL, QUIET),
+        "mechanism": np.where(loud, MECHANISMS["stick_slip"], MECHANISMS["none"]),
+        "belt_speed_rms": speed,
+        "velocity_rms": 1.0 * loud,
+        "dominant_frequency": np.full(12, 700.0),
+        "stick_fraction": 0.5 * loud,
+        "slip_fraction": 1 - 0.5 * loud,
+        "flight_fraction": np.zeros(12),
+    }
+    return map_dataset.assemble(spec, columns)
+
+
+def heading(ax):
+    return np.ravel(ax)[0].figure.get_suptitle()
+
+
+@pytest.mark.parametrize("units", [{}, {"units": "N/m"}])
+def test_a_slice_of_joined_maps_is_headed_with_its_own_parameter(units):
+    """The attributes of maps that are joined are those of the first."""
+    parts = [a_map(blade={"normal_load": load}) for load in (10.0, 25.0)]
+    load = xr.DataArray([10.0, 25.0], dims="normal_load", name="normal_load", attrs=units)
+    both = xr.concat(parts, load, combine_attrs="override")
+    for value in (10, 25):
+        assert f"normal load {value} N/m\n" in heading(plots.class_map(both.sel(normal_load=value)))
+    beside = both.rename_dims(normal_load="case").isel(case=[0, 1])
+    assert "normal load" not in parameters_text(beside)  # no single one
+
+
+def test_a_slice_is_headed_with_where_it_lies():
+    said = heading(plots.along_axis(a_map().isel(belt_speed=2)))
+    assert said.splitlines()[1] == "normal load 15 N/m, belt speed 3 m/s"
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ({}, []),
+        ({"model": "block"}, ["block model"]),
+        ({"blade": {"friction": "coulomb"}}, ["coulomb friction"]),
+        ({"model": "bar", "blade": {"friction": "coulomb"}}, ["bar model", "coulomb friction"]),
+    ],
+)
+def test_a_heading_names_the_model_and_the_law_that_are_not_the_usual_ones(tables, words):
+    said = parameters_text(a_map(**tables)).split(", ")
+    assert said == ["normal load 15 N/m", *words]
+
+
+@pytest.mark.parametrize("order", [[2, 0, 1], [0, 1, 1]])
+def test_an_axis_in_disorder_is_refused_only_where_it_is_drawn(order):
+    ds = a_map().isel(attack_angle=order)
+    for draw in (
+        plots.class_map,
+        plots.map_overview,
+        lambda ds: plots.value_map(ds, "velocity_rms"),
+        lambda ds: plots.along_axis(ds, along="attack_angle"),
+    ):
+        with pytest.raises(ValueError, match="attack_angle must have values that rise, or fall"):
+            draw(ds)
+    assert "attack angle" in heading(plots.along_axis(ds, along="belt_speed"))
+    assert preview(ds).png and not preview(ds.isel(belt_speed=0)).png
+    assert plots.class_map(a_map().isel(attack_angle=[2, 1, 0])).shape == (1,)
+
+
+def test_cells_that_are_masked_are_left_blank():
+    """They are neither slip, nor quiet, nor an error."""
+    ds = a_map()
+    masked = ds.where(ds["belt_speed"] > 1)
+    for draw in (plots.class_map, plots.regime_map, plots.mechanism_map):
+        (ax,) = draw(masked)
+        codes = ax.collections[0].get_array().reshape(4, 3)
+        assert np.ma.getmaskarray(codes)[0].all() and not np.ma.getmaskarray(codes)[1:].any()
+    shares = plots.along_axis(masked, along="belt_speed")[2].patches
+    tops = [band.get_data().values for band in shares]
+    assert np.isnan(tops).all(axis=0).tolist() == [True, False, False, False]
