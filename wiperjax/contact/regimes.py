@@ -16,6 +16,8 @@ from ..vocabulary.codes import Regime
 from .space import Contact, contact
 from .system import AbstractSystem, rates
 
+ROUNDINGS = 64  # last digits of the accelerations below which none drives a contact
+
 
 class Forces(NamedTuple):
     tangential: Scalar
@@ -115,6 +117,9 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
         return Decision(jnp.where(holds, int(Regime.SLIP_POS), int(Regime.FLIGHT)), no, no)
 
     at_rest = c.slip_speed == 0
+    if not unilateral:  # where no load presses yet, rounding is no force that drives
+        drive = sum(jnp.abs(a) for a in c.free) * ROUNDINGS * float(jnp.finfo(c.b_t.dtype).eps)
+        c = c._replace(b_t=jnp.where(jnp.abs(c.b_t) <= drive, 0.0, c.b_t))
     stick = stick_forces(c, True, unilateral)
 
     def presses(normal):

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from ..numerics.fusion_barrier import keep
-from ..numerics.known_zeros import absent
+from ..numerics.known_zeros import absent, plus, times
 from ..numerics.tracing import traced_once
 from ..numerics.types import Coordinates, Scalar
 from .system import AbstractSystem, cast, like
@@ -15,13 +15,14 @@ from .system import AbstractSystem, cast, like
 class Contact(NamedTuple):
     """The contact at one instant, in contact space: ``(a_t, a_n) = (b_t, b_n) + W (l_t, l_n)``.
 
-    What is zero for every state of the system is the Python number 0 (see `sparse`).
+    The prescribed load of a bilateral contact is in ``b_t`` already: there W_tn and ``along_n`` are
+    zero. What is zero for every state of the system is the Python number 0 (`known_zeros`).
     """
 
     gap: Scalar
     normal_speed: Scalar
     slip_speed: Scalar
-    free: Coordinates  # accelerations without contact force
+    free: Coordinates  # accelerations without contact force, but with a prescribed one
     along_t: Coordinates  # A^-1 J_t^T
     along_n: Coordinates  # A^-1 J_n^T
     b_t: Scalar
@@ -29,7 +30,7 @@ class Contact(NamedTuple):
     w_tt: Scalar
     w_tn: Scalar
     w_nn: Scalar
-    load: Scalar  # prescribed normal force of a bilateral contact, else 0
+    load: Scalar  # prescribed normal force of a bilateral contact (part of `free`), else 0
 
 
 @traced_once
@@ -51,16 +52,22 @@ def contact(system: AbstractSystem, t, q, v) -> Contact:
     def along(f, tangent_t, tangent_q, tangent_v):
         return jax.jvp(f, (t, q, v), (tangent_t, tangent_q, tangent_v))
 
-    rates = cast(system.rates(t, q, v), v)
-    slip_speed, b_t = along(slip, one, rates, free)
-    w_tt = along(slip, zero, still, along_t)[1]
     sparse_t, sparse_n = (
         tuple(x if absent(x) else y for x, y in zip(d, full, strict=True))
         for d, full in zip(directions, (along_t, along_n), strict=True)
     )
+    load: Scalar = 0.0
+    if not system.unilateral:
+        # It answers to nothing, and is a force of the free motion: it may drive slip, and stick
+        # holds against it.
+        load = like(system.normal_force(t, q, v), v[0])
+        free = tuple(plus(x, times(n, load)) for x, n in zip(free, sparse_n, strict=True))
+        sparse_n = (0.0,) * len(free)
+    rates = cast(system.rates(t, q, v), v)
+    slip_speed, b_t = along(slip, one, rates, free)
+    w_tt = along(slip, zero, still, along_t)[1]
 
     if not system.unilateral:
-        load = like(system.normal_force(t, q, v), v[0])
         z = jnp.zeros_like(b_t)
         return Contact(z, z, slip_speed, free, sparse_t, sparse_n, b_t, z, w_tt, 0.0, z + 1, load)
 
@@ -74,5 +81,5 @@ def contact(system: AbstractSystem, t, q, v) -> Contact:
     w_nn = along(approach, zero, still, along_n)[1][1]
     w_tn = along(slip, zero, still, along_n)[1] if system.coupled else 0.0
     return Contact(
-        gap, normal_speed, slip_speed, free, sparse_t, sparse_n, b_t, b_n, w_tt, w_tn, w_nn, 0.0
+        gap, normal_speed, slip_speed, free, sparse_t, sparse_n, b_t, b_n, w_tt, w_tn, w_nn, load
     )

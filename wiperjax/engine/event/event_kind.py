@@ -19,15 +19,19 @@ class Fired(NamedTuple):
     leaves_cone: Scalar  # stick forces reach the cone of friction
     lifts: Scalar  # the normal force vanishes
     jams: Scalar  # D vanishes under load
-    retest: Scalar  # the prescribed motion has a corner while the tip sticks
+    retest: Scalar  # a corner while the tip sticks, or what begins to press on a tip at rest
     was_sticking: Scalar
     was_flying: Scalar
 
 
-def what_fires(system, regime, slot, fires, breaks) -> Fired:
-    """Return what the guard of ``slot`` means in a regime (where ``fires``), or a break."""
+def what_fires(system, regime, slot, fires, breaks, kinks, slip_speed) -> Fired:
+    """Return what the guard of ``slot`` means in a regime (where ``fires``), or a break; ``kinks``:
+    a switch has changed its side."""
     flying, sticking = regime == Regime.FLIGHT, regime == Regime.STICK
     sliding = ~flying & ~sticking
+    again = breaks & sticking
+    if not system.unilateral:  # its load may have begun: what rode along by chance is held now
+        again = again | (kinks & sliding & (slip_speed == 0))
     hits, turns, leaves_cone, lifts, jams, retest = keep(
         (
             fires & flying & (slot == FIRST),
@@ -35,7 +39,7 @@ def what_fires(system, regime, slot, fires, breaks) -> Fired:
             fires & sticking & (slot <= SECOND),
             fires & sliding & (slot == SECOND),
             fires & sliding & (slot == JAM) & system.coupled,
-            breaks & sticking,
+            again,
         )
     )
     return Fired(hits, turns, leaves_cone, lifts, jams, retest, sticking, flying)

@@ -39,6 +39,8 @@ def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving) -> Suc
     mu_static = zero if system.law is None else system.law.coefficient(zero)
     released, d = slip_forces(c, escape, mu_static, system.unilateral)
     slips = (released.normal > 0) & (d > 0)
+    if not system.unilateral:  # it cannot fly, whatever its load
+        slips = jnp.ones_like(slips)
     slips, undecided, bounces = keep((slips, undecided, bounces))
     after = jnp.where(undecided, decision.regime, regime)
     after = jnp.where(bounces | fired.lifts, int(Regime.FLIGHT), after)

@@ -56,10 +56,11 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     slot, regime, sign = state.due, state.regime, slip_sign(state.regime)
     flips, sides = _switches(problem, state, fires)
     system = problem.system.on_piece(piece).on_sides(sides)
-    fired = what_fires(system, regime, slot, fires, breaks)
+    kinks = reduce(jnp.logical_or, flips, jnp.zeros_like(fires))
 
     time, q, v = state.time, state.position, state.velocity
     c = contact(system, time, q, v)
+    fired = what_fires(system, regime, slot, fires, breaks, kinks, c.slip_speed)
     touching, still = ~fired.was_flying, fired.was_sticking | fired.turns
     q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
     if (stop := struck(system, state, fires)) is not None:
@@ -88,7 +89,6 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     orders[FIRST] = first_order(system, c, fired, found, regime, orders[FIRST])
     for i, flip in enumerate(flips, base):
         orders[i] = jnp.where(flip, 1, orders[i]).astype(jnp.int32)
-    kinks = reduce(jnp.logical_or, flips, jnp.zeros_like(fires))
     stopped = fires & (slot >= base) & ~kinks
     kind = event_kind(fired, found.slips, blow.collides, completes, leaving, sign, after)
     ended = jnp.where(system.reverses(piece - 1), int(Event.BELT_REVERSAL), int(Event.BELT_KINK))

@@ -89,7 +89,7 @@ def examine(values, order, size, share, sliver, highest: int, coarse) -> Guard:
     quotient = (start, *rest)
     control, error = keep((control_values(quotient), interpolation_error(quotient, order)))
     low = minimum(control)
-    proved = (low > error) | ((order > 0) & (low > -noise) & (error <= noise)) | sliver
+    proved = (low > error) | ((order > 0) & (low >= -noise) & (error <= noise)) | sliver
     # below this the estimate is rounding: the polynomial itself decides
     extent = larger(height, jnp.abs(start))
     blur = jnp.where(error > larger(1e-9 * extent, noise), error, 0.0)

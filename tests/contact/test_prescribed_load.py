@@ -1,0 +1,128 @@
+"""A bilateral contact whose load also drives the slip (W_tn is not zero), against exact motions and
+scipy."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from systems import events, trajectory
+
+import wiperjax
+from wiperjax import AbstractBeltSystem, Coulomb, Event, SteadyBelt
+
+SPEED, STATIC, DYNAMIC = 0.1, 0.5, 0.4
+STIFF, SPRING = 20.0, 5.0  # of the support across the belt, and of the load
+
+
+class Leaning(AbstractBeltSystem):
+    """W = [[1, lean], [lean, 1]]: a unit load accelerates the slip by ``lean``.
+
+    Springs pull x and y back, and the force -1 pushes y against the load: 1, less ``spring`` times
+    y, plus ``beat`` times a sine.
+    """
+
+    unilateral = False
+    coordinates = ("x", "y")
+    lean: float = 0.3
+    spring: float = 0.0
+    beat: float = 0.0
+    friction: Coulomb = Coulomb(STATIC, DYNAMIC)
+    belt: SteadyBelt = SteadyBelt(SPEED)
+
+    def free_acceleration(self, t, q, v):
+        along, across = -q[0], -1.0 - STIFF * q[1] - v[1]
+        return along + self.lean * across, self.lean * along + across
+
+    def directions(self, t, q):
+        return (1.0, self.lean), (self.lean, 1.0)
+
+    def normal_force(self, t, q, v):
+        return 1.0 - self.spring * q[1] + self.beat * jnp.sin(2 * t)
+
+    def default_state(self):
+        return (0.0, 0.0), (SPEED, 0.0)
+
+
+@pytest.mark.parametrize("lean", [-0.3, 0.0, 0.3])
+def test_stick_holds_against_what_the_load_drives(lean):
+    """A load that holds y = 0 leaves x = V t to friction, until it is mu. Without the load's part
+    in it friction was off by the lean."""
+    run = wiperjax.simulate(Leaning(lean=lean), 5.5, rtol=1e-10, sample_interval=0.5)
+    held = run.isel(time=slice(0, 10))
+    np.testing.assert_allclose(held.friction_force, SPEED * held.time, atol=1e-9)
+    np.testing.assert_allclose(held.position[:, 0], SPEED * held.time, atol=1e-10)
+    assert float(run.event_time[0]) == pytest.approx(STATIC / SPEED, abs=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lean", [-0.3, 0.3])
+def test_the_time_of_release_has_the_exact_derivatives(lean):
+    """t = mu / V, whatever the lean."""
+
+    def release(lean, static, speed):
+        system = Leaning(lean=lean, friction=Coulomb(static, DYNAMIC), belt=SteadyBelt(speed))
+        start = ((0.0, 0.0), (speed, 0.0))
+        found = wiperjax.solve(system, 8.0, initial_state=start, rtol=1e-10, max_events=1)
+        return found.events.time[0]
+
+    slopes = jax.jit(jax.jacfwd(release, (0, 1, 2)))(lean, STATIC, SPEED)
+    exact = (0.0, 1 / SPEED, -STATIC / SPEED**2)
+    np.testing.assert_allclose(slopes, exact, rtol=1e-6, atol=1e-6)
+
+
+def scipys(lean: float, beat: float, stop: float) -> list[tuple[float, Event]]:
+    """Captures and releases, by scipy alone: the forces' own equations, not the engine's."""
+
+    def load(t, z):
+        return 1 - SPRING * z[1] + beat * np.sin(2 * t)
+
+    def motion(t, z, friction):
+        """z' of z = (x, y, x', y')."""
+        along, across = friction - z[0], load(t, z) - 1 - STIFF * z[1] - z[3]
+        return z[2], z[3], along + lean * across, lean * along + across
+
+    def holding(t, z):  # x'' = 0
+        return z[0] - lean * (load(t, z) - 1 - STIFF * z[1] - z[3])
+
+    def released(t, z):
+        return STATIC * load(t, z) - abs(holding(t, z))
+
+    def caught(t, z):
+        return z[2] - SPEED
+
+    caught.terminal = released.terminal = True
+    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
+    now, z, sign, found = 0.0, np.array([0, 0, SPEED, 0.0]), 0.0, []
+    while now < stop:
+        sticks = sign == 0
+
+        def rates(t, z, sign=sign):
+            return motion(t, z, sign * DYNAMIC * load(t, z) if sign else holding(t, z))
+
+        guard = released if sticks else caught
+        guard.direction = -1 if sticks else sign
+        if not sticks:  # off the guard, which it leaves
+            first = solve_ivp(rates, (now, now + 1e-4), z, **exact)
+            now, z = first.t[-1], first.y[:, -1]
+        done = solve_ivp(rates, (now, stop), z, events=guard, **exact)
+        now, z = done.t[-1], done.y[:, -1].copy()
+        if done.status != 1:
+            break
+        z[2] = SPEED
+        assert sticks or released(now, z) > 0
+        sign = np.sign(holding(now, z)) if sticks else 0.0
+        found.append((now, Event.RELEASE if sticks else Event.CAPTURE))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lean", [-0.3, 0.3])
+def test_events_under_a_load_that_changes_are_those_of_scipy(lean):
+    exact = scipys(lean, 0.2, 30.0)
+    assert len(exact) >= 6
+    system = Leaning(lean=lean, spring=SPRING, beat=0.2)
+    found = events(trajectory(system, 30.0, system.default_state()))
+    assert [kind for _, kind in found] == [kind for _, kind in exact]
+    times = [time for time, _ in exact]
+    np.testing.assert_allclose([time for time, _ in found], times, atol=1e-7)
