@@ -181,7 +181,7 @@ def test_single_precision_goes_with_an_output_that_knows_the_time():
 @pytest.mark.slow
 @pytest.mark.parametrize("belt", [WipingBelt(0.4, 0.1), TrapezoidBelt(0.4, 0.1, 2.0)])
 def test_single_precision_goes_with_a_belt_that_knows_the_time(belt):
-    """Its speed is that of a time in double precision: the work of friction ended in a traceback."""
+    """Its speed has the time's double precision: the work of friction ended in a traceback."""
     found = {}
     for dtype in (jnp.float32, jnp.float64):
         integration = Integration(rtol=1e-5)
