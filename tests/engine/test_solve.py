@@ -12,9 +12,10 @@ from problems import stop_oscillator
 from systems import Ball, Puck, StopOscillator, events, times, trajectory
 
 import wiperjax
-from wiperjax import Event, Regime, Result, SteadyBelt, Wiper
-from wiperjax.engine.carry.problem import make_case
+from wiperjax import Event, Regime, Result, SteadyBelt, TrapezoidBelt, Wiper, WipingBelt
+from wiperjax.engine.carry.problem import Integration, make_case
 from wiperjax.engine.solve import begin, run
+from wiperjax.systems.oscillator import Oscillator
 
 
 @jax.jit
@@ -175,6 +176,20 @@ def test_single_precision_goes_with_an_output_that_knows_the_time():
     found = jax.jit(lambda case: run(case.problem, begin(case)))(case)
     assert Result(int(found.result)) == Result.FINISHED
     assert found.observed.output_integral.dtype == jnp.float32
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("belt", [WipingBelt(0.4, 0.1), TrapezoidBelt(0.4, 0.1, 2.0)])
+def test_single_precision_goes_with_a_belt_that_knows_the_time(belt):
+    """Its speed has the time's double precision: the work of friction ended in a traceback."""
+    found = {}
+    for dtype in (jnp.float32, jnp.float64):
+        integration = Integration(rtol=1e-5)
+        case = make_case(Oscillator(belt=belt), 20.0, integration=integration, dtype=dtype)
+        state = jax.jit(lambda case: run(case.problem, begin(case)))(case)
+        assert Result(int(state.result)) == Result.FINISHED
+        found[dtype] = float(state.observed.friction_work)
+    assert found[jnp.float32] == pytest.approx(found[jnp.float64], rel=1e-3)
 
 
 def test_elastic_ball_never_rests_and_keeps_its_energy():

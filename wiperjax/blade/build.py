@@ -1,5 +1,6 @@
 """A wiper and its start from the parameters of one cell."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -77,7 +78,8 @@ def make_law(law: Law, parameters: Mapping[str, Any]) -> AbstractFriction:
     """Return the friction law that a file names, of the numbers in ``parameters`` and, where one is
     left out, of its reference value.
 
-    Raises ValueError, one line that names the law, for numbers that do not go together.
+    Raises ValueError, one line that names the law and the keys of files, for numbers that do not
+    go together.
     """
     usual = {name: entry.reference for name, entry in law.parameters.items()}
     numbers = {key: parameters.get(name, usual[name]) for key, name in law.keys.items()}
@@ -86,7 +88,8 @@ def make_law(law: Law, parameters: Mapping[str, Any]) -> AbstractFriction:
             return replace(law.default, **numbers)
         return (law.found or LAW_CLASSES[law.name])(**numbers)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"friction = {law.name!r}: {error}") from error
+        said = re.sub(r"\w+", lambda word: law.keys.get(word[0], word[0]), str(error))
+        raise ValueError(f"friction = {law.name!r}: {said}") from error
 
 
 def start_state(wiper: Wiper, start: Start):

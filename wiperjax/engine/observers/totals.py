@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from ...contact.regimes import slip_sign
+from ...contact.system import like
 from ...numerics.elementary import larger, smaller, within
 from ...numerics.types import Scalar
 from ...vocabulary import checks
@@ -151,9 +152,11 @@ class RegimeTotals(AbstractObserver):
 
 def _powers(stretch) -> list[Scalar]:
     """Power that friction takes at the nodes of a stretch; none where there is no slip speed."""
+    nodes = stretch.nodes
+    speeds = [stretch.system.slip_speed(n.time, n.position, n.velocity) for n in nodes]
     return [
-        -n.forces.tangential * stretch.system.slip_speed(n.time, n.position, n.velocity)
-        for n in stretch.nodes
+        -n.forces.tangential * like(speed, n.velocity[0])
+        for n, speed in zip(nodes, speeds, strict=True)
     ]
 
 

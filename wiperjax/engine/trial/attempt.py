@@ -17,6 +17,7 @@ from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.elementary import larger, smaller
 from ...numerics.fusion_barrier import keep
+from ...numerics.known_zeros import absent
 from ...numerics.runge_kutta import NODES, Step, node_states, rk_step
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
@@ -116,13 +117,18 @@ def attempt(problem: Problem, state: State) -> Trial:
     )
     slots = zip(state.guards, *(values for _, _, values in looks), end_values, strict=True)
     share = keep(rounding_share(problem, state, step, h))
+    unsure: tuple = (0.0,) * len(state.guards)
+    if not absent(share.path):
+        # of what the state does to a guard: what time does to it is no rounding
+        ends = zip(state.guards, look(state.time, *step.y1)[2], strict=True)
+        unsure = keep(tuple(share.path * jnp.abs(stop_gradient(y - x)) for x, y in ends))
     # what is gathered along a stick, where nothing else limits a step, is as good as the motion
     coarse = smaller(COARSE, 100 * problem.rtol)
     highest = {FIRST: 3} | dict.fromkeys(stop_slots(system), 2)
     guards = tuple(
-        keep(examine(values, order, reach, share.path, size.sliver, highest.get(slot, 1), coarse))
-        for slot, (values, order, reach) in enumerate(
-            zip(slots, state.orders, state.reach, strict=True)
+        keep(examine(values, order, reach, noise, size.sliver, highest.get(slot, 1), coarse))
+        for slot, (values, order, reach, noise) in enumerate(
+            zip(slots, state.orders, state.reach, unsure, strict=True)
         )
     )
 

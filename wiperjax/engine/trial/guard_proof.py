@@ -19,7 +19,7 @@ from ...numerics.bernstein import (
 )
 from ...numerics.elementary import larger
 from ...numerics.fusion_barrier import keep
-from ...numerics.known_zeros import absent
+from ...numerics.known_zeros import plus
 from ...numerics.types import Scalar
 
 COARSE = 1e-4  # largest error of a guard's polynomial, over the guard, at which steps may grow
@@ -46,26 +46,18 @@ class Guard(NamedTuple):
     nodes: tuple  # values at the nodes
 
 
-def guard_noise(nodes, size, share) -> Scalar:
-    """Return what a guard of ``size`` may be off by rounding: its own, and that of the position
-    that it is taken at, which counts where the guard is steep.
-    """
-    own = NOISE[size.dtype.name] * float(jnp.finfo(size.dtype).eps) * size
-    if absent(share):
-        return own
-    return own + share * largest(tuple(x - nodes[0] for x in nodes[1:]))
-
-
-def examine(values, order, size, share, sliver, highest: int, coarse) -> Guard:
+def examine(values, order, size, unsure, sliver, highest: int, coarse) -> Guard:
     """Return what a guard with ``values`` at the nodes does.
 
     ``order``, at most ``highest``, is its zero at the start; ``size`` is the largest that was
-    committed so far: what its rounding errors scale with. ``share``: `control.Share`, of the path.
+    committed so far: what its own rounding errors scale with. ``unsure``: what those of the state
+    make of it, which counts where it is steep.
     ``coarse``: error of its polynomial, over the guard, from which on steps are not to grow.
     ``sliver``: hardly any time is left before a known time, and no event fires in it.
     """
     nodes = tuple(stop_gradient(x) for x in values)
-    noise = rounding = guard_noise(nodes, size, share)
+    own = NOISE[size.dtype.name] * float(jnp.finfo(size.dtype).eps) * size
+    noise = rounding = plus(own, unsure)
     # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
     # one that starts at zero, by the way it goes.
     order = jnp.where((order == 0) & (jnp.abs(nodes[0]) <= rounding), 1, order)
