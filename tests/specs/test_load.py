@@ -547,6 +547,20 @@ def test_notes_on_windows():
     assert "the glass turns back before it can carry the lip over (1.5 lip lengths)" in note
 
 
+def test_samples_too_coarse_for_the_turns_are_noted():
+    """A cell that finished was called failed, without a word why."""
+    spec = {
+        "system": "oscillator",
+        "belt": {"kind": "wiping", "amplitude": 0.4, "frequency": 0.01},
+        "axes": {"damping": {"values": [0.02, 0.1]}},
+        "run": {"transient": 100, "window": 200},
+    }
+    bands = {"squeal_band": [0.1, 1.0], "chatter_band": [0.02, 0.1]}
+    (note,) = parse_sweep(spec | {"classes": bands}).notes()
+    assert "reversal_window is 0.025 s, less than a sample (0.195 s)" in note
+    assert parse_sweep(spec | {"classes": bands | {"reversal_window": 2.0}}).notes() == []
+
+
 @pytest.mark.parametrize(
     ("window", "top", "samples"),
     [(0.4, 1000, 2048), (2.0, 1000, 10048), (0.03, 1000, 192), (1e-3, 1000, 64), (0.4, 2500, 5056)],

@@ -217,13 +217,16 @@ class SweepSpec(System):
             reach = np.abs(axis.values()).max()
             if self.parameter_table[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
+        around, interval = self.classes.reversal_window, self.run.window / self.samples
+        if "belt_frequency" in self.parameter_names and interval > around:
+            what = f"classes.reversal_window is {around:g} s, less than a sample ({interval:.3g} s)"
+            lines.append(f"{what}: a cell that sees no turn is called failed")
         if self.belt_kind != "steady" and "lip_length" in self.parameter_names:
             names = (*BELTS[self.belt.kind].values(), "lip_length")
             fixed = {name: np.atleast_1d(value) for name, value in self.fixed().items()}
             known = fixed | {name: axis.values() for name, axis in self.axes.items()}
             given = {name: np.abs(known[name]) for name in names}
-            windows = self.classes.reversal_window, self.run.window
-            lines += window_notes(self.belt.kind, given, *windows)
+            lines += window_notes(self.belt.kind, given, around, self.run.window)
         return lines
 
     def canonical(self) -> str:
