@@ -9,8 +9,9 @@ import xarray as xr
 
 from ..blade import numbers
 from ..blade.wiper import Wiper
-from ..cycles.cycle import Cycle, Found, close, find_cycle, same_word
-from ..cycles.return_map import Lost
+from ..cycles.cycle import Cycle, Found, close, same_word
+from ..cycles.find import find_cycle
+from ..cycles.shooting import Lost
 from ..noise.classes import label
 from ..noise.spectrum import dominant_frequency
 from ..runs.simulate import simulate

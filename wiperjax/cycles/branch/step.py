@@ -10,7 +10,8 @@ from ...blade import numbers
 from ..chart import Chart, chart
 from ..cycle import Cycle, cycle_at
 from ..orbit import event_margin, far_from_events, smooth_intervals
-from ..return_map import Lost, Point, Shooting, correct
+from ..return_map import Point, Shooting, correct
+from ..shooting import Lost
 
 LOCATED = 1e-7  # of a step's unit: how closely a special point is closed in
 NEAR = 0.05  # of the largest distance from an event: too near for the start of a cycle

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.optimize
 
 from ...vocabulary.codes import CurveEnd
-from ..return_map import Lost
+from ..shooting import Lost
 from .equations import Spot, Test, solve
 
 GENTLE = 0.8  # cosine of the largest turn within a step
