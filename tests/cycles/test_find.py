@@ -181,6 +181,42 @@ def test_on_either_side_of_a_doubling_the_cycle_is_that_settled_on(share, settle
         np.testing.assert_allclose(np.sort(np.real(cycle.multipliers)), pair, rtol=1e-7)
 
 
+class Beside(AbstractSystem):
+    """A driven first coordinate; beside it y'' + 0.4 y' + a y + y^3 = 0, which is not driven."""
+
+    unilateral: ClassVar[bool] = False
+    a: float = -0.5
+
+    def free_acceleration(self, t, q, v):
+        y = -0.4 * v[1] - self.a * q[1] - q[1] ** 3
+        return jnp.cos(1.7 * t) - 0.3 * v[0] - q[0], y
+
+    def directions(self, t, q):
+        return (0.0, 0.0), (0.0, 0.0)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0] - 100.0
+
+
+@pytest.mark.slow
+def test_a_pitchfork_that_the_first_coordinate_does_not_feel():
+    """Its mirror image had the same extremes of the first coordinate: it counted as met before."""
+    start = ((0.1, 0.7), (0.0, 0.0))
+    cycle = find_cycle(
+        Beside(), settle=200.0, initial_state=start, period=2 * math.pi / 1.7, over="a"
+    )
+    branch = follow(cycle, -0.55, 0.55, step=0.1)
+    assert [s.kind for s in branch.special] == ["branch_point"]
+    assert branch.special[0].parameter == pytest.approx(0.0, abs=1e-4)
+    assert branch.ends == ("the end of the range",) * 2
+    y = np.array([c.state[1] for c in branch.cycles])
+    assert y[0] * y[-1] < 0
+    np.testing.assert_allclose(y**2, -branch.parameters, atol=1e-4)
+
+
 @pytest.mark.slow
 def test_a_creep_towards_stick_is_no_cycle():
     """It closes to 5e-10, but a multiplier is 2e-4 from 1: the cycles that it creeps to, of stick,
