@@ -11,9 +11,10 @@ from systems import Block, Ring
 
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb
+from wiperjax.cycles.branch.bifurcations import change
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.chart import Turning, chart
-from wiperjax.cycles.cycle import close
+from wiperjax.cycles.cycle import Cycle, close
 from wiperjax.cycles.find import find_cycle, once
 from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import Lost
@@ -226,3 +227,16 @@ def test_a_creep_towards_stick_is_no_cycle():
     start = ((0.1,), (0.0,))
     cycle = find_cycle(creeping, settle=400.0, initial_state=start, period=1 / 0.11, over="load")
     assert cycle.found in (Found.NOT_ISOLATED, Found.NOT_CONVERGED)
+
+
+def test_events_that_change_are_counted_by_name():
+    """Of a burst of chatter they filled six hundred characters."""
+    cycle = Cycle(Ring(), Found.FOUND, word="capture release")
+    burst = "capture " + "kink reversal " * 20 + "release"
+    assert change(cycle, burst) == "+kink x20 +reversal x20"
+    assert change(cycle, "capture") == "-release"
+
+
+def test_a_walk_that_has_spent_its_points_says_what_helps(ring):
+    branch = follow(ring, 0.09, 0.2, step=0.01, most=3)
+    assert branch.ends[1] == "3 points: a longer step reaches farther"

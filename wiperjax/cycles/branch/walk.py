@@ -75,7 +75,7 @@ class Walk:
         self.steps.append(step)
         self.largest = max(self.largest, swing(self.shooting, step.cycle))
         if len(self.steps) > self.most and not self.end:
-            self.end = f"{self.most} points"
+            self.end = f"{self.most} points: a longer step reaches farther"
 
     def _room(self, here: BranchStep) -> float:
         """Longest step: no longer than a part of the amplitude, where that vanishes."""

@@ -64,7 +64,7 @@ class Walk:
             straight = turn(here, ahead) > STRAIGHT
             length *= 1.4 if straight else 1.0
             if len(self.spots) > self.most and self.end is None:
-                self._stop(CurveEnd.POINTS, f"{self.most} points")
+                self._stop(CurveEnd.POINTS, f"{self.most} points: a longer step reaches farther")
 
     def _stop(self, end: CurveEnd, detail: str) -> None:
         self.end, self.detail = end, detail
