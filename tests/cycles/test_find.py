@@ -53,6 +53,18 @@ def test_chatter_in_bursts_of_impacts_is_passed_once():
         assert cycle.word.count("lift_off") == 1
 
 
+@pytest.mark.slow
+def test_bursts_that_turn_the_lip_in_some_periods_only_are_passed_once():
+    """Four periods, of which one turned the lip between two samples of a burst: five returns."""
+    belt, angle = wiperjax.SteadyBelt(0.56327315), math.radians(-33.909779)
+    blade = wiperjax.Wiper(
+        belt=belt, attack_angle=angle, normal_load=6.7165158, support_stiffness=6997.2405
+    )
+    cycle = find_cycle(blade, settle=0.5, over="belt_speed")
+    assert cycle.found == Found.FOUND and cycle.word.count("lift_off") == 1
+    assert cycle.period == pytest.approx(0.013550882, rel=1e-6)
+
+
 class Struck(AbstractSystem):
     """A block of mass 1 on a spring of stiffness 1 and on a belt, which carries it into a stop."""
 

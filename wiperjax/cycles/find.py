@@ -118,16 +118,20 @@ def _near(guess: Guess, settle: float) -> Cycle:
 
 
 def once(cycle: Cycle) -> Cycle:
-    """Return a cycle passed once, if it is one of a part of its period, passed several times."""
+    """Return a cycle passed once, if it is one of a part of its period, passed several times.
+
+    Returns to a section may lie between two samples in one period and not in another: their number
+    bounds that of the parts. That of a clock's periods is divided by it.
+    """
     shooting, state = cycle.shooting, cycle.state
     if shooting is None or state is None:
         return cycle
     whole = shooting.repeats
-    for parts in (j for j in range(whole, 1, -1) if whole % j == 0):
+    for parts in (j for j in range(whole, 1, -1) if shooting.clock is None or whole % j == 0):
         start = {"phase": cycle.phase, "regime": cycle.regime}
         early = shooting.motion(cycle.system, state, cycle.period, part=1 / parts, **start)
         if np.all(np.abs(early.state - state) < AGAIN * shooting.scale):
-            shorter = replace(shooting, repeats=whole // parts)
+            shorter = replace(shooting, repeats=max(1, whole // parts))
             phase = parts * cycle.phase % 1.0
             found = close(shorter, state, cycle.regime, cycle.period / parts, phase)
             return found if found.multipliers is not None else cycle
