@@ -8,7 +8,7 @@ import pytest
 import wiperjax
 from wiperjax import Coulomb, parameter
 from wiperjax.contact import fits
-from wiperjax.cycles.cycle import find_cycle
+from wiperjax.cycles.find import find_cycle
 from wiperjax.engine.arguments import check_state
 from wiperjax.systems.oscillator import Oscillator
 

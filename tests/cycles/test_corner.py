@@ -21,7 +21,8 @@ from wiperjax import SteadyBelt
 from wiperjax.cycles.branch import walk
 from wiperjax.cycles.branch.bifurcations import corner_kind
 from wiperjax.cycles.branch.follow import follow
-from wiperjax.cycles.cycle import Cycle, Found, find_cycle, same_word
+from wiperjax.cycles.cycle import Cycle, Found, same_word
+from wiperjax.cycles.find import find_cycle
 from wiperjax.systems.oscillator import Oscillator
 
 

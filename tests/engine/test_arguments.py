@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 import wiperjax
-from wiperjax import plots, remedy, sound
+from wiperjax import cycles, plots, remedy, sound
 from wiperjax.cycles import cycle
 from wiperjax.cycles.branch import dataset as branch_dataset
 from wiperjax.cycles.branch import follow, up_and_down
@@ -248,7 +248,7 @@ CASES = {
     "configure": (wiperjax.configure, {}, {"cores": [*NO_COUNT, 0], "keep": [1, "no"]}),
     "RegimeTotals": (wiperjax.RegimeTotals, {}, {"start": NO_NUMBER[:-1]}),
     "find_cycle": (
-        cycle.find_cycle,
+        cycles.find_cycle,
         {"system": BLADE, "settle": 0.1},
         {
             "system": MOTION["system"],

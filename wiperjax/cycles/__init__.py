@@ -1,7 +1,7 @@
 """Periodic motions, and branches of them.
 
-Read `cycle` (a periodic motion with its multipliers), `return_map`, `shooting`, `chart`, `orbit`,
-`first_guess`; then `branch`, and `curve`.
+Read `cycle` (a periodic motion with its multipliers), `find`, `return_map`, `shooting`, `chart`,
+`orbit`, `returns`, `first_guess`; then `branch`, and `curve`.
 """
 
 from .branch.dataset import branch_dataset as branch_dataset
@@ -14,5 +14,5 @@ from .curve.follow import follow_curves as follow_curves
 from .cycle import Cycle as Cycle
 from .cycle import close as close
 from .cycle import cycle_at as cycle_at
-from .cycle import find_cycle as find_cycle
+from .find import find_cycle as find_cycle
 from .return_map import Found as Found

@@ -11,7 +11,7 @@ import scipy.linalg
 from ..contact.space import contact
 from ..numerics.kept import Kept
 from ..vocabulary.codes import Regime
-from .shooting import SMALL
+from .shooting import SMALL, Lost
 
 
 class Chart(NamedTuple):
@@ -41,7 +41,7 @@ def chart(system, state, time, regime: int, scale, section=None) -> Chart:
     """Return coordinates of the states near ``state`` in ``regime``, on ``section`` if given.
 
     ``section(t, q, v)`` is a function of time, positions and velocities q' that vanishes there.
-    Raises ValueError if the contact can not be told from the coordinates.
+    Raises `Lost` if no motion in ``regime`` crosses the section: one that stick holds, say.
     """
     state, scale = np.asarray(state, float), np.asarray(scale, float)
     values, slopes = _constraints(system, jnp.asarray(time, float), jnp.asarray(state), section)
@@ -55,7 +55,10 @@ def chart(system, state, time, regime: int, scale, section=None) -> Chart:
     wide = _null_space(rows, scale)
     if section is None:
         return Chart(state, wide, wide, scale, regime)
-    towards = wide @ (wide.T @ crossing)  # the shortest way to the section that keeps the contact
+    slope = wide.T @ crossing
+    if np.linalg.norm(slope) <= SMALL * np.linalg.norm(crossing * scale):
+        raise Lost(f"in {Regime(regime).name.lower()} no motion crosses the section")
+    towards = wide @ slope  # the shortest way to the section that keeps the contact
     distance = values[3] / (crossing @ towards)
     basis = _null_space([*rows, crossing], scale)
     return Chart(state - distance * towards, basis, wide, scale, regime)
@@ -91,3 +94,14 @@ class Turning(eqx.Module):
 
     def __call__(self, t, q, v) -> Any:
         return v[self.coordinate]
+
+
+class Passing(eqx.Module):
+    """A section: zero where a coordinate passes a level; it falls where that goes as ``sense``."""
+
+    coordinate: int = eqx.field(static=True)
+    level: Any
+    sense: Any  # 1: upwards, -1: downwards
+
+    def __call__(self, t, q, v) -> Any:
+        return self.sense * (self.level - q[self.coordinate])

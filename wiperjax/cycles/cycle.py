@@ -5,27 +5,22 @@ monodromy matrix, the derivative of the motion through all its events (`shooting
 """
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from ..blade import numbers
 from ..contact.system import AbstractSystem
-from ..engine.arguments import check_system, coordinates
-from ..vocabulary import checks
-from ..vocabulary.ranges import POSITIVE, SETTINGS
 from .chart import chart
-from .clock import check_clock, refuse_a_clock
-from .first_guess import driven_guess, free_guess, moving
+from .first_guess import moving
 from .orbit import slip_margin, words
 from .return_map import Found as Found
-from .return_map import Lost, Point, Shooting, correct
-from .shooting import Arc
+from .return_map import Point, Shooting, correct
+from .shooting import Arc, Lost
 
 ISOLATED = 1e-6  # distance of a multiplier from 1
+TOLD = 1e-6  # of the size of the motion: how closely a cycle is known that is isolated
 
 
 @dataclass(frozen=True)
@@ -72,86 +67,22 @@ class Cycle:
         return self.multipliers is not None and bool(np.all(np.abs(self.multipliers) < 1))
 
 
-def find_cycle(
-    system: AbstractSystem,
-    *,
-    settle: float,
-    initial_state=None,
-    period: Callable[[AbstractSystem], Any] | float | None = None,
-    section: Callable | None = None,
-    over: str | None = None,
-    varied: Sequence[str] = (),
-    rtol: float = 1e-10,
-    max_step: float | None = None,
-) -> Cycle:
-    """Return the limit cycle that a simulation of ``settle`` seconds comes to.
-
-    **Main arguments:** ``system``; ``settle`` [s], time after which the motion is near its cycle;
-    ``initial_state`` = (position, q') (default: the system's own start).
-
-    **Other arguments:** ``period`` of what drives the system [s], a number, or a function of the
-    system if it depends on what will be varied; None: nothing depends on time (a steady belt).
-    ``section(t, q, v)``, a function of positions and velocities q' on whose zeros the cycle of a
-    system without a clock starts, where the settled motion falls through it (default: where the
-    first coordinate that moves is highest). ``over``, name of the
-    number that `branch.follow` will vary; ``varied``, numbers that `remedy` will: named here, they
-    share its compiled program. ``rtol`` and ``max_step`` [s] of the integration.
-
-    **Returns** a `Cycle`; ``found`` says whether there is one, else why not.
-
-    Raises ValueError for arguments that cannot be meant.
-    """
-    check_system(system)
-    settle = checks.number("settle", settle, POSITIVE)
-    rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
-    if max_step is not None:
-        max_step = checks.number("max_step", max_step, POSITIVE)
-    checks.names("varied", varied)
-    if section is not None and not callable(section):
-        raise ValueError(f"section must be a function, but was {checks.shown(section)}")
-    if not callable(period) and period is not None:
-        checks.number("period", period, POSITIVE)
-    varied = tuple(varied) if over is None else (over, *varied)
-    system = numbers.traceable(system, *varied)
-    start = coordinates(system, initial_state)
-    state = np.concatenate([np.asarray(part, float).ravel() for part in start])
-    clock = period if callable(period) or period is None else _constant(float(period))
-    typical = _typical(system, len(state) // 2)
-    shooting = Shooting(system, over, clock, None if clock else section, 1, typical, 1.0)
-    shooting = replace(shooting, rtol=rtol, max_step=max_step, varied=varied)
-    if over is not None:
-        size = abs(numbers.value(system, over))
-        shooting = replace(shooting, parameter_scale=size or 1.0)
-    beside = (state + 0.1 * typical)[None]
-    if clock is None:
-        refuse_a_clock(system, beside, settle)
-    else:
-        check_clock(shooting, beside)
-    try:
-        if clock is None:
-            guess = free_guess(shooting, state, settle)
-        else:
-            guess = driven_guess(shooting, state, settle)
-    except Lost as lost:
-        return Cycle(system, Found.TRAJECTORY_FAILED, why=str(lost))
-    if isinstance(guess, Found):
-        return Cycle(system, guess)
-    shooting, state, phase, regime, length = guess
-    return close(shooting, state, regime, length, phase)
-
-
 def close(shooting: Shooting, state, regime: int, period: float, phase: float = 0.0) -> Cycle:
     """Return the cycle near ``state``, in ``regime`` at ``phase``, by Newton's method."""
     parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
     shooting = replace(shooting, period_scale=period)
-    where = chart(shooting.system, state, phase * period, regime, shooting.scale, shooting.section)
+    scale, section = shooting.scale, shooting.section
+    try:
+        where = chart(shooting.system, state, phase * period, regime, scale, section)
+    except Lost as lost:
+        return Cycle(shooting.system, Found.NOT_CONVERGED, why=str(lost), shooting=shooting)
     guess = np.zeros(where.basis.shape[1])
     if shooting.clock is None:
         guess = np.append(guess, 1.0)
     point = correct(shooting, where, phase, np.append(guess, parameter / shooting.parameter_scale))
     if point is None:
         return Cycle(shooting.system, Found.NOT_CONVERGED, shooting=shooting)
-    if not np.any(moving(point.motion.samples, _typical(shooting.system, len(where.origin) // 2))):
+    if not np.any(moving(point.motion.samples, typical(shooting.system, len(where.origin) // 2))):
         return Cycle(shooting.system, Found.AT_REST, shooting=shooting)
     return cycle_at(shooting, point)
 
@@ -172,7 +103,9 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
     values = np.zeros(2 * n - (shooting.clock is None), complex)
     values[: len(monodromy)] = np.linalg.eigvals(monodromy)
     values = values[np.argsort(-np.abs(values), kind="stable")]
-    isolated = np.min(np.abs(values - 1)) > ISOLATED
+    apart = np.min(np.abs(values - 1))
+    # a root lies residual / apart away: a creep to a family of cycles closes, but nowhere near one
+    isolated = apart > ISOLATED and point.residual < TOLD * apart
     totals, period = motion.totals, point.period
     word, regimes = words(motion)
     return Cycle(
@@ -199,17 +132,7 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
     )
 
 
-class _constant:
-    """A period that depends on nothing (compares by value, for the sake of compiled programs)."""
-
-    def __init__(self, value: float):
-        self.value = value
-
-    def __call__(self, system):
-        return self.value
-
-
-def _typical(system, n: int) -> np.ndarray:
+def typical(system, n: int) -> np.ndarray:
     """Typical sizes of a state, (2n,)."""
     return np.concatenate([np.asarray(s, float) for s in system.scales(n)])
 

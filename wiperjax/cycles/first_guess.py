@@ -1,20 +1,18 @@
 """From a simulation to a first guess of its cycle: where it starts, and how long it takes."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..blade import numbers
-from ..vocabulary import checks
-from ..vocabulary.codes import Result
-from .chart import Turning
+from .chart import Passing, Turning
 from .clock import STATES, check_clock, refuse_a_clock
-from .orbit import crossings, event_margin, far_from_events, smooth_intervals
-from .return_map import FAIR, Found, Lost, Shooting
+from .orbit import event_margin, falls, far_from_events, smooth_intervals
+from .return_map import Found, Shooting
+from .returns import looked_at, on_section, passages
 from .shooting import SAMPLES, Arc
 
 STILL = 1e-6  # of the typical size: a coordinate that swings less rests
@@ -22,52 +20,79 @@ ALIKE = 0.05  # of the size of the motion: how near a settled motion must come b
 MOST_RETURNS = 8  # to the section, or periods of the clock, in one period of the motion
 
 
-def free_guess(shooting: Shooting, state, settle: float):
-    """Return (shooting, state, phase, regime, period) near the cycle of a steady system.
+class Guess(NamedTuple):
+    """A start near a cycle."""
 
-    Its section is, if ``shooting`` has none, where the first coordinate that moves turns. Raises
-    ValueError if the settled motion does not cross the section that it has.
+    shooting: Shooting
+    state: np.ndarray  # (2n,)
+    regime: int
+    period: float
+    phase: float = 0.0
+
+
+def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | Found]:
+    """Yield guesses of the cycle of a steady system that a simulation comes to, the best first.
+
+    Its section is, if ``shooting`` has none, where the first coordinate that moves turns; a blow
+    may turn it, or stick may begin there: then where it passes the middle of its range. Raises
+    ValueError if the settled motion does not cross the section that ``shooting`` has.
     """
-    typical = shooting.scale
-    motion = _run(shooting, state, -1, settle, 1e-7)
+    motion = looked_at(shooting, state, -1, settle, 1e-7)
     refuse_a_clock(shooting.system, motion.samples[:: SAMPLES // STATES], settle)
-    window, section = 0.25 * settle, shooting.section
+    motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), 0.25 * settle, 1e-8)
+    moves = moving(motion.samples, shooting.scale)
+    if not np.any(moves):
+        yield Found.AT_REST
+    elif shooting.section is not None:
+        yield _guess(shooting, motion, shooting.section)
+    else:
+        coordinate = int(np.argmax(moves))
+        yield _guess(shooting, motion, Turning(coordinate))
+        yield _guess(shooting, motion, _middle(motion, coordinate))
+
+
+def _middle(motion: Arc, coordinate: int) -> Passing:
+    """Return the section in the middle of a coordinate's range, passed the way that is faster."""
+    n = motion.samples.shape[1] // 2
+    place, speed = motion.samples[:, coordinate], motion.samples[:, n + coordinate]
+    level = 0.5 * (np.min(place) + np.max(place))
+    up, down = (np.max(speed[falls(s * (level - place))], initial=0) for s in (1, -1))
+    return Passing(coordinate, level, 1.0 if up > down else -1.0)
+
+
+def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Found:
+    """Return the guess on ``section`` of a settled motion that goes on from ``motion``, or why
+    there is none."""
+    typical, window = shooting.scale, float(motion.times[-1])
+    longest = 16 * window
     for _ in range(8):
-        motion = _run(shooting, motion.state, int(motion.regimes[-1]), window, 1e-8)
-        moves = moving(motion.samples, typical)
-        if not np.any(moves):
+        motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), window, 1e-8)
+        if not np.any(moving(motion.samples, typical)):
             return Found.AT_REST
-        chosen = section or Turning(int(np.argmax(moves)))
-        values = _on_section(chosen, motion)
-        times = crossings(motion, values)
-        if len(times) < 6 and window < 4 * settle:
+        values = on_section(section, motion)
+        count = len(falls(values))
+        if count < 6 and window < longest:
             window *= 2
-        elif len(times) > 14:  # enough samples for each of them
-            window *= 9 / len(times)
+        elif count > 14:  # enough samples for each of them
+            window *= 9 / count
         else:
             break
-    if section is not None and not len(times):
+    if shooting.section is not None and not count:
         raise ValueError(
             "section must fall through 0 somewhere on the settled motion, "
             f"but there was {np.min(values):g} to {np.max(values):g}"
         )
-    if len(times) < 2:
-        return Found.NOT_PERIODIC
+    found = passages(shooting, motion, section, values)
+    times, states = (np.array([getattr(p, name) for p in found]) for name in ("time", "state"))
     scale = _sizes(motion, typical)
-    at = np.clip(np.searchsorted(motion.times, times) - 1, 0, len(motion.times) - 2)
-    part = ((times - motion.times[at]) / np.diff(motion.times)[at])[:, None]
-    states = (1 - part) * motion.samples[at] + part * motion.samples[at + 1]
-    for k in range(1, min(MOST_RETURNS, len(times) - 1) + 1):
+    for k in range(1, min(MOST_RETURNS, len(found) - 1) + 1):
         if np.all(np.abs(states[k:] - states[:-k]) < ALIKE * scale):
             break
     else:
         return Found.NOT_PERIODIC
-    length = float(np.mean(times[k:] - times[:-k]))
-    whole = (motion.regimes[at] == motion.regimes[at + 1])[-k:]
-    heights = np.where(whole | ~whole.any(), states[-k:, 0], -np.inf)
-    best = len(states) - k + int(np.argmax(heights))  # the highest one away from events
-    shooting = replace(shooting, scale=scale, section=chosen)
-    return shooting, states[best], 0.0, int(motion.regimes[at[best]]), length
+    best = max(found[-k:], key=lambda p: (p.smooth, p.state[0]))  # the highest away from events
+    shooting = replace(shooting, scale=scale, section=section, repeats=k)
+    return Guess(shooting, best.state, best.regime, float(np.mean(times[k:] - times[:-k])))
 
 
 def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
@@ -76,25 +101,14 @@ def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
     return np.ptp(samples[:, :n], axis=0) > STILL * typical[:n]
 
 
-def _on_section(section: Callable, motion: Arc) -> np.ndarray:
-    """Return ``section`` at the samples of a motion, (samples,)."""
-    n = motion.samples.shape[1] // 2
-    values = jax.vmap(lambda t, x: section(t, tuple(x[:n]), tuple(x[n:])))(
-        jnp.asarray(motion.times), jnp.asarray(motion.samples)
-    )
-    if np.shape(values) != motion.times.shape:
-        raise ValueError(f"section must give one number, but gave {checks.shown(values)}")
-    return np.asarray(values)
-
-
-def driven_guess(shooting: Shooting, state, settle: float):
-    """Return (shooting, state, phase, regime, period) near the cycle of a driven system."""
+def driven_guess(shooting: Shooting, state, settle: float) -> Guess | Found:
+    """Return a guess of the cycle of a driven system that a simulation comes to."""
     parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
     one, _ = shooting.driven_period(parameter)
-    motion = _run(shooting, state, -1, max(1.0, math.ceil(settle / one)) * one, 1e-8)
+    motion = looked_at(shooting, state, -1, max(1.0, math.ceil(settle / one)) * one, 1e-8)
     states, motions = [motion.state], []
     for _ in range(MOST_RETURNS):
-        motion = _run(shooting, motion.state, int(motion.regimes[-1]), one, shooting.rtol)
+        motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), one, shooting.rtol)
         motions.append(motion)
         states.append(motion.state)
     samples = np.concatenate([m.samples for m in motions])
@@ -117,15 +131,7 @@ def driven_guess(shooting: Shooting, state, settle: float):
     index = far_from_events(regimes, smooth, margin)
     i, j = divmod(index, len(motions[0].times) - 1)
     phase = float(times[index] / (k * one))
-    return shooting, motions[i].samples[j], phase, int(regimes[index]), k * one
-
-
-def _run(shooting: Shooting, state, regime: int, length: float, rtol: float) -> Arc:
-    """Return a motion that is looked at only. Raises `Lost` if it ends early."""
-    moved = shooting.motion(shooting.system, state, length, regime=regime, rtol=rtol)
-    if int(moved.result) not in FAIR:
-        raise Lost(f"the motion ended early: {Result(int(moved.result)).name.lower()}")
-    return moved
+    return Guess(shooting, motions[i].samples[j], int(regimes[index]), k * one, phase)
 
 
 def _sizes(motion: Arc, typical: np.ndarray) -> np.ndarray:

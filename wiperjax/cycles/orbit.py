@@ -77,11 +77,9 @@ def _share(values: np.ndarray) -> np.ndarray:
     return values / largest if largest > 0 else np.ones_like(values)
 
 
-def crossings(motion: Arc, values: np.ndarray) -> np.ndarray:
-    """Return the times, between the samples, at which ``values`` (samples,) fall through zero."""
-    at = np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
-    part = values[at] / (values[at] - values[at + 1])
-    return motion.times[at] + part * np.diff(motion.times)[at]
+def falls(values: np.ndarray) -> np.ndarray:
+    """Return the intervals between samples in which ``values`` (samples,) fall through zero."""
+    return np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
 
 
 def slip_margin(motion: Arc) -> float:

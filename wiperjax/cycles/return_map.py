@@ -19,7 +19,7 @@ from ..blade import numbers
 from ..contact.system import AbstractSystem
 from ..vocabulary.codes import Result
 from .chart import Chart
-from .shooting import Arc, shoot
+from .shooting import Arc, Lost, shoot
 
 CLOSED = 1e-9  # of the return map, relative to the size of the motion: larger is no cycle
 ENOUGH = 1e-11  # closed to rounding
@@ -34,12 +34,8 @@ class Found(IntEnum):
     AT_REST = 1  # the motion dies out: quiet
     NOT_PERIODIC = 2  # no return (`first_guess.MOST_RETURNS`): settle for longer, or chaos
     NOT_CONVERGED = 3  # Newton's method did not close the orbit
-    NOT_ISOLATED = 4  # closed, but with a multiplier 1 beside the trivial one: a fold, or a family
+    NOT_ISOLATED = 4  # closed, but with a multiplier (nearly) 1 beside the trivial: fold, or family
     TRAJECTORY_FAILED = 5  # the motion ended early (collapsed, or a failure of the engine)
-
-
-class Lost(RuntimeError):
-    """A motion on the way to a cycle that did not reach its end; its text says why."""
 
 
 class _Closed(Exception):
@@ -54,7 +50,7 @@ class Shooting:
     over: str | None  # number of the system that is varied
     clock: Callable[[AbstractSystem], Any] | None  # period of what drives it, or None
     section: Callable | None
-    repeats: int  # periods of the clock in one of the motion
+    repeats: int  # periods of the clock, or returns to the section, in one of the motion
     scale: np.ndarray  # (2n,) sizes of the motion
     period_scale: float
     parameter_scale: float = 1.0

@@ -27,6 +27,10 @@ EVENTS = 256  # of an arc, that are told apart
 SMALL = 1e-12  # of the typical size: what is rounding
 
 
+class Lost(RuntimeError):
+    """A motion on the way to a cycle that did not come to it; its text says why."""
+
+
 class Arc(NamedTuple):
     """The motion over a stretch of time. n coordinates; a state is (position, q'), 2 n numbers.
 

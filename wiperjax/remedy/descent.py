@@ -10,8 +10,9 @@ import xarray as xr
 from ..blade import numbers
 from ..blade.wiper import Wiper
 from ..cycles.branch.dataset import column_attributes
-from ..cycles.cycle import Cycle, Found, close, find_cycle, same_word
-from ..cycles.return_map import Lost
+from ..cycles.cycle import Cycle, Found, close, same_word
+from ..cycles.find import find_cycle
+from ..cycles.shooting import Lost
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, Range
 from .gradient import MEASURES, sensitivities

@@ -4,6 +4,7 @@ Where the events keep their order the return map is smooth, and a test function 
 Where they change it has a corner, named by what comes or goes.
 """
 
+from collections import Counter
 from collections.abc import Callable
 from difflib import SequenceMatcher
 from typing import NamedTuple
@@ -69,16 +70,16 @@ TESTS: tuple[tuple[str, str, Callable[[BranchStep], float]], ...] = (
 
 
 def change(cycle: Cycle, word: str) -> str:
-    """Return what separates two words of events, as text: ``-kink -kink +capture``.
+    """Return what separates two words of events, as text: ``-kink x2 +capture``.
 
     Empty if only the regimes between the events are others.
     """
     before = cycle.word.split()
     after, codes = _compared(before, word.split())
-    parts = []
+    parts: Counter[str] = Counter()
     for a, b, c, d in codes:
-        parts += [f"-{name}" for name in before[a:b]] + [f"+{name}" for name in after[c:d]]
-    return " ".join(parts)
+        parts.update([f"-{name}" for name in before[a:b]] + [f"+{name}" for name in after[c:d]])
+    return " ".join(f"{part} x{n}" if n > 1 else part for part, n in parts.items())
 
 
 def _compared(before: list[str], after: list[str]):

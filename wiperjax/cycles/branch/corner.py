@@ -12,7 +12,8 @@ import numpy as np
 
 from ..cycle import same_word
 from ..orbit import words
-from ..return_map import Lost, Shooting
+from ..return_map import Shooting
+from ..shooting import Lost
 from .bifurcations import change
 from .step import LOCATED, BranchStep, ahead_of, centred, direction, near, place
 

@@ -26,7 +26,8 @@ from ...vocabulary.cf import units_text
 from ...vocabulary.wording import not_there
 from ..curve.dataset import curves_dataset
 from ..curve.follow import follow_curves
-from ..cycle import Found, find_cycle
+from ..find import find_cycle
+from ..return_map import Found
 from .dataset import branch_dataset
 from .follow import follow
 from .up_and_down import up_and_down
@@ -36,7 +37,7 @@ _ADVICE = {
     Found.NOT_PERIODIC: "its motion is not periodic within run.duration; make that longer (where a "
     "coordinate drifts, as the height of what falls, no motion is)",
     Found.NOT_CONVERGED: "Newton's method found none near it; make run.duration longer",
-    Found.NOT_ISOLATED: "its cycle is at a fold; start at another value",
+    Found.NOT_ISOLATED: "its cycle is at a fold, or one of a family; start at another value",
     Found.TRAJECTORY_FAILED: "its motion ends early",
 }
 

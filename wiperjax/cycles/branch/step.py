@@ -10,7 +10,8 @@ from ...blade import numbers
 from ..chart import Chart, chart
 from ..cycle import Cycle, cycle_at
 from ..orbit import event_margin, far_from_events, smooth_intervals
-from ..return_map import Lost, Point, Shooting, correct
+from ..return_map import Point, Shooting, correct
+from ..shooting import Lost
 
 LOCATED = 1e-7  # of a step's unit: how closely a special point is closed in
 NEAR = 0.05  # of the largest distance from an event: too near for the start of a cycle
@@ -75,11 +76,17 @@ def step_at(shooting: Shooting, point: Point, onward) -> BranchStep:
 
 
 def place(shooting: Shooting, step: BranchStep) -> np.ndarray:
-    """Extremes, period and parameter in scaled numbers: where the cycle is, wherever it starts."""
-    size, cycle = shooting.scale[0], step.cycle
-    extremes = cycle.maximum / size, cycle.minimum / size
+    """Where the cycle is, wherever it starts, in scaled numbers.
+
+    The first coordinate's extremes; mean and deviation of the others, which samples tell better;
+    period and parameter.
+    """
+    cycle, motion = step.cycle, step.point.motion
+    n = len(shooting.scale) // 2
+    others = motion.samples[:-1, 1:n] / shooting.scale[1:n]
+    first = np.array([cycle.maximum, cycle.minimum]) / shooting.scale[0]
     rest = cycle.period / shooting.period_scale, step.point.parameter / shooting.parameter_scale
-    return np.array([*extremes, *rest])
+    return np.concatenate([first, np.mean(others, axis=0), np.std(others, axis=0), rest])
 
 
 def swing(shooting: Shooting, cycle: Cycle) -> float:

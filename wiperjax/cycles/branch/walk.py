@@ -8,6 +8,7 @@ import numpy as np
 
 from ..cycle import same_word
 from ..return_map import Shooting
+from ..shooting import Lost
 from .bifurcations import TESTS, Special, change, corner_kind, doubled, turning
 from .corner import SHORT, beyond, edge_of, smooth
 from .step import (
@@ -51,24 +52,30 @@ class Walk:
         self._append(first)
         length = 0.3 * self.longest
         while not self.end:
-            here = centred(self.shooting, self.steps[-1])
-            length = min(length, self._room(here))
-            ahead = ahead_of(self.shooting, here, length)
-            found = self._smoothly(here, ahead, length)
-            if ahead is not None and found is not None:
-                self._take(here, ahead, length, found)
-                turn = direction(self.shooting, here) @ direction(self.shooting, ahead)
-                length = min(self.longest, length * (1.4 if turn > STRAIGHT else 1.0))
-            elif length > SHORT * self.longest:
-                length *= 0.5
-            else:
-                length = self._round(here, length)
+            try:
+                length = self._onward(length)
+            except Lost as lost:
+                self.end = str(lost)
+
+    def _onward(self, length: float) -> float:
+        """Go on by ``length``, or find out why not. Returns the length to go on with."""
+        here = centred(self.shooting, self.steps[-1])
+        length = min(length, self._room(here))
+        ahead = ahead_of(self.shooting, here, length)
+        found = self._smoothly(here, ahead, length)
+        if ahead is not None and found is not None:
+            self._take(here, ahead, length, found)
+            turn = direction(self.shooting, here) @ direction(self.shooting, ahead)
+            return min(self.longest, length * (1.4 if turn > STRAIGHT else 1.0))
+        if length > SHORT * self.longest:
+            return 0.5 * length
+        return self._round(here, length)
 
     def _append(self, step: BranchStep) -> None:
         self.steps.append(step)
         self.largest = max(self.largest, swing(self.shooting, step.cycle))
         if len(self.steps) > self.most and not self.end:
-            self.end = f"{self.most} points"
+            self.end = f"{self.most} points: a longer step reaches farther"
 
     def _room(self, here: BranchStep) -> float:
         """Longest step: no longer than a part of the amplitude, where that vanishes."""

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.optimize
 
 from ...vocabulary.codes import CurveEnd
-from ..return_map import Lost
+from ..shooting import Lost
 from .plane import Plane
 
 CLOSED = 1e-9  # of the equations, in scaled numbers: larger is no solution

@@ -16,7 +16,8 @@ from ..branch.follow import MOST_POINTS, Branch
 from ..branch.step import chart_at
 from ..chart import chart
 from ..cycle import Cycle
-from ..return_map import Lost, Shooting
+from ..return_map import Shooting
+from ..shooting import Lost
 from .equations import Equations, Facts, solve
 from .fold import Fold
 from .hopf import Hopf

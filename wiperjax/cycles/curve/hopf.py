@@ -22,8 +22,7 @@ from ...contact.space import contact
 from ...numerics.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..chart import Chart, chart
-from ..return_map import Lost
-from ..shooting import tidy
+from ..shooting import Lost, tidy
 from .equations import Equations, Facts, Test, null, solve
 from .plane import placed
 

@@ -12,8 +12,8 @@ from ..branch.step import chart_at, swing
 from ..chart import Chart
 from ..cycle import Cycle, cycle_at, same_word
 from ..orbit import event_margin, far_from_events, smooth_intervals, words
-from ..return_map import Lost, Point, Shooting
-from ..shooting import Arc
+from ..return_map import Point, Shooting
+from ..shooting import Arc, Lost
 from .equations import Equations, Facts, Spot
 
 LOOKED = (1e-5, 1e-4, 1e-3, 1e-2)  # how far ahead it is looked for what stops a curve

@@ -18,8 +18,8 @@ from ...contact.space import contact
 from ...numerics.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..orbit import slip_minimum
-from ..return_map import Lost, Shooting
-from ..shooting import Arc
+from ..return_map import Shooting
+from ..shooting import Arc, Lost
 from .equations import Spot, Test, solve
 from .of_cycles import OfCycles
 from .plane import placed

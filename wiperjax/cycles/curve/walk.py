@@ -11,7 +11,7 @@ import numpy as np
 import scipy.optimize
 
 from ...vocabulary.codes import CurveEnd
-from ..return_map import Lost
+from ..shooting import Lost
 from .equations import Spot, Test, solve
 
 GENTLE = 0.8  # cosine of the largest turn within a step
@@ -64,7 +64,7 @@ class Walk:
             straight = turn(here, ahead) > STRAIGHT
             length *= 1.4 if straight else 1.0
             if len(self.spots) > self.most and self.end is None:
-                self._stop(CurveEnd.POINTS, f"{self.most} points")
+                self._stop(CurveEnd.POINTS, f"{self.most} points: a longer step reaches farther")
 
     def _stop(self, end: CurveEnd, detail: str) -> None:
         self.end, self.detail = end, detail

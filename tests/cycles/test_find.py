@@ -1,0 +1,254 @@
+"""The cycle that a simulation comes to: on a section that it passes, and passed once."""
+
+import math
+from dataclasses import replace
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import Block, Ring
+
+import wiperjax
+from wiperjax import AbstractSystem, Coulomb
+from wiperjax.cycles.branch.bifurcations import change
+from wiperjax.cycles.branch.follow import follow
+from wiperjax.cycles.chart import Turning, chart
+from wiperjax.cycles.cycle import Cycle, close
+from wiperjax.cycles.find import find_cycle, once
+from wiperjax.cycles.return_map import Found
+from wiperjax.cycles.shooting import Lost
+from wiperjax.systems.oscillator import Oscillator
+
+
+@pytest.fixture(scope="module")
+def ring():
+    return find_cycle(Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", [-30.0, -27.0, -22.0])
+def test_chatter_whose_lip_turns_just_after_its_release(angle):
+    """Stick, release and turning lay between two samples: the start was a mixture of both regimes,
+    and chatter at 185 Hz was called quiet."""
+    belt = wiperjax.SteadyBelt(0.3)
+    blade = wiperjax.Wiper(belt=belt, attack_angle=math.radians(angle))
+    cycle = find_cycle(blade, settle=0.3, over="attack_angle")
+    run = wiperjax.simulate(blade, 0.6)
+    releases = run.event_time.values[run.event_kind.values == wiperjax.Event.RELEASE]
+    assert cycle.found == Found.FOUND and cycle.stable
+    assert cycle.period == pytest.approx(releases[-1] - releases[-2], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_chatter_in_bursts_of_impacts_is_passed_once():
+    """Its turnings differ from burst to burst, by rounding: it was not periodic, or of two bursts.
+    Chatter of one burst repeats every 35.5096 ms."""
+    belt, angle = wiperjax.SteadyBelt(0.3), math.radians(-35.0)
+    blade = wiperjax.Wiper(belt=belt, attack_angle=angle, support_stiffness=8000.0)
+    for section in (None, lambda t, q, v: q[0] + 0.001):
+        cycle = find_cycle(blade, settle=0.5, over="attack_angle", section=section)
+        assert cycle.found == Found.FOUND
+        assert cycle.period == pytest.approx(0.0355096, rel=1e-5)
+        assert cycle.word.count("lift_off") == 1
+
+
+@pytest.mark.slow
+def test_bursts_that_turn_the_lip_in_some_periods_only_are_passed_once():
+    """Four periods, of which one turned the lip between two samples of a burst: five returns."""
+    belt, angle = wiperjax.SteadyBelt(0.56327315), math.radians(-33.909779)
+    blade = wiperjax.Wiper(
+        belt=belt, attack_angle=angle, normal_load=6.7165158, support_stiffness=6997.2405
+    )
+    cycle = find_cycle(blade, settle=0.5, over="belt_speed")
+    assert cycle.found == Found.FOUND and cycle.word.count("lift_off") == 1
+    assert cycle.period == pytest.approx(0.013550882, rel=1e-6)
+
+
+class Struck(AbstractSystem):
+    """A block of mass 1 on a spring of stiffness 1 and on a belt, which carries it into a stop."""
+
+    unilateral: ClassVar[bool] = False
+    stops: ClassVar[tuple[int, ...]] = (0,)
+    belt: float = 0.2
+
+    def free_acceleration(self, t, q, v):
+        return (-q[0],)
+
+    def directions(self, t, q):
+        return (1.0,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0] - self.belt
+
+    def switches(self, t, q, v):
+        return (0.9 - q[0],)
+
+    def rebound(self, stop, t, q, v, closed):
+        return (-0.8 * v[0],)
+
+    @property
+    def law(self):
+        return Coulomb(1.0, 0.6)
+
+
+@pytest.mark.slow
+def test_a_cycle_whose_velocity_falls_through_zero_at_a_blow_only():
+    """The jump was taken for a turning, in stick: no section of that state."""
+    cycle = find_cycle(Struck(), settle=100.0, initial_state=((0.0,), (0.0,)), over="belt")
+    reach = math.hypot(0.3, 0.16)  # of the arc about 0.6 from the stop, at -0.16
+    turned = math.pi + math.asin(0.2 / reach)
+    period = turned - math.atan2(0.16, 0.3) + (0.3 - reach * math.cos(turned)) / 0.2
+    assert cycle.found == Found.FOUND and cycle.stable
+    assert cycle.period == pytest.approx(period, rel=1e-9)
+    branch = follow(cycle, 0.15, 0.25, step=0.2)
+    assert branch.ends == ("the end of the range",) * 2
+
+
+def test_a_section_that_a_regime_cannot_cross_is_refused():
+    """In stick nothing turns: the distance to such a section was divided by zero."""
+    block = Block(0.4, 0.25, belt=0.05)
+    with pytest.raises(Lost, match="in stick no motion crosses the section"):
+        chart(block, [0.1, 0.05], 0.0, wiperjax.Regime.STICK, [1.0, 1.0], Turning(0))
+
+
+def test_a_motion_that_dies_out_is_quiet_before_it_has_died():
+    cycle = find_cycle(Ring(a=0.3), settle=60.0, initial_state=((1.0,), (0.0,)), over="a")
+    assert cycle.found == Found.AT_REST
+
+
+def test_a_cycle_passed_several_times_is_passed_once(ring):
+    """Its period was a multiple, its multipliers were powers."""
+    for times in (2, 3):
+        several = replace(ring.shooting, repeats=times)
+        longer = close(several, ring.state, ring.regime, times * ring.period)
+        assert longer.period == pytest.approx(times * ring.period, rel=1e-9)
+        assert longer.multipliers == pytest.approx(ring.multipliers**times, abs=1e-9)
+        short = once(longer)
+        assert short.period == pytest.approx(ring.period, rel=1e-9)
+        assert short.multipliers == pytest.approx(ring.multipliers, rel=1e-6)
+    assert once(ring) is ring
+
+
+class Bouncing(AbstractSystem):
+    """A ball on a table that goes up and down once a second; gravity 1, restitution 1/2.
+
+    Impacts once a period are stable from ``FOLD`` to ``DOUBLING`` (closed forms).
+    """
+
+    table: float = 0.03
+
+    def free_acceleration(self, t, q, v):
+        return (-1.0 + 0.0 * q[0],)
+
+    def directions(self, t, q):
+        return (0.0,), (1.0,)
+
+    def gap(self, t, q):
+        return q[0] - self.table * jnp.sin(2 * math.pi * t)
+
+    def output(self, t, q, v):
+        return v[0]
+
+    @property
+    def bounce(self):
+        return 0.5
+
+
+FOLD = math.pi / 3 / (2 * math.pi) ** 2
+DOUBLING = math.hypot(math.pi / 3, 10 / 9) / (2 * math.pi) ** 2
+
+
+def bounce(table: float, aside: float):
+    """Return the state at a whole second of the ball that bounces once a second, moved aside."""
+    phase = math.acos(FOLD / table)
+    left = 1 - phase / (2 * math.pi)
+    height = table * math.sin(phase) + 0.5 * left - 0.5 * left**2
+    return (height + aside,), (0.5 - left,)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("share", "settle", "aside", "word"),
+    [(0.97, 10.0, 0.1, "impact"), (1.00002, 40_000.0, 1e-3, "impact impact")],
+)
+def test_on_either_side_of_a_doubling_the_cycle_is_that_settled_on(share, settle, aside, word):
+    """Below, a slow alternating approach closed over two periods: the cycle of one, passed twice.
+    Above, both impacts lie within what is alike: the answer was the unstable cycle between them."""
+    table = share * DOUBLING
+    cycle = find_cycle(
+        Bouncing(table),
+        settle=settle,
+        initial_state=bounce(table, aside),
+        period=1.0,
+        over="table",
+    )
+    assert (cycle.found, cycle.word, cycle.stable) == (Found.FOUND, word, True)
+    assert cycle.period == pytest.approx(len(word.split()))
+    if word == "impact":  # e^2 is the multipliers' product; their sum is that of one bounce
+        lift = 2.25 * table * (2 * math.pi) ** 2 * math.sqrt(1 - (FOLD / table) ** 2)
+        pair = np.sort(np.roots([1.0, lift - 1.25, 0.25]))
+        np.testing.assert_allclose(np.sort(np.real(cycle.multipliers)), pair, rtol=1e-7)
+
+
+class Beside(AbstractSystem):
+    """A driven first coordinate; beside it y'' + 0.4 y' + a y + y^3 = 0, which is not driven."""
+
+    unilateral: ClassVar[bool] = False
+    a: float = -0.5
+
+    def free_acceleration(self, t, q, v):
+        y = -0.4 * v[1] - self.a * q[1] - q[1] ** 3
+        return jnp.cos(1.7 * t) - 0.3 * v[0] - q[0], y
+
+    def directions(self, t, q):
+        return (0.0, 0.0), (0.0, 0.0)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0] - 100.0
+
+
+@pytest.mark.slow
+def test_a_pitchfork_that_the_first_coordinate_does_not_feel():
+    """Its mirror image had the same extremes of the first coordinate: it counted as met before."""
+    start = ((0.1, 0.7), (0.0, 0.0))
+    cycle = find_cycle(
+        Beside(), settle=200.0, initial_state=start, period=2 * math.pi / 1.7, over="a"
+    )
+    branch = follow(cycle, -0.55, 0.55, step=0.1)
+    assert [s.kind for s in branch.special] == ["branch_point"]
+    assert branch.special[0].parameter == pytest.approx(0.0, abs=1e-4)
+    assert branch.ends == ("the end of the range",) * 2
+    y = np.array([c.state[1] for c in branch.cycles])
+    assert y[0] * y[-1] < 0
+    np.testing.assert_allclose(y**2, -branch.parameters, atol=1e-4)
+
+
+@pytest.mark.slow
+def test_a_creep_towards_stick_is_no_cycle():
+    """It closes to 5e-10, but a multiplier is 2e-4 from 1: the cycles that it creeps to, of stick,
+    are a family and lie elsewhere."""
+    law, belt = wiperjax.Stribeck(0.8, 0.5, 0.3), wiperjax.WipingBelt(0.8, 0.11)
+    creeping = Oscillator(damping=0.0, friction=law, belt=belt)
+    start = ((0.1,), (0.0,))
+    cycle = find_cycle(creeping, settle=400.0, initial_state=start, period=1 / 0.11, over="load")
+    assert cycle.found in (Found.NOT_ISOLATED, Found.NOT_CONVERGED)
+
+
+def test_events_that_change_are_counted_by_name():
+    """Of a burst of chatter they filled six hundred characters."""
+    cycle = Cycle(Ring(), Found.FOUND, word="capture release")
+    burst = "capture " + "kink reversal " * 20 + "release"
+    assert change(cycle, burst) == "+kink x20 +reversal x20"
+    assert change(cycle, "capture") == "-release"
+
+
+def test_a_walk_that_has_spent_its_points_says_what_helps(ring):
+    branch = follow(ring, 0.09, 0.2, step=0.01, most=3)
+    assert branch.ends[1] == "3 points: a longer step reaches farther"

@@ -1,0 +1,159 @@
+"""The limit cycle that a simulation comes to: settled, guessed, closed, and passed once."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..blade import numbers
+from ..contact.system import AbstractSystem
+from ..engine.arguments import check_system, coordinates
+from ..vocabulary import checks
+from ..vocabulary.ranges import POSITIVE, SETTINGS
+from .clock import check_clock, refuse_a_clock
+from .cycle import ISOLATED, Cycle, close, typical
+from .first_guess import Guess, driven_guess, free_guesses
+from .return_map import Found, Shooting
+from .shooting import Lost
+
+AGAIN = 1e-6  # of the size of the motion: how near a cycle that is passed twice comes to its start
+DYING = 0.5  # of its swing: what a motion that dies out has left of it after so long
+GOES_ON = "it closed a state of rest, but the motion goes on"
+
+
+def find_cycle(
+    system: AbstractSystem,
+    *,
+    settle: float,
+    initial_state=None,
+    period: Callable[[AbstractSystem], Any] | float | None = None,
+    section: Callable | None = None,
+    over: str | None = None,
+    varied: Sequence[str] = (),
+    rtol: float = 1e-10,
+    max_step: float | None = None,
+) -> Cycle:
+    """Return the limit cycle that a simulation of ``settle`` seconds comes to.
+
+    **Main arguments:** ``system``; ``settle`` [s], time after which the motion is near its cycle;
+    ``initial_state`` = (position, q') (default: the system's own start).
+
+    **Other arguments:** ``period`` of what drives the system [s], a number, or a function of the
+    system if it depends on what will be varied; None: nothing depends on time (a steady belt).
+    ``section(t, q, v)``, a function of positions and velocities q' on whose zeros the cycle of a
+    system without a clock starts, where the settled motion falls through it (default: where the
+    first coordinate that moves is highest, or else where it passes the middle of its range).
+    ``over``, name of the number that `branch.follow` will vary; ``varied``, numbers that `remedy`
+    will: named here, they share its compiled program. ``rtol`` and ``max_step`` [s] of the
+    integration.
+
+    **Returns** a `Cycle`; ``found`` says whether there is one, else why not.
+
+    Raises ValueError for arguments that cannot be meant.
+    """
+    check_system(system)
+    settle = checks.number("settle", settle, POSITIVE)
+    rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
+    if max_step is not None:
+        max_step = checks.number("max_step", max_step, POSITIVE)
+    checks.names("varied", varied)
+    if section is not None and not callable(section):
+        raise ValueError(f"section must be a function, but was {checks.shown(section)}")
+    if not callable(period) and period is not None:
+        checks.number("period", period, POSITIVE)
+    varied = tuple(varied) if over is None else (over, *varied)
+    system = numbers.traceable(system, *varied)
+    start = coordinates(system, initial_state)
+    state = np.concatenate([np.asarray(part, float).ravel() for part in start])
+    clock = period if callable(period) or period is None else _Constant(float(period))
+    sizes = typical(system, len(state) // 2)
+    shooting = Shooting(system, over, clock, None if clock else section, 1, sizes, 1.0)
+    shooting = replace(shooting, rtol=rtol, max_step=max_step, varied=varied)
+    if over is not None:
+        size = abs(numbers.value(system, over))
+        shooting = replace(shooting, parameter_scale=size or 1.0)
+    beside = (state + 0.1 * sizes)[None]
+    if clock is None:
+        refuse_a_clock(system, beside, settle)
+    else:
+        check_clock(shooting, beside)
+    try:
+        if clock is None:
+            return _closed(system, free_guesses(shooting, state, settle), settle)
+        return _closed(system, [driven_guess(shooting, state, settle)], settle)
+    except Lost as lost:
+        return Cycle(system, Found.TRAJECTORY_FAILED, why=str(lost))
+
+
+def _closed(system, guesses: Iterable[Guess | Found], settle: float) -> Cycle:
+    """Return the first of the guesses' cycles that there is, or why the first guess has none."""
+    failed = None
+    for guess in guesses:
+        if isinstance(guess, Found):
+            cycle = Cycle(system, guess)
+        else:
+            cycle = _near(guess, settle)
+        if cycle.found in (Found.FOUND, Found.NOT_ISOLATED, Found.AT_REST):
+            return cycle
+        failed = failed or cycle
+    assert failed is not None
+    return failed
+
+
+def _near(guess: Guess, settle: float) -> Cycle:
+    """Return the cycle that the settled motion of ``guess`` is, or comes to."""
+    shooting, state, regime, period, phase = guess
+    cycle = once(close(*guess))
+    if cycle.found == Found.AT_REST and not _dies(guess, settle):
+        return replace(cycle, found=Found.NOT_CONVERGED, why=GOES_ON)
+    values = cycle.multipliers
+    if values is None or not np.any(np.real(values) < -1 - ISOLATED):
+        return cycle
+    # nothing settles on this one; beside it there may be one of twice its period, too near to tell
+    twice = replace(shooting, repeats=2 * shooting.repeats)
+    other = once(close(twice, state, regime, 2 * period, 0.5 * phase))
+    return other if other.stable else cycle
+
+
+def once(cycle: Cycle) -> Cycle:
+    """Return a cycle passed once, if it is one of a part of its period, passed several times.
+
+    Returns to a section may lie between two samples in one period and not in another: their number
+    bounds that of the parts. That of a clock's periods is divided by it.
+    """
+    shooting, state = cycle.shooting, cycle.state
+    if shooting is None or state is None:
+        return cycle
+    whole = shooting.repeats
+    for parts in (j for j in range(whole, 1, -1) if shooting.clock is None or whole % j == 0):
+        start = {"phase": cycle.phase, "regime": cycle.regime}
+        early = shooting.motion(cycle.system, state, cycle.period, part=1 / parts, **start)
+        if np.all(np.abs(early.state - state) < AGAIN * shooting.scale):
+            shorter = replace(shooting, repeats=max(1, whole // parts))
+            phase = parts * cycle.phase % 1.0
+            found = close(shorter, state, cycle.regime, cycle.period / parts, phase)
+            return found if found.multipliers is not None else cycle
+    return cycle
+
+
+def _dies(guess: Guess, settle: float) -> bool:
+    """Whether a motion that moves, and closes at rest, dies out within ``settle``."""
+    shooting, state, regime, period, phase = guess
+    part = 4 * math.ceil(max(1.0, 0.25 * settle / period))
+    later = shooting.motion(shooting.system, state, period, phase=phase, part=part, regime=regime)
+    sizes, n = later.samples / shooting.scale, len(state) // 2
+    quarter = len(sizes) // 4
+    first, last = (np.max(np.ptp(x[:, :n], axis=0)) for x in (sizes[:quarter], sizes[-quarter:]))
+    return bool(last <= DYING * first)
+
+
+class _Constant:
+    """A period that depends on nothing (compares by value, for the sake of compiled programs)."""
+
+    def __init__(self, value: float):
+        self.value = value
+
+    def __call__(self, system):
+        return self.value
