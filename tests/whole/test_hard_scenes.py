@@ -447,7 +447,8 @@ def test_a_grazing_pass_at_a_loose_tolerance(rtol):
 @pytest.mark.slow
 def test_single_precision_goes_on_or_says_that_it_cannot():
     """Seven of these blades slid without end from event to event: what rounding left out of the
-    place was forgotten at each. The eighth has a motion that 32 bits do not tell.
+    place was forgotten at each. The eighth comes to rest, and steps in which a guard stays at zero
+    were not proved. At a tolerance that 32 bits do not tell all end, and say why.
     """
     chosen = np.array([924, 1323, 1540, 2219, 2275, 3060, 14019, 13081])
     scene = families.workload(16_384, 0.1)
@@ -467,5 +468,6 @@ def test_single_precision_goes_on_or_says_that_it_cannot():
         return found.result, found.steps
 
     result, steps = results(wiper, q, v, scales, jnp.float32(1e-3))
-    assert np.all(result[:-1] == Result.FINISHED) and result[-1] == Result.TOO_FEW_DIGITS
-    assert np.all(steps < 5000)
+    assert np.all(result == Result.FINISHED) and np.all(steps < 5000)
+    result, steps = results(wiper, q, v, scales, jnp.float32(1e-12))
+    assert np.all(result == Result.TOO_FEW_DIGITS) and np.all(steps < 10_000)
