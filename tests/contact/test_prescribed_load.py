@@ -1,6 +1,8 @@
 """A bilateral contact whose load also drives the slip (W_tn is not zero), against exact motions and
 scipy."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +11,7 @@ from scipy.integrate import solve_ivp
 from systems import events, trajectory
 
 import wiperjax
-from wiperjax import AbstractBeltSystem, Coulomb, Event, SteadyBelt
+from wiperjax import AbstractBeltSystem, Coulomb, Event, Regime, Result, SteadyBelt
 
 SPEED, STATIC, DYNAMIC = 0.1, 0.5, 0.4
 STIFF, SPRING = 20.0, 5.0  # of the support across the belt, and of the load
@@ -69,6 +71,47 @@ def test_the_time_of_release_has_the_exact_derivatives(lean):
     slopes = jax.jit(jax.jacfwd(release, (0, 1, 2)))(lean, STATIC, SPEED)
     exact = (0.0, 1 / SPEED, -STATIC / SPEED**2)
     np.testing.assert_allclose(slopes, exact, rtol=1e-6, atol=1e-6)
+
+
+class Grown(AbstractBeltSystem):
+    """A block at rest, pushed along by ``drive``, whose load grows."""
+
+    unilateral = False
+    drive: float = 1.0
+    load: float = 0.0
+    growth: float = 0.0
+    friction: Coulomb = Coulomb(0.5)
+    belt: SteadyBelt = SteadyBelt(0.0)
+
+    def free_acceleration(self, t, q, v):
+        return (self.drive - q[0],)
+
+    def directions(self, t, q):
+        return (1.0,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return self.load + self.growth * t
+
+
+@jax.jit
+def grown(drive, load, growth):
+    begin = (0.0,), (0.0,)
+    system = Grown(drive=drive, load=load, growth=growth)
+    run = wiperjax.solve(system, 10.0, initial_state=begin, max_events=8)
+    return run.result, run.final_regime, run.final_position[0]
+
+
+@pytest.mark.parametrize("drive", [0.0, 1.0])
+def test_what_always_touches_never_flies(drive):
+    """It began in flight where its load was below zero, if by rounding only: without friction for
+    good, and the run finished."""
+    result, _, _ = grown(drive, -1.0, 0.0)
+    assert Result(int(result)) == Result.NO_CONSISTENT_REGIME
+    for load in (0.0, -1e-17):
+        result, regime, place = grown(drive, load, 1.0)
+        assert Result(int(result)) == Result.FINISHED and Regime(int(regime)) == Regime.STICK
+        slid = 2 - math.atan(2.0)  # x'' = 1 - x - t/2, until it stops
+        assert float(place) == pytest.approx(slid * drive, abs=1e-7)
 
 
 def scipys(lean: float, beat: float, stop: float) -> list[tuple[float, Event]]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..numerics.bernstein import largest
+from ..numerics.elementary import larger
 from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent, plus, times
 from ..numerics.tracing import traced_once
@@ -117,13 +118,16 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
         return Decision(jnp.where(holds, int(Regime.SLIP_POS), int(Regime.FLIGHT)), no, no)
 
     at_rest = c.slip_speed == 0
-    if not unilateral:  # where no load presses yet, rounding is no force that drives
+    if not unilateral:
+        # Where no load presses yet, rounding is no force that drives. A load that vanishes for a
+        # while, or is below zero by rounding, still touches: friction is zero then. (`pulls` ends a
+        # motion under one that is less.)
         drive = sum(jnp.abs(a) for a in c.free) * ROUNDINGS * float(jnp.finfo(c.b_t.dtype).eps)
-        c = c._replace(b_t=jnp.where(jnp.abs(c.b_t) <= drive, 0.0, c.b_t))
+        b_t = jnp.where(jnp.abs(c.b_t) <= drive, 0.0, c.b_t)
+        c = c._replace(b_t=b_t, load=larger(c.load, 0.0))
     stick = stick_forces(c, True, unilateral)
 
     def presses(normal):
-        # a load that vanishes for a while still touches: friction is zero then
         return normal > 0 if unilateral else normal >= 0
 
     in_cone = presses(stick.normal) & (jnp.abs(stick.tangential) <= law.static * stick.normal)
