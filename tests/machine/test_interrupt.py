@@ -1,6 +1,9 @@
 """Ctrl-C between pieces of work."""
 
 import signal
+import threading
+
+import pytest
 
 from wiperjax.machine.interrupt import heeded
 
@@ -16,3 +19,39 @@ def test_a_handler_of_somebody_elses_is_left_alone():
     finally:
         signal.signal(signal.SIGINT, before)
     assert heard == [1]
+
+
+@pytest.fixture
+def pythons_own():
+    """Python's own handler, which a process of the tests may lack."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_statement_inside_another_hears_what_that_heard(pythons_own):
+    with heeded(), heeded() as check:
+        check()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            check()
+
+
+def test_in_another_thread_nothing_is_heard(pythons_own):
+    raised = []
+
+    def work():
+        with heeded() as check:
+            try:
+                check()
+            except KeyboardInterrupt as stop:
+                raised.append(stop)
+
+    with heeded():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        thread = threading.Thread(target=work)
+        thread.start()
+        thread.join()
+    assert not raised

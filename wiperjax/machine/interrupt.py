@@ -29,10 +29,10 @@ def heeded() -> Iterator[Callable[[], None]]:
     is heard.
     """
     before, handler = signal.getsignal(signal.SIGINT), _Heeding()
-    if isinstance(before, _Heeding):
+    main = threading.current_thread() is threading.main_thread()
+    if main and isinstance(before, _Heeding):
         yield before.check
         return
-    main = threading.current_thread() is threading.main_thread()
     if before is not signal.default_int_handler or not main:
         yield handler.check
         return
