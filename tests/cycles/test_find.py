@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -16,6 +17,7 @@ from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.chart import Turning, chart
 from wiperjax.cycles.cycle import Cycle, close
 from wiperjax.cycles.find import find_cycle, once
+from wiperjax.cycles.first_guess import _middle
 from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import Lost
 from wiperjax.systems.oscillator import Oscillator
@@ -106,6 +108,17 @@ def test_a_cycle_whose_velocity_falls_through_zero_at_a_blow_only():
     assert cycle.period == pytest.approx(period, rel=1e-9)
     branch = follow(cycle, 0.15, 0.25, step=0.2)
     assert branch.ends == ("the end of the range",) * 2
+
+
+@pytest.mark.parametrize("rise", [0.4, 3.0])
+def test_the_middle_is_passed_the_way_that_is_faster(rise):
+    """It rises at the speed ``rise``, and falls at 1."""
+    way = np.linspace(0, 4, 100) % 2
+    place = np.where(way < 1, way, 2 - way)
+    samples = np.stack([place, np.where(way < 1, rise, -1.0)], axis=1)
+    section = _middle(SimpleNamespace(samples=samples), 0)
+    assert section.level == pytest.approx(0.5, abs=0.02)
+    assert section.sense == (1 if rise > 1 else -1)
 
 
 def test_a_section_that_a_regime_cannot_cross_is_refused():

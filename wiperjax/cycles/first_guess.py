@@ -56,7 +56,7 @@ def _middle(motion: Arc, coordinate: int) -> Passing:
     n = motion.samples.shape[1] // 2
     place, speed = motion.samples[:, coordinate], motion.samples[:, n + coordinate]
     level = 0.5 * (np.min(place) + np.max(place))
-    up, down = (np.max(speed[falls(s * (level - place))], initial=0) for s in (1, -1))
+    up, down = (np.max(s * speed[falls(s * (level - place))], initial=0) for s in (1, -1))
     return Passing(coordinate, level, 1.0 if up > down else -1.0)
 
 
