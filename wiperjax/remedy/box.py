@@ -15,6 +15,8 @@ from ..vocabulary import checks
 from ..vocabulary.ranges import Range
 from ..vocabulary.wording import digits
 
+COST = {"long_name": "squared share of the ranges", "units": "1"}  # attributes of that of a change
+
 
 class Box(eqx.Module):
     """Ranges of ``names``; a point is given by its shares of them, in [0, 1]."""

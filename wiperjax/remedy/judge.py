@@ -12,8 +12,8 @@ from ..vocabulary import checks
 from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE
 from ..vocabulary.thresholds import Thresholds
 
-FEWEST_SAMPLES, INTERVAL = 4096, 2.5e-5  # of a window, and at most between two of them [s]
-FEWEST_PERIODS = 4  # in a window; else one that is longer,
+SAMPLES, INTERVAL = 4096, 2.5e-5  # of a window at least, and at most between two of them [s]
+ENOUGH = 4  # periods in a window; else one that is longer,
 LONGER, LONGEST = 4, 1.6  # by that factor, up to so many seconds
 
 
@@ -29,9 +29,9 @@ def verdict(
 
     A simulation of ``settle`` seconds, and of ``window`` seconds that are looked at; of up to 1.6,
     if a noise has no four periods in them. They are judged as a run is, by `assess`, with its
-    default thresholds. Names as of the columns of a map: ``label``,
-    ``mechanism``, ``band`` and ``settled`` in words; ``dominant_frequency`` is NaN where the
-    window does not tell it, or nothing sounds; ``window`` [s] is that which was looked at.
+    default thresholds. Names as of the columns of a map: ``label``, ``mechanism``, ``band`` and
+    ``settled`` in words; ``dominant_frequency`` is NaN where the window does not tell it, or
+    nothing sounds; ``window`` [s] is that which was looked at.
 
     Raises ValueError for a blade on a belt that turns: its class is that of whole periods, by their
     turns and strokes, as `run_scene` and `assess` judge it.
@@ -44,9 +44,8 @@ def verdict(
     window = checks.number("window", window, POSITIVE)
     speed = float(blade.belt.rms)
     limits = Thresholds(quiet_velocity=Thresholds.quiet_velocity_ratio * speed)
-    interval = min(window / FEWEST_SAMPLES, INTERVAL)
     while True:
-        whole = settle + window
+        whole, interval = settle + window, min(window / SAMPLES, INTERVAL)
         seen_from = RegimeTotals(settle)
         run = simulate(blade, whole, sample_interval=interval, rtol=rtol, observer=seen_from)
         seen = assess(run.assign_attrs(belt_kind=blade.belt.kind), limits)
@@ -56,7 +55,7 @@ def verdict(
         found |= {"belt_speed_rms": speed, "window": window}
         if found["band"] == "none":  # rounding has a strongest line, too
             found["dominant_frequency"] = np.nan
-        enough = found["dominant_frequency"] * window >= FEWEST_PERIODS
+        enough = found["dominant_frequency"] * window >= ENOUGH
         ended = found["label"] in ("quiet", "failed", "collapsed")
         if enough or ended or LONGER * window > LONGEST * (1 + 1e-9):
             return found

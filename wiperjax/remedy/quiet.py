@@ -15,7 +15,7 @@ from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.codes import Result
 from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range
-from .box import Box, check_period, check_search, search
+from .box import COST, Box, check_period, check_search, search
 from .nearest import distance
 
 _FLOOR = 1e-6  # of the belt's speed, to the search alone: at rest the root has no derivative
@@ -94,11 +94,7 @@ def quieten(
         box.columns(blade, shares[rank])
         | {
             "velocity_rms": ("start", levels[rank], about),
-            "cost": (
-                "start",
-                cost[rank],
-                {"long_name": "squared share of the ranges", "units": "1"},
-            ),
+            "cost": ("start", cost[rank], COST),
             "steps": ("start", steps[rank], {"long_name": "steps of the search"}),
         },
         attrs={"velocity_rms_before": rms_before},

@@ -16,7 +16,7 @@ from ..contact.belts import SteadyBelt, operating_speed
 from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.ranges import FINITE
-from .box import Box, check_search, search
+from .box import COST, Box, check_search, search
 from .nearest import best_first, distance, nearest
 
 CLOSE = 1e-6  # of the demand: a search by derivatives ends on its border
@@ -85,11 +85,7 @@ def stabilise(
     found = xr.Dataset(
         box.columns(blade, shares[rank])
         | {
-            "cost": (
-                "start",
-                cost[rank],
-                {"long_name": "squared share of the ranges", "units": "1"},
-            ),
+            "cost": ("start", cost[rank], COST),
             "growth_rate": (
                 "start",
                 rate[rank],
