@@ -12,6 +12,8 @@ from systems import events, trajectory
 
 import wiperjax
 from wiperjax import AbstractBeltSystem, Coulomb, Event, Regime, Result, SteadyBelt
+from wiperjax.contact.regimes import decide
+from wiperjax.contact.space import contact
 
 SPEED, STATIC, DYNAMIC = 0.1, 0.5, 0.4
 STIFF, SPRING = 20.0, 5.0  # of the support across the belt, and of the load
@@ -77,6 +79,7 @@ class Grown(AbstractBeltSystem):
     """A block at rest, pushed along by ``drive``, whose load grows."""
 
     unilateral = False
+    mass: float = 1.0
     drive: float = 1.0
     load: float = 0.0
     growth: float = 0.0
@@ -84,10 +87,10 @@ class Grown(AbstractBeltSystem):
     belt: SteadyBelt = SteadyBelt(0.0)
 
     def free_acceleration(self, t, q, v):
-        return (self.drive - q[0],)
+        return ((self.drive - q[0]) / self.mass,)
 
     def directions(self, t, q):
-        return (1.0,), (0.0,)
+        return (1.0 / self.mass,), (0.0,)
 
     def normal_force(self, t, q, v):
         return self.load + self.growth * t
@@ -112,6 +115,20 @@ def test_what_always_touches_never_flies(drive):
         assert Result(int(result)) == Result.FINISHED and Regime(int(regime)) == Regime.STICK
         slid = 2 - math.atan(2.0)  # x'' = 1 - x - t/2, until it stops
         assert float(place) == pytest.approx(slid * drive, abs=1e-7)
+
+
+def test_what_always_touches_never_flies_at_the_edge_of_its_cone():
+    """Of 20,000 pushed as hard as friction holds, rounding let 25 neither stick nor slip."""
+
+    @jax.jit
+    @jax.vmap
+    def regime(mass, load, static):
+        system = Grown(mass=mass, drive=static * load, load=load, friction=Coulomb(static))
+        zero = jnp.zeros(())
+        return decide(system, contact(system, zero, (zero,), (zero,))).regime
+
+    found = regime(*np.random.default_rng(0).uniform(0.1, 10.0, (3, 20_000)))
+    assert np.all(np.isin(found, [Regime.STICK, Regime.SLIP_POS]))
 
 
 def scipys(lean: float, beat: float, stop: float) -> list[tuple[float, Event]]:

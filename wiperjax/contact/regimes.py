@@ -108,7 +108,7 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
     """Regime of a closed contact (gap and normal speed zero) at this instant.
 
     STICK if its forces lie in the cone; else SLIP of a sign whose friction makes s a_t > 0 with
-    lambda_n > 0 and D > 0; else FLIGHT (docs/model.md, section 5).
+    lambda_n > 0 and D > 0; else FLIGHT, if it can open (docs/model.md, section 5).
     """
     unilateral = system.unilateral
     law = system.law
@@ -150,15 +150,15 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
     if not unilateral:
         slides, paradox = ~at_rest, jnp.zeros_like(at_rest)
 
+    # what always touches is at the edge of its cone, within rounding, where nothing fits
+    nothing = int(Regime.FLIGHT if unilateral else Regime.STICK)
     regime = jnp.where(
         sticks,
         int(Regime.STICK),
         jnp.where(
             (at_rest & pos) | (slides & (sign > 0)),
             int(Regime.SLIP_POS),
-            jnp.where(
-                (at_rest & neg) | (slides & (sign < 0)), int(Regime.SLIP_NEG), int(Regime.FLIGHT)
-            ),
+            jnp.where((at_rest & neg) | (slides & (sign < 0)), int(Regime.SLIP_NEG), nothing),
         ),
     )
     # at rest, leaving the glass needs a separating free acceleration: otherwise nothing fits
