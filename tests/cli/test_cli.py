@@ -586,22 +586,24 @@ def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
 
 
 @pytest.mark.parametrize(
-    ("band", "frequency", "told", "sticks", "word"),
+    ("label", "frequency", "told", "sticks", "word"),
     [
-        ("none", 1.9e6, "yes", 0, "none: no tone"),  # of what is carried, rounding has a line, too
-        ("none", np.nan, "no", 1, "not known: window too short (run.duration)"),
-        ("none", np.nan, "no", 2, "not known: not told by these samples (run.sample_interval)"),
-        ("none", np.nan, "unknown", 0, "not known: no line"),  # of a run that failed
+        ("other", 1.9e6, "yes", 0, "none: no tone"),  # of what is carried, rounding has a line, too
+        ("quiet", np.nan, "no", 0, "none: no tone"),  # nobody hears what coarse samples miss
+        ("other", np.nan, "no", 1, "not known: window too short (run.duration)"),
+        ("other", np.nan, "no", 2, "not known: not told by these samples (run.sample_interval)"),
+        ("failed", np.nan, "unknown", 0, "not known: no line"),
         ("squeal", 780.8, "yes", 9, "780.8 Hz"),
     ],
 )
 def test_the_frequency_of_a_run_is_told_where_it_has_one(
-    band, frequency, told, sticks, word, monkeypatch, capsys
+    label, frequency, told, sticks, word, monkeypatch, capsys
 ):
     known = {"dominant_frequency": frequency, "frequency_told": codes.TOLD[told]}
     known |= {"stick_count": sticks, "impact_count": 0, "stick_fraction": 0.5}
-    known |= {"flight_fraction": 0.0}
-    found = xr.Dataset({name: ((), x) for name, x in known.items()} | {"band": codes.BANDS[band]})
+    known |= {"flight_fraction": 0.0, "label": codes.LABELS[label]}
+    band = codes.BANDS["squeal" if label == "squeal" else "none"]
+    found = xr.Dataset({name: ((), x) for name, x in known.items()} | {"band": band})
     monkeypatch.setattr(run_class, "assess", lambda run: found)
     tables.print_class(None)
     assert f"frequency   {word}" in capsys.readouterr().out

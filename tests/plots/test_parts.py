@@ -71,6 +71,11 @@ def test_a_heading_names_the_model_and_the_law_that_are_not_the_usual_ones(table
     assert said == ["normal load 15 N/m", *words]
 
 
+def test_a_law_of_ones_own_is_named_also_where_it_is_called_as_the_usual_one():
+    said = parameters_text(a_map().assign_attrs(friction="mine:Stribeck"))
+    assert said.endswith("N/m, Stribeck friction")
+
+
 @pytest.mark.parametrize("order", [[2, 0, 1], [0, 1, 1]])
 def test_an_axis_in_disorder_is_refused_only_where_it_is_drawn(order):
     ds = a_map().isel(attack_angle=order)

@@ -65,6 +65,16 @@ def test_the_start_that_is_asked_for_is_drawn_and_what_hangs_on_it_hatched(at, q
     assert (loud == 0).sum() == 3 * quiet
 
 
+@pytest.mark.parametrize("starts", [{"names": ["up", "down"]}, {"random": 9, "x": [0.0, 1e-3]}])
+def test_of_cells_that_are_masked_nothing_hangs_on_the_start(starts):
+    ds = a_map(**starts)
+    (ax,) = plots.class_map(ds.where(ds["belt_speed"] > 2))
+    codes, hatched = ax.collections[0].get_array().reshape(4, 3), drawn(ax)[1]
+    assert np.ma.getmaskarray(codes)[:2].all() and hatched == 1  # speed 3
+    words = [text.get_text() for legend in legends(ax.figure) for text in legend.get_texts()]
+    assert "depends on the start (50.0%)" in words  # of speeds 3 and 4
+
+
 def test_of_random_starts_the_most_frequent_class_is_drawn():
     ds = a_map(random=9, x=[0.0, 1e-3])
     (ax,) = plots.class_map(ds)

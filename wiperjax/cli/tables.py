@@ -66,16 +66,16 @@ def print_class(run: Any) -> None:
     """Class and frequency of a run."""
     import numpy as np
 
-    from ..noise.run_class import assess, why_untold, words
-    from ..vocabulary.codes import BANDS
+    from ..noise.run_class import assess, why_no_frequency, words
+    from ..vocabulary.codes import BANDS, LABELS
 
     found = assess(run)
     for name, word in words(found).items():
         print(f"{name:<12}{word}")
     frequency = float(found["dominant_frequency"])
     pitch = f"{frequency:.1f} Hz"
-    if np.isnan(frequency):
-        pitch = f"not known: {why_untold(found)}"
+    if np.isnan(frequency) and int(found["label"]) != LABELS["quiet"]:
+        pitch = f"not known: {why_no_frequency(found)}"
     elif int(found["band"]) == BANDS["none"]:  # rounding has a strongest line, too
         pitch = "none: no tone"
     print(f"{'frequency':<12}{pitch}")

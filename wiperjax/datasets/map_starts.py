@@ -58,7 +58,7 @@ def _without_start(ds: xr.Dataset) -> xr.Dataset:
 
 
 def usual_start(label: xr.DataArray) -> xr.DataArray:
-    """In each cell the number of the first start that ends in its most frequent class."""
+    """In each cell the place, along `start`, of the first that ends in its most frequent class."""
     codes = np.array(list(LABELS.values()))
     label = label.transpose(..., "start")
     most = codes[(label.values[..., None] == codes).sum(axis=-2).argmax(axis=-1)]
@@ -72,11 +72,16 @@ def hangs_on_start(ds: xr.Dataset) -> xr.DataArray | None:
     """
     if "class_set" not in ds:
         return None
-    met = ds["class_set"]
-    classes = met & ~_FAILED
-    return (met > 0) & ((classes & (classes - 1)) != 0)
+    classes = _met(ds) & ~_FAILED
+    return (classes & (classes - 1)) != 0
 
 
 def failed_somewhere(ds: xr.Dataset) -> xr.DataArray:
     """Whether a start of each cell failed, in a map of several."""
-    return (ds["class_set"] > 0) & ((ds["class_set"] & _FAILED) != 0)
+    return (_met(ds) & _FAILED) != 0
+
+
+def _met(ds: xr.Dataset) -> xr.DataArray:
+    """`class_set`, empty of cells that are not computed (-1), or that `ds.where` took out (NaN)."""
+    met = ds["class_set"]
+    return met.where(met > 0, 0).astype(np.int16)

@@ -138,7 +138,7 @@ def words(columns: Any) -> dict[str, str]:
     }
 
 
-def why_untold(columns: Any) -> str:
+def why_no_frequency(columns: Any) -> str:
     """Why an assessment tells no frequency: what sticks or strikes says how often it does, and with
     fewer than two periods no samples tell one."""
     if int(columns.get("frequency_told", TOLD["unknown"])) != TOLD["no"]:

@@ -15,6 +15,14 @@ from .errors import Fault, SpecError, sentence, show, unknown
 from .tables import Pair, Table
 
 MOST_LEVELS = 20
+BESIDE_AXES = frozenset(
+    (
+        *("border", "axis", "kind", "level", "side_low", "side_high"),
+        *("bracket_low", "bracket_high", "bracket_share"),
+        *("cell", "window_factor", "computed"),  # of levels
+    )
+)
+"""What a refined map holds beside the values of its axes, and would write over one so called."""
 
 
 def _box(value: Any) -> Any:
@@ -177,6 +185,9 @@ def check(refine: Refine, spec: Any) -> None:
     axes = spec.axes_values()
     if all(len(values) == 1 for values in axes.values()):
         raise Fault("", "must be left out: no axis of the map has two values")
+    if taken := sorted(BESIDE_AXES.intersection(axes)):
+        must = f"must be left out: {taken[0]!r} is an axis, and a variable of borders or levels"
+        raise Fault("", f"{must}; rename the parameter")
     name, _ = refine.criterion()
     if name in OF_THE_WINDOW and "lengthen" in refine.model_fields_set and refine.lengthen > 1:
         must = f"must be left out with on = {show(refine.on)}: a longer window has another {name}"

@@ -4,6 +4,7 @@ import json
 import shutil
 import signal
 import weakref
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -21,11 +22,13 @@ from wiperjax.maps.refine.grid import Grid
 from wiperjax.maps.refine.points import Points
 from wiperjax.maps.refine.search import Search
 from wiperjax.maps.verify import verify
-from wiperjax.specs.errors import SpecError
+from wiperjax.specs.errors import Fault, SpecError
 from wiperjax.specs.load import load_sweep
+from wiperjax.specs.refine import BESIDE_AXES, Refine, check
 from wiperjax.store.levels import read_levels
 from wiperjax.store.whole import borders, open_map
 from wiperjax.vocabulary import cf
+from wiperjax.vocabulary.schema import SCHEMA
 
 
 def disc(x, y):
@@ -281,6 +284,20 @@ def test_what_cannot_be_meant_is_one_clear_line(tmp_path, line):
         refined(path, DISC, **BAD[line])
     assert "\n" not in str(error.value)
     assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+
+
+def test_an_axis_that_is_called_as_a_variable_of_borders_is_refused(tmp_path):
+    """A system of one's own may have such a parameter; its places were written over."""
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    found, fine = refined(path, DISC, levels=2), open_map(path, level=1)
+    with h5py.File(path) as file:
+        stored = [name for name in file["level_1"] if not name.endswith("_fine")]
+    held = {*found.variables, *found.dims, *fine.variables, *stored} - {*AXES, *SCHEMA}
+    assert held == BESIDE_AXES
+    own = SimpleNamespace(starts=None, axes_values=lambda: {"level": np.arange(3.0)})
+    with pytest.raises(Fault, match="'level' is an axis, and a variable of borders or levels"):
+        check(Refine(levels=2), own)
 
 
 def test_levels_whose_points_have_no_number_are_refused_before_anything_is_computed():

@@ -222,7 +222,8 @@ def category_legend(
         handles.append(class_swatch("not_computed", "not computed", COLOURS["not_computed"]))
     several = hangs_on_start(cells) if variable == "label" else None
     if several is not None and several.any():
-        text = "depends on the start" + (f" ({float(several.mean()):.1%})" if shares else "")
+        share = float(several.where(cells["class_set"] >= 0).mean())  # of what is there, as above
+        text = "depends on the start" + (f" ({share:.1%})" if shares else "")
         hatch, edge = SEVERAL
         handles.append(
             Patch(facecolor="none", edgecolor=edge, linewidth=0.0, hatch=hatch, label=text)

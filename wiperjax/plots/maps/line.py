@@ -211,13 +211,11 @@ def regime_raster(
     codes = line["regime_raster"].transpose(along, "raster_time").values
     names = {code: name for code, name in flag_names(line["regime_raster"]).items()}
     order = [code for code, name in names.items() if name in REGIMES]
-    colours = ListedColormap([REGIMES[names[code]] for code in order])
-    borders = BoundaryNorm(np.arange(len(order) + 1) - 0.5, len(order))
-    place = np.full(256, -1)
-    place[order] = np.arange(len(order))
+    colours = ListedColormap([*(REGIMES[names[code]] for code in order), UNKNOWN])
+    borders = BoundaryNorm(np.arange(len(order) + 2) - 0.5, len(order) + 1)
     time = 1e3 * edges(np.asarray(ds["raster_time"], dtype=float))
-    ax.set_facecolor(UNKNOWN)
-    values = np.ma.masked_less(place[codes.astype(np.uint8)], 0)
+    values = np.select([codes == code for code in order], range(len(order)), len(order))
+    values = np.ma.masked_array(values, np.isnan(codes))  # of cells that `ds.where` took out
     up = edges(shown(line[along])[0])
     ax.pcolormesh(time, up, values, cmap=colours, norm=borders, rasterized=True)
     set_axis(ax, "y", line[along])

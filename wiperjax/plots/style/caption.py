@@ -63,9 +63,9 @@ def _kinds(ds: xr.Dataset) -> list[str]:
     belt = str(attrs.get("belt_kind", attrs.get("belt", "")))
     belt = {f"{name}belt": name for name in BELTS}.get(belt.lower(), belt)  # or a class of its own
     model = "" if is_own(ds) else attrs.get("model", BLADES.get(str(attrs.get(SYSTEM)), ""))
-    law = str(attrs.get("friction", "")).rpartition(":")[2]
-    kinds = {"belt": belt, "model": model, "friction": law}
-    return [f"{kind} {what}" for what, kind in kinds.items() if kind.lower() not in UNSAID]
+    kinds = {"belt": belt, "model": model, "friction": str(attrs.get("friction", ""))}
+    said = {what: kind for what, kind in kinds.items() if kind.lower() not in UNSAID}
+    return [f"{kind.rpartition(':')[2]} {what}" for what, kind in said.items()]  # no import path
 
 
 def is_own(ds: xr.Dataset) -> bool:
