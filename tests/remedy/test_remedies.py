@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -9,7 +10,6 @@ import pytest
 import wiperjax
 from wiperjax import remedy
 from wiperjax.blade.steady_slip import steady_slip
-from wiperjax.contact.belts import AbstractBelt
 from wiperjax.cycles import find_cycle
 from wiperjax.noise.run_class import assess, words
 from wiperjax.systems.oscillator import Oscillator
@@ -123,30 +123,10 @@ def test_the_best_answer_lies_on_the_right_side_of_an_edge():
         assert float(slip.growth_rate) == pytest.approx(float(one.growth_rate), abs=1e-3)
 
 
-class Own(AbstractBelt):
-    """A steady belt of one's own."""
+class Own(wiperjax.SteadyBelt):
+    """A steady belt of one's own: of a kind that has no name."""
 
-    speed: float = 0.3
-
-    def velocity(self, time, piece):
-        return self.speed
-
-    def break_time(self, piece):
-        return math.inf
-
-    def first_piece(self, time):
-        return 0
-
-    def reverses(self, piece):
-        return False
-
-    @property
-    def peak(self):
-        return self.speed
-
-    @property
-    def rms(self):
-        return self.speed
+    kind: ClassVar[str] = ""
 
 
 def test_a_verdict_on_a_belt_of_ones_own():

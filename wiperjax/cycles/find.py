@@ -9,7 +9,7 @@ import numpy as np
 
 from ..blade import numbers
 from ..contact.system import AbstractSystem
-from ..engine.arguments import check_system, coordinates
+from ..engine.arguments import check_system, coordinates, longest_step
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, SETTINGS
 from .clock import check_clock, refuse_a_clock
@@ -56,8 +56,7 @@ def find_cycle(
     check_system(system)
     settle = checks.number("settle", settle, POSITIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
-    if max_step is not None:
-        max_step = checks.number("max_step", max_step, POSITIVE)
+    max_step = longest_step(max_step)
     checks.names("varied", varied)
     if section is not None and not callable(section):
         raise ValueError(f"section must be a function, but was {checks.shown(section)}")

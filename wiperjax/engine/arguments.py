@@ -32,6 +32,11 @@ def check_integration(solver, rtol, zeno_time, max_steps) -> None:
     checks.numbers("max_steps", max_steps, COUNT, arrays=False)
 
 
+def longest_step(max_step) -> float | None:
+    """Return ``max_step`` [s] as a number; None for no limit. Raises ValueError for any other."""
+    return None if max_step is None else checks.number("max_step", max_step, POSITIVE)
+
+
 def check_observation(
     sample_times, max_events, max_step, observer, statistics_start, start, reverse
 ) -> None:

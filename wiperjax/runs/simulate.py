@@ -24,6 +24,7 @@ from ..engine.arguments import (
     check_integration,
     check_system,
     coordinates,
+    longest_step,
     regular_times,
     tolerances,
 )
@@ -95,8 +96,7 @@ def simulate(
     most = int(COUNT.high) if max_steps is None else checks.whole("max_steps", max_steps, COUNT)
     check_integration(solver, rtol, zeno_time, most)
     zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
-    if max_step is not None:
-        max_step = checks.number("max_step", max_step, POSITIVE)
+    max_step = longest_step(max_step)
     sample_interval = duration / SAMPLES if sample_interval is None else sample_interval
     within = Range(0, duration, low_open=True)
     sample_interval = checks.number("sample_interval", sample_interval, within)

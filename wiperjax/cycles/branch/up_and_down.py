@@ -20,7 +20,7 @@ import xarray as xr
 
 from ...blade import numbers
 from ...contact.system import AbstractSystem
-from ...engine.arguments import check_state, check_system
+from ...engine.arguments import check_state, check_system, longest_step
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
 from ...numerics.kept import Kept
@@ -81,8 +81,7 @@ def up_and_down(
     kick = checks.number("kick", kick, Range(0, 1))
     samples = checks.whole("samples", samples, SETTINGS["samples"])
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
-    if max_step is not None:
-        max_step = checks.number("max_step", max_step, POSITIVE)
+    max_step = longest_step(max_step)
     if period is not None and not callable(period):
         must = "period must be a function of the system that gives its period"
         raise ValueError(f"{must}, but was {checks.shown(period)}")

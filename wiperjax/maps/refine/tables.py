@@ -54,9 +54,13 @@ def border_dataset(
         variables[name] = ("border", values.astype(np.int8), attrs)
     words = {"long_name": "level of the cube that the point lies on an edge of", "units": "1"}
     variables["level"] = ("border", found.level, words)
-    words = "stated bracket, of the border inside the cubes that it is of, as a share of `axis`"
-    words = {"long_name": words, "units": "1", "comment": "of a geometric axis: of its logarithm"}
-    variables["bracket_share"] = ("border", found.stated, words)
+    about = {
+        "long_name": "stated bracket, of the border inside the cubes that it is of, as a share of "
+        "`axis`",
+        "units": "1",
+        "comment": "of a geometric axis: of its logarithm",
+    }
+    variables["bracket_share"] = ("border", found.stated, about)
     attrs = {"on": settings.on, "levels": grid.levels} | found.report | dict(made)
     return xr.Dataset(variables, attrs=attrs)
 
