@@ -144,6 +144,7 @@ def test_a_box_is_computed_again_finer_and_left_again(window):
     (x0, y0), (x1, y1) = window.point(0, 0, 4, 2), window.point(2, 1, 4, 2)
     window.page.mouse.move(x0, y0)
     window.page.mouse.down()
+    window.page.wait_for_timeout(400)  # a careful hand; Bokeh by itself takes this for no drag
     window.page.mouse.move(0.5 * (x0 + x1), 0.5 * (y0 + y1))
     window.page.mouse.move(x1, y1)
     window.page.mouse.up()

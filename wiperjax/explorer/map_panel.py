@@ -63,6 +63,12 @@ document.addEventListener('keydown', (event) => {
   if (k !== i || l !== j) cursor.data = {x: [k], y: [l]};
 });
 """
+# Bokeh drops a drag whose pointer rests for 0.3 s first, as it does before a careful hand moves, or
+# on a page that is busy drawing; its classes have no setting for it, and nothing here is pressed.
+DRAGS = """
+const gestures = window.Bokeh?.require?.('core/ui_gestures')?.UIGestures;
+if (gestures) gestures.press_threshold = 2 ** 31 - 1;  // ms, the longest that a timer takes
+"""
 
 
 class MapPanel:
@@ -97,9 +103,9 @@ class MapPanel:
         )
 
     def listen(self, document: Any) -> None:
-        """Lets the arrow keys of a document move the cursor."""
+        """Lets the arrow keys of a document move the cursor, and a pointer rest before it drags."""
         given = {"axes": self.axes, "cursor": self.cursor, "flip": self.cursor}
-        document.js_on_event(DocumentReady, CustomJS(args=given, code=KEYS))
+        document.js_on_event(DocumentReady, CustomJS(args=given, code=KEYS + DRAGS))
 
     def show(self, explored: Explored, plane: Any, x: str, y: str, variable: str) -> None:
         """Shows a `plane` (`Explored.plane`) by one of its variables; `y` is empty for a map of one
