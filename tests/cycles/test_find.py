@@ -16,8 +16,8 @@ from wiperjax.cycles.branch.bifurcations import change
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.chart import Turning, chart
 from wiperjax.cycles.cycle import Cycle, close
-from wiperjax.cycles.find import find_cycle, once
-from wiperjax.cycles.first_guess import _middle
+from wiperjax.cycles.find import _closed, _dies, find_cycle, once
+from wiperjax.cycles.first_guess import Guess, _middle
 from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import Lost
 from wiperjax.systems.oscillator import Oscillator
@@ -265,3 +265,21 @@ def test_events_that_change_are_counted_by_name():
 def test_a_walk_that_has_spent_its_points_says_what_helps(ring):
     branch = follow(ring, 0.09, 0.2, step=0.01, most=3)
     assert branch.ends[1] == "3 points: a longer step reaches farther"
+
+
+def test_a_second_section_on_which_the_motion_is_lost_hides_no_first_answer():
+    def guesses(*first):
+        yield from first
+        raise Lost("the motion ended early: collapsed")
+
+    assert _closed(Ring(), guesses(Found.NOT_PERIODIC), 1.0).found == Found.NOT_PERIODIC
+    alone = _closed(Ring(), guesses(), 1.0)
+    assert alone.found == Found.TRAJECTORY_FAILED and "collapsed" in alone.why
+
+
+def test_a_motion_that_ends_before_it_dies_out_is_lost():
+    """What ended early was taken for one that goes on."""
+    end = SimpleNamespace(result=wiperjax.Result.COLLAPSED, samples=np.ones((8, 2)))
+    shooting = SimpleNamespace(motion=lambda *_, **__: end, system=None, scale=np.ones(2))
+    with pytest.raises(Lost, match="collapsed"):
+        _dies(Guess(shooting, np.ones(2), 0, 1.0, 0.0), 1.0)

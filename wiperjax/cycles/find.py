@@ -14,8 +14,8 @@ from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, SETTINGS
 from .clock import check_clock, refuse_a_clock
 from .cycle import ISOLATED, Cycle, close, typical
-from .first_guess import Guess, driven_guess, free_guesses
-from .return_map import Found, Shooting
+from .first_guess import Guess, driven_guesses, free_guesses
+from .return_map import Found, Shooting, complete
 from .shooting import Lost
 
 AGAIN = 1e-6  # of the size of the motion: how near a cycle that is passed twice comes to its start
@@ -78,25 +78,21 @@ def find_cycle(
         refuse_a_clock(system, beside, settle)
     else:
         check_clock(shooting, beside)
-    try:
-        if clock is None:
-            return _closed(system, free_guesses(shooting, state, settle), settle)
-        return _closed(system, [driven_guess(shooting, state, settle)], settle)
-    except Lost as lost:
-        return Cycle(system, Found.TRAJECTORY_FAILED, why=str(lost))
+    guess = free_guesses if clock is None else driven_guesses
+    return _closed(system, guess(shooting, state, settle), settle)
 
 
 def _closed(system, guesses: Iterable[Guess | Found], settle: float) -> Cycle:
     """Return the first of the guesses' cycles that there is, or why the first guess has none."""
     failed = None
-    for guess in guesses:
-        if isinstance(guess, Found):
-            cycle = Cycle(system, guess)
-        else:
-            cycle = _near(guess, settle)
-        if cycle.found in (Found.FOUND, Found.NOT_ISOLATED, Found.AT_REST):
-            return cycle
-        failed = failed or cycle
+    try:
+        for guess in guesses:
+            cycle = Cycle(system, guess) if isinstance(guess, Found) else _near(guess, settle)
+            if cycle.found in (Found.FOUND, Found.NOT_ISOLATED, Found.AT_REST):
+                return cycle
+            failed = failed or cycle
+    except Lost as lost:
+        failed = failed or Cycle(system, Found.TRAJECTORY_FAILED, why=str(lost))
     assert failed is not None
     return failed
 
@@ -138,10 +134,14 @@ def once(cycle: Cycle) -> Cycle:
 
 
 def _dies(guess: Guess, settle: float) -> bool:
-    """Whether a motion that moves, and closes at rest, dies out within ``settle``."""
+    """Whether a motion that moves, and closes at rest, dies out within ``settle``.
+
+    Raises `Lost` if it ends before.
+    """
     shooting, state, regime, period, phase = guess
     part = 4 * math.ceil(max(1.0, 0.25 * settle / period))
-    later = shooting.motion(shooting.system, state, period, phase=phase, part=part, regime=regime)
+    start = {"phase": phase, "part": part, "regime": regime}
+    later = complete(shooting.motion(shooting.system, state, period, **start))
     sizes, n = later.samples / shooting.scale, len(state) // 2
     quarter = len(sizes) // 4
     first, last = (np.max(np.ptp(x[:, :n], axis=0)) for x in (sizes[:quarter], sizes[-quarter:]))

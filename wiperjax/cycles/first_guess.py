@@ -101,8 +101,8 @@ def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
     return np.ptp(samples[:, :n], axis=0) > STILL * typical[:n]
 
 
-def driven_guess(shooting: Shooting, state, settle: float) -> Guess | Found:
-    """Return a guess of the cycle of a driven system that a simulation comes to."""
+def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | Found]:
+    """Yield the one guess of the cycle of a driven system that a simulation comes to."""
     parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
     one, _ = shooting.driven_period(parameter)
     motion = looked_at(shooting, state, -1, max(1.0, math.ceil(settle / one)) * one, 1e-8)
@@ -114,14 +114,16 @@ def driven_guess(shooting: Shooting, state, settle: float) -> Guess | Found:
     samples = np.concatenate([m.samples for m in motions])
     check_clock(shooting, samples[:: len(samples) // STATES])
     if not np.any(moving(samples, shooting.scale)):
-        return Found.AT_REST
+        yield Found.AT_REST
+        return
     whole = motions[0]._replace(samples=samples)
     scale = _sizes(whole, shooting.scale)
     for k in range(1, MOST_RETURNS + 1):
         if np.all(np.abs(states[k] - states[0]) < ALIKE * scale):
             break
     else:
-        return Found.NOT_PERIODIC
+        yield Found.NOT_PERIODIC
+        return
     shooting = replace(shooting, scale=scale, repeats=k)
     times = np.concatenate([m.times[:-1] + i * one for i, m in enumerate(motions[:k])])
     regimes = np.concatenate([m.regimes[:-1] for m in motions[:k]])
@@ -131,7 +133,7 @@ def driven_guess(shooting: Shooting, state, settle: float) -> Guess | Found:
     index = far_from_events(regimes, smooth, margin)
     i, j = divmod(index, len(motions[0].times) - 1)
     phase = float(times[index] / (k * one))
-    return Guess(shooting, motions[i].samples[j], int(regimes[index]), k * one, phase)
+    yield Guess(shooting, motions[i].samples[j], int(regimes[index]), k * one, phase)
 
 
 def _sizes(motion: Arc, typical: np.ndarray) -> np.ndarray:

@@ -27,6 +27,13 @@ MOST_MOTIONS = 10  # of one correction: a cycle that is there takes 3 to 6
 FAIR = (Result.FINISHED, Result.PAINLEVE_INDETERMINATE)
 
 
+def complete(moved: Arc) -> Arc:
+    """Return the motion if it reached its end. Raises `Lost`, which says how it ended, if not."""
+    if int(moved.result) not in FAIR:
+        raise Lost(f"the motion ended early: {Result(int(moved.result)).name.lower()}")
+    return moved
+
+
 class Found(IntEnum):
     """How the search for a cycle ended."""
 
@@ -97,8 +104,8 @@ class Shooting:
             period, slope = self.driven_period(parameter)
         start = where.state(w)
         moved = self.motion(self.at(parameter), start, period, phase=phase, regime=where.regime)
-        if int(moved.result) not in FAIR or not np.all(np.isfinite(moved.by_state)):
-            raise Lost(f"the motion ended early: {Result(int(moved.result)).name.lower()}")
+        if not np.all(np.isfinite(complete(moved).by_state)):
+            raise Lost("the motion has no finite derivatives")
         residual = where.read(moved.state - moved.samples[0])
         columns = [where.read(moved.by_state @ where.basis - where.basis)]
         if self.clock is None:

@@ -13,10 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..vocabulary import checks
-from ..vocabulary.codes import Result
 from .orbit import falls, smooth_intervals
-from .return_map import FAIR, Shooting
-from .shooting import Arc, Lost
+from .return_map import Shooting, complete
+from .shooting import Arc
 
 CLOSER = 3  # times at most that an interval is simulated again
 BEYOND = 1.02  # of an interval: a passage at its very end comes no later than that
@@ -79,7 +78,4 @@ def on_section(section: Callable, motion: Arc) -> np.ndarray:
 
 def looked_at(shooting: Shooting, state, regime: int, length: float, rtol: float) -> Arc:
     """Return a motion that is looked at only. Raises `Lost` if it ends early."""
-    moved = shooting.motion(shooting.system, state, length, regime=regime, rtol=rtol)
-    if int(moved.result) not in FAIR:
-        raise Lost(f"the motion ended early: {Result(int(moved.result)).name.lower()}")
-    return moved
+    return complete(shooting.motion(shooting.system, state, length, regime=regime, rtol=rtol))
