@@ -176,6 +176,17 @@ def settled(ds: xr.Dataset) -> xr.Dataset:
     return between(ds, begin if known else 0.5 * (time[0] + time[-1]))
 
 
+def is_quiet(ds: xr.Dataset) -> bool:
+    """Whether what a motion is judged by moves no more than counts as quiet; where nothing tells
+    what does (no belt, and no speed that does) it is not.
+    """
+    limits, scale = stored(ds.attrs), None
+    if "belt_velocity" in ds:
+        scale = float(np.sqrt(np.mean(np.square(np.asarray(ds["belt_velocity"])))))
+    told = scale is not None or limits.quiet_velocity is not None
+    return bool(told and np.std(np.asarray(signal(ds))) <= silence(limits, scale))
+
+
 def pitch(ds: xr.Dataset) -> float:
     """Dominant frequency (Hz) of what the motion is judged by, in the settled part.
 
@@ -185,13 +196,9 @@ def pitch(ds: xr.Dataset) -> float:
     if not is_steady(ds):
         return float("nan")
     part = settled(ds)
-    place, speed = judged(part)
-    limits, scale = stored(ds.attrs), None
-    if "belt_velocity" in part:
-        scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
-    told = scale is not None or limits.quiet_velocity is not None
-    if told and np.std(speed) <= silence(limits, scale):
+    if is_quiet(part):
         return float("nan")
+    place, speed = judged(part)
     step = sample_interval(part)
     mean, inner = interval_means(place, speed, step)
     # longer periods than are told are looked for too: else a side lobe stands in for them

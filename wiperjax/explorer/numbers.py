@@ -98,21 +98,24 @@ def _number(value: float) -> str:
 
 
 def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> str:
-    """An audio element with so many seconds of a run as they are; full scale is `reference`."""
+    """An audio element with so many seconds of a run, again and again; of one that has no period
+    the run as it is, once. Full scale is `reference`.
+    """
     if sample_interval(run) > COARSEST:
         return '<p class="note">No sound: its motions are too slow to be heard.</p>'
     try:
-        heard = sound(run, reference=reference, seconds=seconds)
+        heard, loop = sound(run, reference=reference, seconds=seconds), " loop"
     except ValueError:  # no whole period in the settled part
         try:
-            heard = sound(run, reference=reference)
+            heard, loop = sound(run, reference=reference), ""
         except ValueError as error:
             return f'<p class="fault">no sound: {escaped(error)}</p>'
     data = base64.b64encode(heard.wav()).decode()
     warning = "; peaks beyond full scale are clipped" if heard.peak > heard.reference else ""
+    once = "" if loop else " of the whole run, once: it has no period to repeat"
     level = heard.describe().partition("full scale")[2].replace(" 1,", ",")
     return (
-        f'<audio controls loop preload="auto" src="data:audio/wav;base64,{data}"></audio>'
-        f'<p class="note">velocity, full scale {escaped(level)}{warning}. '
+        f'<audio controls{loop} preload="auto" src="data:audio/wav;base64,{data}"></audio>'
+        f'<p class="note">velocity{once}, full scale {escaped(level)}{warning}. '
         "Not a sound pressure: radiation is not modelled.</p>"
     )
