@@ -207,13 +207,14 @@ def pitch(ds: xr.Dataset) -> float:
     return frequency if frequency * step * speed.size >= FEWEST_PERIODS else float("nan")
 
 
-def last_periods(ds: xr.Dataset, periods: float = 6.0) -> xr.Dataset:
+def last_periods(ds: xr.Dataset, periods: float = 6.0, always: bool = False) -> xr.Dataset:
     """The end of a run with so many of its periods, if it has more; all of it otherwise.
 
-    All of it too if it has no period, the belt is not steady, or its regimes can be told apart.
+    All of it too if it has no period, or the belt is not steady; and, unless `always` the end is
+    wanted, if its regimes can be told apart.
     """
-    spans = sum(1 for _ in regime_spans(ds))
-    frequency = pitch(ds) if spans > MOST_SPANS else float("nan")
+    many = always or sum(1 for _ in regime_spans(ds)) > MOST_SPANS
+    frequency = pitch(ds) if many else float("nan")
     stop = float(ds["time"][-1])
     start = stop - periods / frequency
     return between(ds, start) if start > float(ds["time"][0]) else ds
