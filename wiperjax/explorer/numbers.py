@@ -30,8 +30,10 @@ COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, bes
 
 def heading(run: xr.Dataset, told: dict[str, float], title: str) -> str:
     """Class of a motion with its colour, its tone, and the parameters of the cell."""
-    name = words(told)["label"] if told else Result(int(run["result"])).name.lower()
+    name = words(told)["label"] if told else _ended(Result(int(run["result"])))
     text = readable(name)
+    if not told:
+        text += f" after {_time(float(run['final_time']))}"
     tone = _told(told, TONE)
     if np.isfinite(tone):
         text += f", {tone:.4g} Hz"
@@ -78,6 +80,10 @@ def table(run: xr.Dataset, told: dict[str, float], stored: dict[str, float], ds:
 def _ended(result: Result) -> str:
     """Class of a motion that did not finish, as a map has it."""
     return "collapsed" if result == Result.COLLAPSED else "failed"
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
 
 
 def _told(source: dict[str, float], name: str) -> float:
