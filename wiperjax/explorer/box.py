@@ -47,7 +47,7 @@ def box_spec(
     document = whole.spec.document()
     for table in ("starts", "refine", "sensitivities"):
         document.pop(table, None)
-    if start == "steady_slip":  # its own in each cell
+    if several is not None and start == "steady_slip":  # its own in each cell
         document["starts"] = {"names": ["steady_slip"], "kick": several.kick}
     else:
         document["start"] = start_of(whole, place, start)
