@@ -19,6 +19,7 @@ import xarray as xr
 
 from .datasets.run_dataset import (
     between,
+    is_quiet,
     is_run,
     is_steady,
     pitch,
@@ -189,8 +190,16 @@ def _check_sampling(run: xr.Dataset) -> None:
 
 
 def _period(run: xr.Dataset) -> float:
-    """Period (s) of a run: of its tone, or of a belt that is not steady; NaN if it is quiet."""
-    return 1 / pitch(run) if is_steady(run) else 1 / float(run.attrs["belt_frequency"])
+    """Period (s) of a run: of its tone, or of a belt that is not steady; NaN if it is quiet.
+
+    Raises: `ValueError` for a run that is none of these: repeated, its length would be its tone.
+    """
+    if not is_steady(run):
+        return 1 / float(run.attrs["belt_frequency"])
+    period = 1 / pitch(run)
+    if not period > 0 and not is_quiet(run):
+        raise ValueError("the run has no period that could be repeated; leave out --seconds")
+    return period
 
 
 def _repeat(samples: np.ndarray, length: int, period: float) -> np.ndarray:

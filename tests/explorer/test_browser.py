@@ -188,7 +188,7 @@ def test_one_file_holds_the_map_and_motions(browser, cells, tmp_path):  # noqa: 
     slider = window.page.locator(".noUi-handle").first
     slider.focus()
     slider.press("ArrowLeft")
-    window.until(lambda: window.says("normal load 12 N/m:"))
+    window.until(lambda: window.says("normal load: 12 N/m"))
     window.click(2, 1, 4, 2)
     window.until(lambda: agrees(window, cells, place))
     assert window.page.locator("audio").first.evaluate("audio => audio.duration") > 0.9

@@ -138,6 +138,26 @@ def test_pitch_and_last_periods():
     assert np.isnan(run_dataset.pitch(turning)) and run_dataset.settled(turning) is turning
 
 
+def test_frames_follow_the_motion_that_they_show():
+    """A tone in one regime, and what happens around V = 0: the whole run in as many frames would
+    show another motion, slower than it is."""
+    run, frames = tone(800.0, seconds=1.0), 150
+    turns = {
+        "event_time": [0.25, 0.75], "event_kind": [int(Event.BELT_REVERSAL)] * 2,
+        "regime_before": [2, 2], "regime_after": [2, 2],
+    }  # fmt: skip
+    turning = run.assign(
+        belt_velocity=0.5 * np.cos(2 * np.pi * run.time),
+        **{name: ("event", values, run["regime"].attrs) for name, values in turns.items()},
+    )
+    turning["event_kind"].attrs = bouncing_run()["event_kind"].attrs
+    for one, ends in ((run, (1 - 6 / 800, 1)), (turning, (0.74, 0.77))):
+        part = animation.slow_part(one, 6)
+        assert part.time.values[[0, -1]] == pytest.approx(ends, abs=1e-4)
+        assert np.ptp(part.time.values) / frames < 1 / 800 / 6
+    assert animation.slow_part(bouncing_run(), 6).sizes["time"] == 2001  # no period
+
+
 def test_a_system_of_ones_own_is_heard_and_seen_by_what_it_is_judged_by():
     """Its output, here a tone of 300 Hz beside a first coordinate of 800."""
     run, other = tone(800.0), tone(300.0, amplitude=0.1)

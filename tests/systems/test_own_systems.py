@@ -72,6 +72,9 @@ def test_a_map_tells_units_names_and_classes_of_a_system_of_ones_own(oscillators
     assert oscillators.stiffness.attrs["units"] == "N/m"
     assert oscillators.stiffness.attrs["long_name"] == "stiffness of the spring"
     assert oscillators.normal_force_mean.attrs["units"] == "N"
+    told = [str(of.attrs.get("long_name", "")) for of in oscillators.variables.values()]
+    assert "rms of the output velocity about its mean" in told and "largest gap" in told
+    assert not [words for words in told if "tip" in words.split() or "glass" in words]
     assert oscillators.attrs["system"] == "own_systems:Oscillator"
     assert oscillators.attrs["tilt"] == 0.0 and "tilt: degrees" in oscillators.parameter_units
     assert list(oscillators.coordinate.values) == ["x"]

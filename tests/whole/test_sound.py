@@ -7,6 +7,7 @@ import xarray as xr
 
 from wiperjax import sound
 from wiperjax.cli import main
+from wiperjax.explorer.numbers import audio
 from wiperjax.machine.files import StoreError
 from wiperjax.noise.spectrum import dominant_frequency
 from wiperjax.store.whole import write_dataset
@@ -84,6 +85,18 @@ def test_repeated_periods_join_without_a_click():
 def test_silence_stays_silent():
     heard = sound.sound(tone(700.0, amplitude=1e-30), seconds=0.5)
     assert heard.duration == 0.5 and heard.peak < 1e-15
+
+
+def test_what_is_neither_quiet_nor_periodic_is_not_repeated():
+    """A lip that collapses after 3 ms: again and again it would be a buzz of 330 Hz."""
+    run = tone(700.0, seconds=3e-3)
+    speed = 0.3 * np.exp(run["time"] / 1e-3)
+    run = run.assign(velocity=run["velocity"] * 0 + speed, position=1e-3 * run["velocity"])
+    with pytest.raises(ValueError, match="no period that could be repeated; leave out --seconds"):
+        sound.sound(run, seconds=2.0)
+    assert sound.sound(run).duration == pytest.approx(3e-3, abs=1e-4)
+    assert "<audio controls preload" in audio(run) and "once: it has no period" in audio(run)
+    assert "<audio controls loop" in audio(tone(700.0))
 
 
 @pytest.mark.parametrize(

@@ -176,6 +176,17 @@ def settled(ds: xr.Dataset) -> xr.Dataset:
     return between(ds, begin if known else 0.5 * (time[0] + time[-1]))
 
 
+def is_quiet(ds: xr.Dataset) -> bool:
+    """Whether what a motion is judged by moves no more than counts as quiet; where nothing tells
+    what does (no belt, and no speed that does) it is not.
+    """
+    limits, scale = stored(ds.attrs), None
+    if "belt_velocity" in ds:
+        scale = float(np.sqrt(np.mean(np.square(np.asarray(ds["belt_velocity"])))))
+    told = scale is not None or limits.quiet_velocity is not None
+    return bool(told and np.std(np.asarray(signal(ds))) <= silence(limits, scale))
+
+
 def pitch(ds: xr.Dataset) -> float:
     """Dominant frequency (Hz) of what the motion is judged by, in the settled part.
 
@@ -185,13 +196,9 @@ def pitch(ds: xr.Dataset) -> float:
     if not is_steady(ds):
         return float("nan")
     part = settled(ds)
-    place, speed = judged(part)
-    limits, scale = stored(ds.attrs), None
-    if "belt_velocity" in part:
-        scale = float(np.sqrt(np.mean(np.square(np.asarray(part["belt_velocity"])))))
-    told = scale is not None or limits.quiet_velocity is not None
-    if told and np.std(speed) <= silence(limits, scale):
+    if is_quiet(part):
         return float("nan")
+    place, speed = judged(part)
     step = sample_interval(part)
     mean, inner = interval_means(place, speed, step)
     # longer periods than are told are looked for too: else a side lobe stands in for them
@@ -200,13 +207,14 @@ def pitch(ds: xr.Dataset) -> float:
     return frequency if frequency * step * speed.size >= FEWEST_PERIODS else float("nan")
 
 
-def last_periods(ds: xr.Dataset, periods: float = 6.0) -> xr.Dataset:
+def last_periods(ds: xr.Dataset, periods: float = 6.0, always: bool = False) -> xr.Dataset:
     """The end of a run with so many of its periods, if it has more; all of it otherwise.
 
-    All of it too if it has no period, the belt is not steady, or its regimes can be told apart.
+    All of it too if it has no period, or the belt is not steady; and, unless `always` the end is
+    wanted, if its regimes can be told apart.
     """
-    spans = sum(1 for _ in regime_spans(ds))
-    frequency = pitch(ds) if spans > MOST_SPANS else float("nan")
+    many = always or sum(1 for _ in regime_spans(ds)) > MOST_SPANS
+    frequency = pitch(ds) if many else float("nan")
     stop = float(ds["time"][-1])
     start = stop - periods / frequency
     return between(ds, start) if start > float(ds["time"][0]) else ds

@@ -13,7 +13,7 @@ from ..maps.computing import computing
 from ..plots.style.axes import is_geometric, long_name
 from ..specs.load import parse_sweep
 from ..vocabulary.kinds import WAYS
-from .cells import start_of
+from .cells import begun, start_of
 from .explored import Explored, explored
 
 FEWEST, MOST = 48, 128  # cells along each side of a box of two axes
@@ -40,13 +40,14 @@ def box_spec(
     if whole.spec is None:
         raise ValueError(f"cells of this map cannot be simulated: {whole.unable}")
     several = whole.spec.starts
-    if several is not None and (start or whole.starts[0]) in WAYS:
+    place = {dim: int(at.get(dim, 0)) for dim in whole.dims}
+    start = None if several is None else begun(whole, place, start)
+    if start in WAYS:
         raise ValueError("choose another start: with up and down a cell needs its whole line")
     document = whole.spec.document()
     for table in ("starts", "refine", "sensitivities"):
         document.pop(table, None)
-    place = {dim: int(at.get(dim, 0)) for dim in whole.dims}
-    if several is not None and (start or whole.starts[0]) == "steady_slip":  # its own in each cell
+    if several is not None and start == "steady_slip":  # its own in each cell
         document["starts"] = {"names": ["steady_slip"], "kick": several.kick}
     else:
         document["start"] = start_of(whole, place, start)
@@ -96,8 +97,7 @@ def compute(
         done += new
         report(done, spec.size)
     columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-    words = "a part, computed again and finer"
-    return explored(assemble(spec, columns), words, trusted=True)  # modules are imported by now
+    return explored(assemble(spec, columns), trusted=True)  # modules are imported by now
 
 
 class Boxes:

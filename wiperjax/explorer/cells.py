@@ -72,7 +72,7 @@ def start_of(explored: Explored, place: dict[str, int], start: Any) -> dict[str,
     if starts is None:
         return dict(spec.document().get("start", {}))
     cell = np.array([np.ravel_multi_index([place[dim] for dim in explored.dims], spec.shape)])
-    start = _usual(explored, place) if start is None else start
+    start = begun(explored, place, start)
     if starts.random is not None:
         return _state(spec, cell, {name: x[[int(start)]] for name, x in drawn(starts, 1).items()})
     if start == "steady_slip":
@@ -85,8 +85,12 @@ def start_of(explored: Explored, place: dict[str, int], start: Any) -> dict[str,
     return _state(spec, cell, kicked(spec, cell, ended))
 
 
-def _usual(explored: Explored, place: dict[str, int]) -> Any:
-    """The start that the map shows of a cell: its name, or the number that it was drawn as."""
+def begun(explored: Explored, place: dict[str, int], start: Any = None) -> Any:
+    """The start of a cell of a map of several, if none is chosen the one that the map shows of it:
+    its name, or the number that it was drawn as.
+    """
+    if start is not None:
+        return start
     label = explored.ds["label"]
     if explored.spec.starts.random is None or "start" not in label.dims:
         return explored.starts[0]

@@ -17,25 +17,26 @@ from ..datasets.run_dataset import (
     usual_axis,
 )
 from ..noise.classes import stored
-from ..plots.runs.animation import lip_scene
 from ..plots.runs.bands import pieces
 from ..plots.runs.friction import coefficient, has_law
 from ..plots.runs.history import MARKED
 from ..plots.runs.levels import levels, lines
 from ..plots.runs.portrait import orbit
 from ..plots.style.axes import label, shown
-from ..plots.style.caption import quantity_words
-from ..plots.style.palette import CLASSES, EVENT_NAMES, EVENTS, REGIMES, UNKNOWN, readable
+from ..plots.style.caption import is_own, quantity_words
+from ..plots.style.palette import CLASSES, EVENT_NAMES, EVENTS, REGIMES, UNKNOWN
 from ..vocabulary.cf import flag_names
 from .explored import plain
+from .frames import lip_frames
 from .spectrogram import level_images
 
 MOST_POINTS = 3000  # of a curve: more than a screen is wide
 MOST_TURNS = 12_000  # points of the phase portrait: a round of it has some twenty
 MOST_TICKS = 2000  # of one kind of event
 LONG = 10.0  # s: a run whose times are shown in seconds
-FRAMES = 150  # of the animation
 DECADES = 4  # of the spectrum
+
+PICTURES = ("history", "portrait", "spectrum", "spectrogram", "ticks", "friction", "lip")
 
 Columns = dict[str, Any]
 
@@ -48,7 +49,7 @@ class Content:
         columns: source -> name -> values.
         ranges: axis -> its two ends.
         texts: place -> HTML or plain text.
-        hidden: pictures that this motion has not.
+        hidden: those of `PICTURES` that this motion has not.
         labels: picture -> what is across and what is up.
     """
 
@@ -62,6 +63,8 @@ class Content:
 def content_of(run: xr.Dataset) -> Content:
     """Curves of a run: its last periods over time and in phase, its settled part over frequency,
     all of it as a spectrogram.
+
+    Raises: `ValueError` for one that is too short for that.
     """
     content, part = Content(), last_periods(run)
     _history(content, part)
@@ -69,15 +72,18 @@ def content_of(run: xr.Dataset) -> Content:
     _spectrum(content, settled(run))
     _spectrogram(content, run)
     _friction(content, part)
-    _lip(content, part)
+    _lip(content, run)
     shows = (signal(run, name, usual_axis(run)) for name in ("position", "velocity"))
     place, speed = (label(_words(run, values), shown(values)[1]) for values in shows)
     judged = signal(run)
     strength = label(f"{_words(run, judged)}, rms of line", shown(judged)[1])
+    sliding = "slip speed" if is_own(run) else "slip speed, tip over glass"
     content.labels = {
         "history": (f"time ({_clock(part)[1]})", speed),
         "portrait": (place, speed),
         "spectrum": ("frequency (Hz)", strength),
+        "friction": (label(sliding, "m/s"), "friction / normal force"),
+        "ticks": (f"time ({_clock(run)[1]})", ""),
     }
     return content
 
@@ -198,22 +204,24 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
 
 def _spectrogram(content: Content, run: xr.Dataset) -> None:
     """Level over time and frequency as shades, and ticks of the events below."""
-    tone = pitch(run)
+    tone, (scale, _) = pitch(run), _clock(run)
     top = max(2 * stored(run.attrs).squeal_band[1], 8 * tone if np.isfinite(tone) else 0.0)
     found = levels(run, highest=top)
+    found = found._replace(time=scale * found.time)
     top, start, stop = float(found.frequency[-1]), float(found.time[0]), float(found.time[-1])
     content.columns["levels"] = level_images(found)
     rows = event_times(run)
     order = [name for name in EVENTS if name in rows][::-1]
     content.columns["ticks"] = {
-        "t": np.concatenate([rows[name][:MOST_TICKS] for name in order] or [[]]),
+        "t": scale * np.concatenate([rows[name][:MOST_TICKS] for name in order] or [[]]),
         "row": [
             f"{EVENT_NAMES[name]} ({rows[name].size})"
             for name in order
             for _ in rows[name][:MOST_TICKS]
         ],
     }
-    content.columns["rows"] = {"row": list(dict.fromkeys(content.columns["ticks"]["row"]))}
+    named = list(dict.fromkeys(content.columns["ticks"]["row"])) or ["no events"]
+    content.columns["rows"] = {"row": named}
     content.ranges["whole"], content.ranges["pitch"] = (start, stop), (0.0, top)
 
 
@@ -250,28 +258,11 @@ def _friction(content: Content, part: xr.Dataset) -> None:
     content.ranges["mu"] = with_room(np.concatenate([law, share]))
 
 
-def _lip(content: Content, part: xr.Dataset) -> None:
-    """Frames of the lip in slow motion: of a wiper only."""
-    content.columns["frames"] = {"x": []}
-    if part.attrs.get("system") not in ("Wiper", "Bar") or "lip_length" not in part.attrs:
+def _lip(content: Content, run: xr.Dataset) -> None:
+    """The lip in slow motion: of a wiper only."""
+    found = lip_frames(run, *_clock(run))
+    if found is None:
         content.hidden.add("lip")
-        return
-    scene = lip_scene(part)
-    count = min(FRAMES, scene.time.size)
-    k = np.linspace(0, scene.time.size - 1, count).round().astype(int)
-    largest = float(np.linalg.norm(scene.force, axis=1).max(initial=0.0)) or 1.0
-    push = 0.6 * scene.length / largest * scene.force[k]
-    x, y = scene.tip[k].T
-    scale, unit = _clock(part)
-    content.columns["frames"] = {
-        "x": x, "y": y, "hinge": scene.hinge[k], "travel": scene.travel[k],
-        "px": x + push[:, 0], "py": y + push[:, 1], "t": scale * scene.time[k],
-        "when": [f"{scale * time:.2f} {unit}" for time in scene.time[k]],
-        "v": orbit(part, 0)[1][k], "at": orbit(part, 0)[0][k],
-        "colour": [REGIMES.get(scene.regimes[i], UNKNOWN) for i in k],
-        "regime": [readable(scene.regimes[i]) for i in k],
-        "length": np.full(count, scene.length),
-    }  # fmt: skip
-    reach = max(1.35 * scene.length, 1.1 * float(np.abs(scene.tip[:, 0]).max()))
-    content.ranges["along"] = (-reach, reach)
-    content.ranges["height"] = (-0.2 * scene.length, 2 * reach * 0.62 - 0.2 * scene.length)
+    else:
+        content.columns["frames"], ranges = found
+        content.ranges |= ranges

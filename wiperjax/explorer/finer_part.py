@@ -1,14 +1,18 @@
 """The part of a window that computes a dragged box again: progress, and the way back."""
 
 import threading
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from bokeh.models import Row
 
 from .box import Boxes, box_spec
+from .cells import begun
 from .explored import Explored
 from .widgets import LIVE, button, words
+
+PART = "a part, computed again and finer"
 
 
 class FinerPart:
@@ -41,14 +45,26 @@ class FinerPart:
         except ValueError as error:
             page.say(f"No finer part: {error}", fault=True)
             return
+        name = self._name()
         self.view.visible, self.button.label = True, "stop"
         self._tell(0, spec.size)
         later = page.document.add_next_tick_callback
         self.wish = self.boxes.begin(
             spec,
             lambda done, of: later(partial(self._tell, done, of)),
-            lambda found: later(partial(self._done, axes, found)),
+            lambda found: later(partial(self._done, axes, name, found)),
         )
+
+    def _name(self) -> str:
+        """What a part of the map that is shown is called; the start of its cells is in it, for the
+        part has but one to choose from.
+        """
+        page = self.page
+        if self.left:  # a part by itself, with that start
+            return page.explored.name
+        if page.explored.spec.starts is None:
+            return PART
+        return f"{PART}, start: {begun(page.explored, page.place(), page.begin())}"
 
     def stop(self) -> None:
         """Drops the box that is being computed, if any."""
@@ -74,7 +90,7 @@ class FinerPart:
             f'<p class="note">finer part: {text}</p>'
         )
 
-    def _done(self, axes: tuple[str, str], found: Any) -> None:
+    def _done(self, axes: tuple[str, str], name: str, found: Any) -> None:
         if self.wish is None or self.wish.is_set():
             return
         self.wish, page = None, self.page
@@ -82,7 +98,7 @@ class FinerPart:
             page.say(f"The finer part cannot be computed: {found}", fault=True)
         else:
             self.left.append((page.explored, page.x, page.y, page.place(), page.begin()))
-            page.open(found, *axes)
+            page.open(replace(found, name=name), *axes)
         self._rest()
 
     def _rest(self) -> None:

@@ -78,7 +78,7 @@ class MapPanel:
         picture: the figure.
         legend, readout: HTML beside it.
         cursor: the cell that is shown, `x` and `y` of one place.
-        held: the cell that is held beside it, if any.
+        held: the cell that is held beside it, if it lies in the plane.
     """
 
     def __init__(self) -> None:
@@ -131,6 +131,11 @@ class MapPanel:
         label = f"{explored.variables[variable]}{f' ({paint.unit})' if paint.unit else ''}"
         _change(self.overlay.axis, axis_label=label)
         _change(self.legend, text=paint.legend + keys)
+
+    def frame(self, cell: tuple[int, int] | None) -> None:
+        """Frames the cell that is held, if it lies in this plane."""
+        x, y = ([], []) if cell is None else ([cell[0]], [cell[1]])
+        _change(self.held, data={"x": x, "y": y})
 
     def _show_axes(self, plane: Any, x: str, y: str, named: Any) -> None:
         """Shows what the two axes are, unless it is there."""

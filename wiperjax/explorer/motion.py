@@ -5,8 +5,8 @@ from functools import partial
 from typing import Any
 
 from .cells import scene_of, simulated, toml_of
-from .content import Content, content_of
-from .explored import Explored
+from .content import PICTURES, Content, content_of
+from .explored import Explored, escaped
 from .numbers import COMPARED, SECONDS, audio, heading, table
 from .worker import Worker
 
@@ -18,14 +18,20 @@ def motion_of(
     reference: float = 1.0,
     seconds: float = SECONDS,
 ) -> Content:
-    """All that is shown of the motion of one cell, computed now."""
+    """All that is shown of the motion of one cell, computed now: of one that ends at once no
+    pictures, and no sound.
+    """
     scene = scene_of(explored, place, start)
     run, told = simulated(explored, scene)
-    content = content_of(run)
+    try:
+        content, heard = content_of(run), audio(run, reference, seconds)
+    except ValueError as error:
+        content = Content(hidden=set(PICTURES))
+        heard = f'<p class="note">Too short to be drawn or heard: {escaped(error)}.</p>'
     content.texts = {
         "heading": heading(run, told, scene["title"]),
         "table": table(run, told, explored.cell(place, COMPARED, start), explored.ds),
-        "audio": audio(run, reference, seconds),
+        "audio": heard,
         "scene": toml_of(scene),
     }
     return content

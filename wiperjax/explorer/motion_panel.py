@@ -25,6 +25,7 @@ from .style import SHEET, titled
 from .widgets import source, span, toggle, words
 
 WIDTH, HEIGHT = 322, 208  # of a picture
+BELOW_TICKS, ROW = 54, 15  # heights: of their axis, and of a row of ticks
 FLEX = f"1 1 {WIDTH + 8}px"  # a panel takes what is left of a row, at least one picture
 SOURCES = {  # source -> its columns
     "velocity": ("t", "v"), "glass": ("t", "v"), "marks": ("t", "shape"),
@@ -82,11 +83,15 @@ class MotionPanel:
         self.pictures = {
             "friction": self._friction(), "lip": lip, "history": self._history(drawn),
             "portrait": self._portrait(drawn), "spectrum": self._spectrum(),
+            "spectrogram": self._spectrogram(), "ticks": self._ticks(),
         }  # fmt: skip
+        below = Column(
+            children=[self.pictures["spectrogram"], self.pictures["ticks"]], width=WIDTH, spacing=0
+        )
         numbers = Column(children=[self.texts["table"]], width=WIDTH)
         flow = [
             numbers, *(self.pictures[name] for name in ("history", "portrait", "spectrum")),
-            self._spectrogram(), self.pictures["friction"], lip, self._scene_box(),
+            below, self.pictures["friction"], lip, self._scene_box(),
         ]  # fmt: skip
         self.view = Column(
             children=[
@@ -109,10 +114,12 @@ class MotionPanel:
         for name, one in self.sources.items():
             if only and name not in only:
                 continue
-            given = content.columns[name]
+            given = content.columns.get(name, {})
             one.data = {column: given.get(column, []) for column in SOURCES[name]}
         if not only:
-            self.ranges["row"].factors = content.columns["rows"]["row"]
+            rows = content.columns.get("rows", {"row": []})["row"]
+            self.ranges["row"].factors = rows
+            self.pictures["ticks"].height = BELOW_TICKS + ROW * len(rows)
         for name, (start, end) in content.ranges.items():
             if not only or name in only:
                 self.ranges[name].update(start=start, end=end)
@@ -134,6 +141,7 @@ class MotionPanel:
             *((one, ("data",)) for one in self.sources.values()),
             *((self.ranges[name], ("start", "end")) for name in RANGES),
             (self.ranges["row"], ("factors",)),
+            (self.pictures["ticks"], ("height",)),
             *((picture, ("visible",)) for picture in self.pictures.values()),
             *((text, ("text",)) for text in self.texts.values()),
             (self.scene, ("value",)),
@@ -224,19 +232,23 @@ class MotionPanel:
         mapper = picture.renderers[0].glyph.color_mapper
         mapper.update(low=0, high=SHADES - 1)
         picture.xaxis.visible = False
+        return picture
+
+    def _ticks(self) -> Any:
+        """A row of ticks for each kind of event, below the spectrogram."""
         ticks = self._figure(
-            "", "time (s)", "", height=96, x_range=self.ranges["whole"], y_range=self.ranges["row"]
+            "", "time (ms)", "", x_range=self.ranges["whole"], y_range=self.ranges["row"]
         )
         ticks.title.visible = False
         ticks.scatter("t", "row", marker="dash", source=self.sources["ticks"], angle=np.pi / 2,
                       size=11,
                    color="black", line_width=0.8)  # fmt: skip
         ticks.ygrid.visible = False
-        return Column(children=[picture, ticks], width=WIDTH, spacing=0)
+        return ticks
 
     def _friction(self) -> Any:
         picture = self._figure(
-            "Friction on its law", "slip speed, tip over glass (m/s)", "friction / normal force",
+            "Friction on its law", "slip speed (m/s)", "friction / normal force",
             x_range=self.ranges["slip"], y_range=self.ranges["mu"],
         )  # fmt: skip
         picture.line("slip", "mu", source=self.sources["law"], color="black", line_width=1.2)

@@ -30,8 +30,10 @@ COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, bes
 
 def heading(run: xr.Dataset, told: dict[str, float], title: str) -> str:
     """Class of a motion with its colour, its tone, and the parameters of the cell."""
-    name = words(told)["label"] if told else Result(int(run["result"])).name.lower()
+    name = words(told)["label"] if told else _ended(Result(int(run["result"])))
     text = readable(name)
+    if not told:
+        text += f" after {_time(float(run['final_time']))}"
     tone = _told(told, TONE)
     if np.isfinite(tone):
         text += f", {tone:.4g} Hz"
@@ -80,6 +82,10 @@ def _ended(result: Result) -> str:
     return "collapsed" if result == Result.COLLAPSED else "failed"
 
 
+def _time(seconds: float) -> str:
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
+
+
 def _told(source: dict[str, float], name: str) -> float:
     """A number of a motion, NaN where there is none: what moves by rounding alone has no tone."""
     quiet = name == TONE and source.get("label") == LABELS["quiet"]
@@ -98,21 +104,24 @@ def _number(value: float) -> str:
 
 
 def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> str:
-    """An audio element with so many seconds of a run as they are; full scale is `reference`."""
+    """An audio element with so many seconds of a run, again and again; of one that has no period
+    the run as it is, once. Full scale is `reference`.
+    """
     if sample_interval(run) > COARSEST:
         return '<p class="note">No sound: its motions are too slow to be heard.</p>'
     try:
-        heard = sound(run, reference=reference, seconds=seconds)
+        heard, loop = sound(run, reference=reference, seconds=seconds), " loop"
     except ValueError:  # no whole period in the settled part
         try:
-            heard = sound(run, reference=reference)
+            heard, loop = sound(run, reference=reference), ""
         except ValueError as error:
             return f'<p class="fault">no sound: {escaped(error)}</p>'
     data = base64.b64encode(heard.wav()).decode()
     warning = "; peaks beyond full scale are clipped" if heard.peak > heard.reference else ""
+    once = "" if loop else " of the whole run, once: it has no period to repeat"
     level = heard.describe().partition("full scale")[2].replace(" 1,", ",")
     return (
-        f'<audio controls loop preload="auto" src="data:audio/wav;base64,{data}"></audio>'
-        f'<p class="note">velocity, full scale {escaped(level)}{warning}. '
+        f'<audio controls{loop} preload="auto" src="data:audio/wav;base64,{data}"></audio>'
+        f'<p class="note">velocity{once}, full scale {escaped(level)}{warning}. '
         "Not a sound pressure: radiation is not modelled.</p>"
     )

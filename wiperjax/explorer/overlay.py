@@ -18,7 +18,7 @@ from .widgets import source, span
 MOST_HATCHED = 4000  # pieces: beyond, cells are finer than the pattern
 PATTERNS = {
     "////": "right_diagonal_line",
-    "xxxx": "cross",
+    "xxxx": "diagonal_cross",
     "....": "dot",
     "\\\\\\\\": "left_diagonal_line",
 }

@@ -25,6 +25,9 @@ REST = 200  # ms without a move after which a slider rests
 FULL_SCALES = {"1": "1 m/s", "0.3": "0.3 m/s", "0.1": "0.1 m/s", "0.03": "0.03 m/s"}
 
 
+Cell = tuple[Explored, dict[str, int]]  # a map, and a place in it
+
+
 class Page:
     """What one window shows of a map, in a Bokeh document of its own."""
 
@@ -33,7 +36,8 @@ class Page:
         self.finer, self.downloads = FinerPart(self, boxes), Downloads(self)
         self.map, self.motion, self.other = MapPanel(), MotionPanel("Cell"), MotionPanel("Held")
         self.other.view.visible = False
-        self.last: tuple[Any, Content] | None = None
+        self.last: tuple[Cell, Content] | None = None  # that is shown
+        self.held: Cell | None = None
         self.quiet = False  # whether widgets change by themselves
         self.rests: Any = None  # what is done once a slider rests
         self.status = words(WIDTH, html_attributes=LIVE, css_classes=["state"])
@@ -87,7 +91,6 @@ class Page:
         chosen = str(self.variable.value) if self.above.children else ""
         self._widgets(chosen, start)
         self._plane()
-        self.map.held.data = {"x": [], "y": []}
         self.quiet = True
         self._point()
         self.quiet = False
@@ -124,9 +127,8 @@ class Page:
             if dim in (self.x, self.y) or self.explored.ds.sizes[dim] < 2:
                 continue
             name, _, texts = self.explored.axis_words(dim)
-            place = self.at[dim]
-            one = slider(f"{name} {texts[place]}", len(texts), place, WIDTH - 20, name=dim)
-            one.on_change("value", partial(self._slide, dim, one, texts))
+            one = slider(name, texts, self.at[dim], WIDTH - 20, name=dim)
+            one.on_change("value", partial(self._slide, dim))
             sliders.append(one)
         self.below.children = sliders
 
@@ -134,9 +136,8 @@ class Page:
         self._plane()
         self._look()
 
-    def _slide(self, dim: str, one: Any, texts: list[str], attr: str, old: Any, new: Any) -> None:
-        self.at[dim] = int(one.value)
-        one.title = f"{self.explored.axis_words(dim)[0]} {texts[self.at[dim]]}"
+    def _slide(self, dim: str, attr: str, old: Any, new: Any) -> None:
+        self.at[dim] = int(new)
         self._plane()
         self._look_later()
 
@@ -186,6 +187,14 @@ class Page:
             self.say(str(error), fault=True)
             return
         self.map.show(self.explored, plane, self.x, self.y, variable)
+        self._frame()
+
+    def _frame(self) -> None:
+        """Frames the held cell, if it is one of the plane that is shown."""
+        explored, place = self.held or (None, {})
+        rest = [dim for dim in self.explored.dims if dim not in (self.x, self.y)]
+        here = explored is self.explored and all(place[dim] == self.at[dim] for dim in rest)
+        self.map.frame((place[self.x], place.get(self.y, 0)) if here else None)
 
     def place(self) -> dict[str, int]:
         """The cell of the cursor: axis -> place."""
@@ -203,25 +212,30 @@ class Page:
         """Has the motion of the cell of the cursor computed, and shows it."""
         if self.quiet:
             return
-        self.motion.view.visible = self.explored.spec is not None
         if self.explored.spec is None:
+            self._nothing()
             self.say(f"Cells of this map cannot be simulated: {self.explored.unable}.", fault=True)
             return
         explored, place, start = self.explored, self.place(), self.begin()
         self.say("computing ...")
         reference = self.full_scale()
-        later = partial(self._later, time.perf_counter())
+        later = partial(self._later, (explored, place), time.perf_counter())
         wish_motion(self.worker, self, explored, place, later, start, reference)
 
-    def _later(self, begun: float, found: Any) -> None:
-        """Shows what the worker found, in the thread of the server."""
-        self.document.add_next_tick_callback(partial(self._show, begun, found))
+    def _nothing(self) -> None:
+        """Shows no motion: that of another cell is not to be taken for this one's."""
+        self.last, self.motion.view.visible = None, False
 
-    def _show(self, begun: float, found: Any) -> None:
+    def _later(self, cell: Cell, begun: float, found: Any) -> None:
+        """Shows what the worker found, in the thread of the server."""
+        self.document.add_next_tick_callback(partial(self._show, cell, begun, found))
+
+    def _show(self, cell: Cell, begun: float, found: Any) -> None:
         if isinstance(found, Exception):
+            self._nothing()
             self.say(f"This cell cannot be computed: {found}", fault=True)
             return
-        self.last = (dict(self.map.cursor.data), found)
+        self.last, self.motion.view.visible = (cell, found), True
         self.motion.show(found, FIRST)  # one message after the other: these are drawn meanwhile
         self.document.add_next_tick_callback(partial(self._show_rest, begun, found))
 
@@ -232,15 +246,14 @@ class Page:
     def _hold(self) -> None:
         """Holds the motion that is shown beside those that follow, or lets it go."""
         if self.other.view.visible:
-            self.other.view.visible = False
-            self.map.held.data = {"x": [], "y": []}
+            self.other.view.visible, self.held = False, None
             self.hold.label = "hold this cell beside"
         elif self.last is not None:
-            cursor, content = self.last
+            self.held, content = self.last
             self.other.show(content)
             self.other.view.visible = True
-            self.map.held.data = cursor
             self.hold.label = "let the held cell go"
+        self._frame()
 
     def say(self, text: str, fault: bool = False) -> None:
         """Shows a line of state."""

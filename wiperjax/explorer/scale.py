@@ -13,13 +13,14 @@ from ..datasets.map_starts import hangs_on_start
 from ..plots.maps.categories import colours_of
 from ..plots.maps.numbers import TONE, suited, told, tones, why_untold
 from ..plots.style.axes import LogMarks, axis_numbers, shown
-from ..plots.style.palette import HATCHES, UNKNOWN, readable
+from ..plots.style.palette import HATCHES, SEVERAL, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
 from .explored import escaped, plain
 
 SHADES = 250
 NOTHING = 255  # the shade of a cell without a value
 MOST_TICKS = 8  # of a bar of colours
+STRIPES = {"////": (135,), "\\\\\\\\": (45,), "xxxx": (45, 135)}  # pattern -> across which angles
 
 
 class Painted(NamedTuple):
@@ -80,12 +81,12 @@ def _percent(share: float) -> str:
 
 
 def _key(colour: str, text: str, name: str) -> str:
-    stripes = ""
-    if name in HATCHES or name == "several":
-        edge = HATCHES.get(name, ("", "#333333"))[1]
-        stripes = (
-            f";background-image:repeating-linear-gradient(45deg,{edge} 0 1px,transparent 1px 4px)"
-        )
+    pattern, edge = {**HATCHES, "several": SEVERAL}.get(name, ("", ""))
+    images = [
+        f"repeating-linear-gradient({angle}deg,{edge} 0 1px,transparent 1px 4px)"
+        for angle in STRIPES.get(pattern, ())
+    ]
+    stripes = f";background-image:{','.join(images)}" if images else ""
     swatch = f'<i style="background-color:{colour}{stripes}"></i>'
     return f'<span class="key">{swatch}{escaped(text)}</span>'
 

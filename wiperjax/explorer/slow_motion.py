@@ -6,6 +6,7 @@ import numpy as np
 from bokeh.models import Column, CustomJS, Row
 
 from ..plots.style.palette import BELT, REGIMES, readable
+from .frames import FRAMES
 from .widgets import slider, source, toggle, words
 
 DRAWN = {  # of one frame of the animation
@@ -63,7 +64,8 @@ def slow_motion(picture: Any, frames: Any, drawn: dict[str, Any]) -> tuple[Any, 
     picture.multi_line("x", "y", color="black", line_width=2, source=drawn["push"])
     picture.scatter("x", "y", size=6, color="black", source=drawn["tip"])
     picture.scatter("x", "y", size=9, color="black", source=drawn["joint"])
-    frame = slider("frame", 150, 0, picture.width - 140, syncable=False)
+    numbers = [str(number + 1) for number in range(FRAMES)]
+    frame = slider("frame", numbers, 0, picture.width - 140, syncable=False)
     play = toggle("▶ slow motion", 120)
     given = {"frames": frames, "slider": frame, "picture": picture, **drawn}
     draw = CustomJS(args=given, code=FRAME)

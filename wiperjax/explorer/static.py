@@ -40,7 +40,6 @@ for (const one of sliders) at[one.name] = one.value;
 """
 PLANE = """
 put(states, [variable.value, ...sliders.map(one => one.value)].join(' '));
-for (const one of sliders) one.title = `${one.tags[0]} ${one.tags[1][one.value]}`;
 """
 CELL = """
 at[axes[0]] = cursor.data.x[0]; at[axes[1]] = cursor.data.y[0];  // '' if there is no other axis
@@ -96,7 +95,7 @@ def write_static(
         say(f"cell {number + 1} of {len(places)}")
         try:
             motion.show(motion_of(explored, place, seconds=SECONDS))
-        except ValueError as error:  # of one that collapses at once
+        except ValueError as error:  # no steady slip to begin at, perhaps
             log.warning("%s: cell %d is left out: %s", path, number + 1, error)
             continue
         motions[str(len(held))] = noted(motion.parts())
@@ -163,12 +162,10 @@ def _page(explored, axes, panel, motion, chosen, states, places, motions) -> Doc
     """The document with what moves in it."""
     rest = [dim for dim in explored.dims if dim not in axes]
     variable = choice("shown", chosen[0], [(n, explored.variables[n]) for n in chosen], 300)
-    sliders = []
+    middle, sliders = places[len(places) // 2], []
     for dim in rest:
         name, _, texts = explored.axis_words(dim)
-        one = slider(f"{name} {texts[0]}", max(2, len(texts)), 0, WIDTH - 20, name=dim)
-        one.update(tags=[name, texts], visible=len(texts) > 1)
-        sliders.append(one)
+        sliders.append(slider(name, texts, middle[dim], WIDTH - 20, name=dim))
     args = {"states": states, "variable": variable, "sliders": sliders, "motions": motions}
     args |= {
         "places": [list(place.values()) for place in places] if motions else [],
@@ -177,10 +174,6 @@ def _page(explored, axes, panel, motion, chosen, states, places, motions) -> Doc
         "shown": panel.held,
     }  # fmt: skip
     panel.held.tags = [-1]
-    middle = places[len(places) // 2]
-    for one in sliders:
-        one.value = middle[one.name]
-        one.title = f"{one.tags[0]} {one.tags[1][one.value]}"
     panel.cursor.data = {"x": [middle[axes[0]]], "y": [middle.get(axes[1], 0)]}
     show = CustomJS(args=args, code=PUT + PLANE + CELL)
     variable.js_on_change("value", show)

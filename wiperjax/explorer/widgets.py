@@ -52,9 +52,11 @@ def button(label: str, width: int = 170) -> Any:
     return models.Button(label=label, width=width, stylesheets=[SHEET])
 
 
-def slider(title: str, count: int, value: int, width: int, **options: Any) -> Any:
-    """One of `count` places."""
+def slider(title: str, texts: list[str], value: int, width: int, **options: Any) -> Any:
+    """One of several places, each with its words; of a single one it is not shown."""
+    code = "return texts[Math.round(tick)]"  # a slider counts in fractions that are nearly whole
+    names = models.CustomJSTickFormatter(args={"texts": texts}, code=code)
     return models.Slider(
-        start=0, end=count - 1, step=1, value=value, title=title, width=width, show_value=False,
-        stylesheets=[SHEET], **options,
+        start=0, end=max(1, len(texts) - 1), step=1, value=value, title=title, width=width,
+        format=names, visible=len(texts) > 1, stylesheets=[SHEET], **options,
     )  # fmt: skip

@@ -177,7 +177,7 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             lambda part, whole, seconds=6.0: animation.animate(part, seconds=seconds),
             ("seconds", *_TIMES),
             (*_MOTION, "belt_velocity", "normal_force", "friction_force"),
-            lambda run: last_periods(run, 2.0),
+            lambda run: animation.slow_part(run, 2.0),
         ),
     },
 }

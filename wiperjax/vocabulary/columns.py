@@ -73,21 +73,31 @@ def ordered(names: Iterable[str]) -> list[str]:
 
 def attributes_of(name: str, of: Mapping[str, Any]) -> dict[str, Any]:
     """CF attributes of a column in a map with the attributes `of`: forces are per metre of blade,
-    those of a system of one's own are not unless it says so.
+    and what moves is its tip; of a system of one's own neither, unless it says so.
     """
     if (parts := derivative(name)) is not None:
         return _of_derivative(*parts, of)
     found = column_of(name).attributes()
+    found["long_name"] = _said(found["long_name"], of, _WORDS)
     if "units" in found:
-        found["units"] = _units(found["units"], of)
+        found["units"] = _said(found["units"], of, _UNITS)
     return found
 
 
-def _units(units: str, of: Mapping[str, Any]) -> str:
+_UNITS = (("N/m", "N"), ("N s/m", "N s"), ("J/m", "J"))
+_WORDS = (
+    ("gap between tip and glass", "gap"),
+    ("tip velocity", "output velocity"),
+    ("tip acceleration", "output acceleration"),
+)
+
+
+def _said(text: str, of: Mapping[str, Any], of_others: Iterable[tuple[str, str]]) -> str:
+    """What is said of a blade, as it is said of what is none."""
     if SYSTEM in of and FORCES not in of:
-        for per_metre, whole in (("N/m", "N"), ("N s/m", "N s"), ("J/m", "J")):
-            units = units.replace(per_metre, whole)
-    return units
+        for blade, other in of_others:
+            text = text.replace(blade, other)
+    return text
 
 
 def _of_derivative(outcome: str, parameter: str, of: Mapping[str, Any]) -> dict[str, Any]:
@@ -98,6 +108,6 @@ def _of_derivative(outcome: str, parameter: str, of: Mapping[str, Any]) -> dict[
     words = known.long_name if known and SYSTEM not in of else parameter.replace("_", " ")
     what = SCHEMA[outcome]
     return {
-        "long_name": f"derivative of {what.long_name} by {words}",
-        "units": quotient(_units(what.units, of), unit),
+        "long_name": f"derivative of {_said(what.long_name, of, _WORDS)} by {words}",
+        "units": quotient(_said(what.units, of, _UNITS), unit),
     }

@@ -9,11 +9,13 @@ import xarray as xr
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.ticker import FuncFormatter
 
+from ...datasets.run_dataset import between, event_times, is_steady, last_periods, sample_interval
 from ...vocabulary.cf import flag_names
 from ..style.axes import page
 from ..style.caption import set_caption
 from ..style.palette import BELT, REGIMES, readable
 from .bands import regime_bands
+from .levels import TURNING
 
 FRAMES_PER_SECOND = 25
 ARROW = 0.6  # length of the largest force, in lengths of the lip
@@ -36,7 +38,7 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
 
     Raises: `ValueError` for a run that is not of a wiper.
     """
-    if ds.attrs.get("system") not in ("Wiper", "Bar") or "lip_length" not in ds.attrs:
+    if not has_lip(ds):
         raise ValueError("the run must be of a Wiper: only its lip can be drawn")
     length, time, tip, hinge, belt, travel, force, regimes = lip_scene(ds)
     frames = int(min(max(2, round(seconds * FRAMES_PER_SECOND)), time.size))
@@ -89,6 +91,24 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once: the page must not tremble, nor cost again
     return FuncAnimation(figure, draw, frames=frames, interval=1000 / FRAMES_PER_SECOND)
+
+
+def has_lip(ds: xr.Dataset) -> bool:
+    """Whether a run is of a wiper, whose lip can be drawn."""
+    return ds.attrs.get("system") in ("Wiper", "Bar") and "lip_length" in ds.attrs
+
+
+def slow_part(ds: xr.Dataset, periods: float) -> xr.Dataset:
+    """The part of a run that a few seconds of frames can follow: its last `periods`, on a belt that
+    turns the last V = 0 with what leads to it and the flip of the lip that follows. All of it where
+    there is none of these.
+    """
+    if is_steady(ds):
+        return last_periods(ds, periods, always=True)
+    turns = event_times(ds).get("belt_reversal", np.zeros(0))
+    after = max(TURNING, 8 * sample_interval(ds))
+    turns = turns[turns + after <= float(ds["time"][-1])]
+    return between(ds, turns[-1] - 0.5 * after, turns[-1] + after) if turns.size else ds
 
 
 class LipScene(NamedTuple):
