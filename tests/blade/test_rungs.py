@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import noises
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from systems import events, trajectory
 
 import wiperjax
@@ -60,6 +61,23 @@ def test_a_bar_that_would_lift_off_slides_freely():
     assert bar.constraint_force(t, q, fast) < 0
     assert bar.normal_force(t, q, fast) == pytest.approx(1e-6 * 15)
     assert bar.switches(t, q, fast)[-1] < 0 < bar.switches(t, q, (jnp.asarray(-0.3),))[-1]
+
+
+def test_a_bar_keeps_its_side_of_the_corner_where_it_begins_to_slide_freely():
+    """As the lip does of its shoulders: a stage beyond it had the derivatives of the other side."""
+    bar = ladder.on_rung(wiperjax.Wiper(support_damping=50.0), "bar").prepared()
+    pressed, free = bar.on_sides((1.0, 1.0)), bar.on_sides((1.0, -1.0)).on_piece(0)
+    t, q, least = jnp.asarray(0.0), (jnp.asarray(5e-3),), 1e-6 * 15
+    for speed in (5.0, -0.3):
+        at = t, q, (jnp.asarray(speed),)
+        assert pressed.normal_force(*at) == bar.constraint_force(*at)
+        assert free.normal_force(*at) == least
+
+    def above(speed):
+        return bar.constraint_force(t, q, (speed,)) - least
+
+    edge = brentq(above, -0.3, 5.0, xtol=1e-15)
+    assert bar.switches(t, q, (jnp.asarray(edge),))[-1] == pytest.approx(0, abs=1e-12)
 
 
 # --- the block ------------------------------------------------------------------------------------

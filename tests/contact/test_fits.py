@@ -88,7 +88,7 @@ class Halting(wiperjax.SteadyBelt):
 
 class Jumping(wiperjax.SteadyBelt):
     def velocity(self, time, piece):
-        return jnp.where(piece == 2, 0.3, self.speed)
+        return jnp.where(piece == 12, 0.3, self.speed)
 
     def break_time(self, piece):
         return 1.0 + piece
@@ -101,7 +101,7 @@ PARTS = {
     f"Wrong.coefficient {NUMBER} None": {"friction": Wrong()},
     f"Jerky.velocity {NUMBER} a tuple of 2": {"belt": Jerky(0.2)},
     "Halting.break_time must be later for each piece": {"belt": Halting(0.2)},
-    "Jumping.velocity must go on .*, but at 2 s was 0.2 and then 0.3": {"belt": Jumping(0.2)},
+    "Jumping.velocity must go on .*, but at 12 s was 0.2 and then 0.3": {"belt": Jumping(0.2)},
 }
 
 
@@ -147,6 +147,26 @@ def test_a_belt_whose_pieces_go_on_passes():
     fits.check(Oscillator(belt=several), (0.0,), (0.0,), (2,))
 
 
+class AtOnce(Breaking):
+    """It starts within a microsecond."""
+
+    ramp: float = 1e-6
+
+    def velocity(self, time, piece):
+        share = jnp.where(piece == 1, (time - self.at) / self.ramp, jnp.where(piece > 1, 1.0, 0.0))
+        return self.speed * share
+
+    def break_time(self, piece):
+        return jnp.where(piece < 2, self.at + piece * self.ramp, jnp.inf)
+
+
+def test_a_belt_that_starts_at_once_is_a_steep_ramp():
+    """What rests on it is left behind: it slips from there, by 0.15 t^2."""
+    block = Oscillator(damping=0.0, stiffness=1e-6, friction=Coulomb(0.3), belt=AtOnce(0.3, at=0.5))
+    run = wiperjax.simulate(block, 1.0, initial_state=((0.0,), (0.0,)))
+    assert float(run.final_position[0]) == pytest.approx(0.15 * 0.5**2, abs=1e-6)
+
+
 def test_a_bounce_gains_nothing():
     for bounce, was in ((1.7, "1.7"), (-0.1, "-0.1"), (np.array([0.5, 1.01]), "1.01")):
         ball = type("Mine", (own_systems.Ball,), {"bounce": property(lambda s, e=bounce: e)})
@@ -176,8 +196,10 @@ def test_a_start_of_its_own_that_is_none_is_named():
 
 
 class Leaning(own_systems.Ball):
-    """Directions of no mass matrix: W_tn is not W_nt."""
+    """Directions of no mass matrix unless both are the same, and below 1: W_tn is W_nt then."""
 
+    up: float = 0.2
+    along: float = 0.0
     coordinates = ("x", "y")
     friction: wiperjax.AbstractFriction = Coulomb(0.3)
 
@@ -185,7 +207,7 @@ class Leaning(own_systems.Ball):
         return 0.0, -self.gravity
 
     def directions(self, t, q):
-        return (1.0, 0.2), (0.0, 1.0)
+        return (1.0, self.up), (self.along, 1.0)
 
     def gap(self, t, q):
         return q[1]
@@ -201,3 +223,11 @@ def test_a_unit_force_moves_the_contact_its_own_way():
         wiperjax.simulate(ball(), 1.0, initial_state=((1.0,), (0.0,)))
     with pytest.raises(ValueError, match=r"^Leaning.directions must be those of one mass matrix"):
         wiperjax.simulate(Leaning(), 1.0, initial_state=((0.0, 1.0), (0.0, 0.0)))
+    fits.check(Leaning(up=0.9, along=0.9), (0.0, 1.0), (0.0, 0.0))
+    words = "must be those of a mass matrix: W_tt W_nn > W_tn.2, .*, but W was 1.0, 1.0 and"
+    for both in (1.0, 1.5):
+        with pytest.raises(ValueError, match=f"^Leaning.directions {words} {both}$"):
+            fits.check(Leaning(up=both, along=both), (0.0, 1.0), (0.0, 0.0))
+    several = Leaning(up=np.array([0.1, 2.0]), along=np.array([0.1, 2.0]))
+    with pytest.raises(ValueError, match=r"^Leaning.directions .* W was 1.0, 1.0 and 2.0$"):
+        fits.check(several, (jnp.zeros(2), jnp.ones(2)), (jnp.zeros(2),) * 2, (2,))

@@ -123,6 +123,19 @@ def test_the_best_answer_lies_on_the_right_side_of_an_edge():
         assert float(slip.growth_rate) == pytest.approx(float(one.growth_rate), abs=1e-3)
 
 
+@pytest.mark.slow
+def test_a_period_that_is_a_number_has_no_derivative_by_the_frequency():
+    """It was taken for that of every frequency; `find_cycle` refuses it where it is told."""
+    system = Oscillator(belt=wiperjax.WipingBelt(1.0, 0.1))
+    cycle = find_cycle(system, settle=100.0, period=10.0)
+    words = r"^period must be one after which .*, but was 10 s at belt_frequency = 0.1001$"
+    with pytest.raises(ValueError, match=words):
+        remedy.sensitivities(cycle, ["load", "belt_frequency"])
+    told = find_cycle(system, settle=100.0, period=lambda s: 1 / s.belt.frequency)
+    slope = float(remedy.sensitivities(told, ["belt_frequency"], "period").derivative[0])
+    assert slope == pytest.approx(-100.0)
+
+
 class Own(wiperjax.SteadyBelt):
     """A steady belt of one's own: of a kind that has no name."""
 

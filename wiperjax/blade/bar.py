@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from ..contact.belts import AbstractBelt
@@ -27,6 +28,7 @@ class Bar(AbstractSystem):
     per_metre: ClassVar[bool] = True
     known: ClassVar = PARAMETERS
     lip: Wiper
+    sides: tuple | None = None  # signs of the switches (set by the engine)
 
     @property
     def belt(self) -> AbstractBelt:
@@ -51,8 +53,9 @@ class Bar(AbstractSystem):
         return -self.lip.tip_mass * self._free(t, q, v)[1]
 
     def normal_force(self, t, q, v):
-        least = LEAST_LOAD * self.lip.normal_load
-        return jnp.maximum(self.constraint_force(t, q, v), least)
+        force, least = self.constraint_force(t, q, v), LEAST_LOAD * self.lip.normal_load
+        pressed = force > least if self.sides is None else self.sides[-1] > 0
+        return jnp.where(pressed, force, least)
 
     def slip_speed(self, t, q, v):
         return v[0]
@@ -65,8 +68,7 @@ class Bar(AbstractSystem):
 
     def switches(self, t, q, v):
         # the force's own corner is stepped onto like the shoulder
-        least = LEAST_LOAD * self.lip.normal_load
-        pressing = self.constraint_force(t, q, v) / self.lip.normal_load - least
+        pressing = self.constraint_force(t, q, v) / self.lip.normal_load - LEAST_LOAD
         return (*self.lip.switches(t, q, v), pressing)
 
     def ends(self, t, q, v):
@@ -82,14 +84,14 @@ class Bar(AbstractSystem):
         return self.belt.reverses(piece)
 
     def on_piece(self, piece):
-        return Bar(self.lip.on_piece(piece))
+        return eqx.tree_at(lambda bar: bar.lip, self, self.lip.on_piece(piece))
 
     def on_sides(self, sides):
         # the last side is that of the pressing force, which is not the lip's
-        return Bar(self.lip.on_sides(sides[:-1]))
+        return Bar(self.lip.on_sides(sides[:-1]), tuple(sides))
 
     def prepared(self):
-        return Bar(self.lip.prepared())
+        return eqx.tree_at(lambda bar: bar.lip, self, self.lip.prepared())
 
     def default_state(self):
         (x, _), (u, _) = self.lip.default_state()

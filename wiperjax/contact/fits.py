@@ -23,7 +23,8 @@ from .space import contact
 from .system import AbstractSystem, cast
 
 SAME = 1e-6  # of W_tn and W_nt, relative
-PIECES = 4  # of a prescribed motion that are looked at
+SINGULAR = 1e-12  # relative: a W that is so near to singular is so but for rounding
+PIECES = 64  # of a prescribed motion that are looked at
 
 
 def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple = ()) -> None:
@@ -108,24 +109,28 @@ def _check_pieces(owner: Any, t) -> None:
     would stand still, and a belt's speed goes on from one to the next. Traced values pass."""
     if any(map(checks.is_traced, jax.tree.leaves((owner, t)))):
         return
-    begin, piece = np.asarray(t), owner.first_piece(t)
-    for _ in range(PIECES):
-        end = np.asarray(owner.break_time(piece))
-        if np.any(~(end > begin) & np.isfinite(begin)):
-            must = "must be later for each piece, and than the time that it is the first piece of"
-            raise ValueError(f"{type(owner).__name__}.break_time {must}, but was {end}")
-        if isinstance(owner, AbstractBelt):
-            _check_joint(owner, piece, end)
-        begin, piece = end, piece + 1
+    pieces = owner.first_piece(t) + jnp.arange(PIECES).reshape(-1, *[1] * jnp.ndim(t))
+    ends = np.asarray(jax.vmap(lambda piece: owner.break_time(piece) + 0 * t)(pieces))
+    begins = np.concatenate([np.asarray(t)[None], ends[:-1]])
+    if np.any(early := ~(ends > begins) & np.isfinite(begins)):
+        must = "must be later for each piece, and than the time that it is the first piece of"
+        raise ValueError(f"{type(owner).__name__}.break_time {must}, but was {ends[early][0]:g}")
+    if isinstance(owner, AbstractBelt):
+        _check_joints(owner, pieces, ends)
 
 
-def _check_joint(belt: AbstractBelt, piece, end) -> None:
+def _check_joints(belt: AbstractBelt, pieces, ends) -> None:
     """Raises ValueError where a belt's speed jumps at the end of a piece: what sticks would too."""
-    ends, at = np.isfinite(end), jnp.where(np.isfinite(end), end, 0.0)
-    before, after = (np.asarray(belt.velocity(at, of)) for of in (piece, piece + 1))
+    there = np.isfinite(ends)
+
+    def speed(time, piece):
+        return belt.velocity(time, piece) + 0 * time
+
+    times = jnp.where(there, ends, 0.0)
+    old, new = (np.asarray(jax.vmap(speed)(times, of)) for of in (pieces, pieces + 1))
     size = np.abs(belt.peak)  # where it turns round its speed is rounding
-    if np.any(jumps := ends & (abs(after - before) > SAME * size)):
-        at, old, new = (np.broadcast_to(x, jumps.shape)[jumps][0] for x in (end, before, after))
+    if np.any(jumps := there & (abs(new - old) > SAME * size)):
+        at, old, new = (x[jumps][0] for x in (ends, old, new))
         must = f"must go on where a piece ends, but at {at:g} s was {old:g} and then {new:g}"
         raise ValueError(f"{type(belt).__name__}.velocity {must}")
 
@@ -193,6 +198,12 @@ def _check_inertia(system: AbstractSystem, t, q, v) -> None:
         must = "must be those of one mass matrix: what a unit tangential force does to the gap, a"
         must += " unit normal force does to slip_speed"
         raise ValueError(f"{kind}.directions {must}, but they do {w_nt} and {c.w_tn}")
+    w = np.broadcast_arrays(c.w_tt, c.w_nn, c.w_tn)
+    if np.any(none := w[0] * w[1] <= (1 + SINGULAR) * w[2] ** 2):
+        tt, nn, tn = (x[none][0] for x in w)
+        must = "must be those of a mass matrix: W_tt W_nn > W_tn^2, of what unit forces do to"
+        must += " slip_speed and to the gap"
+        raise ValueError(f"{kind}.directions {must}, but W was {tt}, {nn} and {tn}")
 
 
 def _asked(owner: Any, method: str, *given) -> Any:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ..numerics.bernstein import largest
+from ..numerics.bernstein import largest, minimum
 from ..numerics.elementary import larger
 from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent, plus, times
@@ -87,13 +87,13 @@ def acceleration(c: Contact, f: Forces):
 
 
 def pulls(system: AbstractSystem, loads):
-    """Whether the last of some ``loads`` that a system prescribes on its friction is below zero, by
-    more than a switch is off that is to keep it above: the law says nothing of that, and friction
-    would drive what it should brake.
+    """Whether some of the ``loads`` that a system prescribes on its friction along a step, but for
+    the first, are below zero, by more than a switch is off that is to keep them above: the law says
+    nothing of that, and friction would drive what it should brake.
     """
     if system.unilateral or system.law is None:
         return jnp.zeros_like(loads[0], bool)
-    return loads[-1] < -1e-6 * largest(loads)
+    return minimum(loads[1:]) < -1e-6 * largest(loads)
 
 
 class Decision(NamedTuple):

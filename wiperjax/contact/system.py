@@ -93,7 +93,7 @@ class AbstractSystem(eqx.Module):
         raise NotImplementedError("a unilateral system must define gap(t, q)")
 
     def normal_force(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
-        """Prescribed normal force (bilateral contacts); a motion with friction ends where it falls
+        """Prescribed normal force (bilateral contacts); a motion with friction ends where it is
         below zero, with `NO_CONSISTENT_REGIME`."""
         raise NotImplementedError("a bilateral system must define normal_force(t, q, v)")
 

@@ -15,9 +15,10 @@ from scipy.optimize import brentq
 from ..blade import numbers
 from ..cycles.branch.dataset import column_attributes
 from ..cycles.chart import Chart, chart
+from ..cycles.clock import STATES, check_clock
 from ..cycles.cycle import Cycle, Found
 from ..cycles.return_map import Shooting
-from ..cycles.shooting import Arc
+from ..cycles.shooting import SAMPLES, Arc
 from ..engine.observers.totals import variance
 from ..vocabulary import checks
 from ..vocabulary.cf import quotient
@@ -42,34 +43,34 @@ def sensitivities(
     one per cent of the range between the bounds; ``measure``. Whichever sign the measure has, a
     negative ``buys`` is a way down.
 
-    Raises ValueError for a cycle that was not found, an unknown measure, or a maximum at an impact.
+    Raises ValueError for a cycle that was not found, an unknown measure, a maximum at an impact, or
+    a ``period`` given to `find_cycle` that is another where one of the numbers is.
     """
     checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
     if isinstance(names, Mapping):
         numbers.check_bounds("names", cycle.system, names)
     else:
         checks.names("names", names, 1)
-    shooting, state = cycle.shooting, cycle.state
-    if shooting is None or state is None or cycle.found != Found.FOUND:
+    state = cycle.state
+    if cycle.shooting is None or state is None or cycle.found != Found.FOUND:
         raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
     checks.choice("measure", measure, MEASURES)
     bounds = names if isinstance(names, Mapping) else None
-    every = tuple(dict.fromkeys((*shooting.varied, *names)))
-    system = numbers.traceable(cycle.system, *every)
+    shooting = _family(cycle, names)
+    system = shooting.system
     where = chart(
         system, state, cycle.phase * cycle.period, cycle.regime, shooting.scale, shooting.section
     )
     slopes, value = [], getattr(cycle, measure)
 
     def motion(name: str, part: float = 1.0) -> Arc:
-        family = replace(shooting, system=system, over=name, varied=every)
         stretch = {"phase": cycle.phase, "part": part, "regime": cycle.regime}
-        return family.motion(system, state, cycle.period, **stretch)
+        return replace(shooting, over=name).motion(system, state, cycle.period, **stretch)
 
     part = _top(cycle, partial(motion, next(iter(names)))) if measure == "maximum" else 1.0
     for name in names:
         m = motion(name)
-        moved = _moved(replace(shooting, system=system, over=name), where, m)
+        moved = _moved(replace(shooting, over=name), where, m)
         if measure == "maximum":
             m = motion(name, part)
         slopes.append(_slope(cycle, m, moved, measure))
@@ -103,6 +104,21 @@ def sensitivities(
         "derivative_units": ("parameter", per, {"long_name": "unit of the derivative"}),
     }
     return xr.Dataset(variables, coords=coords, attrs={"of": measure})
+
+
+def _family(cycle: Cycle, names) -> Shooting:
+    """Return the family of a cycle over ``names``, too.
+
+    Raises ValueError if the period of what drives it is another where one of them is: `find_cycle`
+    has asked about those only that it was told of.
+    """
+    shooting, motion = cycle.shooting, cycle.motion
+    assert shooting is not None and motion is not None
+    every = tuple(dict.fromkeys((*shooting.varied, *names)))
+    family = replace(shooting, system=numbers.traceable(cycle.system, *every), varied=every)
+    if family.clock is not None:
+        check_clock(family, motion.samples[:: SAMPLES // STATES])
+    return family
 
 
 def _moved(shooting: Shooting, where: Chart, m: Arc) -> np.ndarray:

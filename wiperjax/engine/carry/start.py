@@ -14,7 +14,7 @@ from ...contact.guards import (
     stop_slots,
 )
 from ...contact.projection import project
-from ...contact.regimes import acceleration, decide, forces
+from ...contact.regimes import acceleration, decide, forces, pulls
 from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.arrays import where
@@ -165,6 +165,11 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     step = _first_step(problem, start, motion, rate)
     finite = _is_finite(problem, start, motion, rate)
     code = entry.code
+    if not system.unilateral:  # rounding is nothing beside the load a step later
+        h = step.astype(position[0].dtype)
+        later = jax.tree.map(lambda x, f: x + h * f, motion, rate)
+        pulled = pulls(system, (contact(local, start + step, *later).load, c.load))
+        code = jnp.where(pulled, int(Result.NO_CONSISTENT_REGIME), code)
     for slot in stop_slots(system):
         code = jnp.where(guards[slot] < 0, int(Result.INCONSISTENT_START), code)
 
