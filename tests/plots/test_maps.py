@@ -6,6 +6,7 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from pictures import SIGHT, inside_the_page, lab, legends
 
@@ -491,11 +492,39 @@ def test_colours_are_told_apart_by_everybody(name, sight):
     assert near[closest] > 15, (closest, near[closest])
 
 
+@pytest.mark.parametrize(
+    "speeds",
+    [
+        {"values": [0.1, 0.2, 0.4, 0.8, 1.6]},  # looks spaced by ratio, and is halved evenly
+        {"start": 0.4, "stop": 1.0, "num": 7, "spacing": "geometric"},  # does not look so, and is
+    ],
+)
+def test_located_borders_are_joined_however_an_axis_is_spaced(tmp_path, monkeypatch, speeds):
+    """Of a disc a curve is drawn all round; it was crumbs: 30 pieces between 53 points."""
+    import border_maps
+
+    monkeypatch.setitem(border_maps.AXES, "belt_speed", speeds)
+    path, middle, radius = tmp_path / "map.h5", (0.5, 0.4), 0.3
+    disc = border_maps.engine(
+        lambda x, y: np.where(np.hypot(x - middle[0], y - middle[1]) < radius, 700.0, 300.0)
+    )
+    spec = border_maps.coarse_map(path, disc)
+    found = border_maps.refined(path, disc, levels=5, probes=0)
+    with whole.open_map(path) as ds:
+        (ax,) = plots.class_map(plots.with_borders(ds, found))
+    curves = next(one for one in ax.collections if isinstance(one, LineCollection))
+    ends = np.array(curves.get_segments())  # (pieces, 2, 2)
+    assert len(ends) > 0.9 * found.sizes["border"] > 25
+    low, high = spec.axes["belt_speed"].values()[[0, -1]]
+    x, y = (ends[..., 0] + 40) / 80, (ends[..., 1] - low) / (high - low)
+    located = np.hypot(x - middle[0], y - middle[1])
+    assert np.quantile(np.abs(located - radius), 0.9) < 1 / 2**5 / 4
+
+
 @pytest.mark.slow
 def test_borders_are_drawn_as_curves_over_the_classes_of_each_slice(tmp_path):
     """The curve of a disc that was located runs along the disc, in each plane that it crosses."""
     from border_maps import coarse_map, engine, refined
-    from matplotlib.collections import LineCollection
 
     def ball(x, y, z):
         return np.where((x - 0.5) ** 2 + (y - 0.5) ** 2 + (z - 0.5) ** 2 < 0.3**2, 700.0, 300.0)
