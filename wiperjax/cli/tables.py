@@ -228,12 +228,15 @@ def print_borders(borders: Any) -> None:
         if said["wide_points"]:
             widest = _shares(borders, WIDEST)
             print(f"    {said['wide_points']} points have such a cube, at most {widest}")
-    every = said["simulations"] + said["map_cells"]
-    full = said["full_grid_cells"]
-    print(
-        f"{said['simulations']} simulations beside {said['map_cells']} of the map, for a grid of "
-        f"{full:.4g}: 1/{full / every:.3g}"
-    )
+    if "linear_points" in said:
+        print(f"{said['linear_points']} points of steady slip, no simulation")
+    else:
+        every = said["simulations"] + said["map_cells"]
+        full = said["full_grid_cells"]
+        print(
+            f"{said['simulations']} simulations beside {said['map_cells']} of the map, for a grid "
+            f"of {full:.4g}: 1/{full / every:.3g}"
+        )
     for name, what in (("probe", "cubes without a border"), ("border_probe", "cubes with one")):
         count, wrong = said.get(f"{name}s", 0), said.get(f"{name}s_wrong", 0)
         if count:
