@@ -249,9 +249,11 @@ def test_verify_computes_points_of_the_levels_again(tmp_path):
 BAD = {
     "refine.levels: must be a whole number in": {"levels": 0},
     "refine.levels: must be given, or resolution": {},
-    "refine.on: 'lable' is not in this kind of map; did you mean label": {
+    "refine.on: unknown name 'lable'; did you mean label": {"levels": 2, "on": "lable"},
+    # of what every map may hold: neither events nor several starts
+    r"refine.on: must be one of label, .*(?<!event_count), (?!.*class_set).*; was 'nothing'$": {
         "levels": 2,
-        "on": "lable",
+        "on": "nothing",
     },
     "refine.on: must be velocity_rms=NUMBER": {"levels": 2, "on": "velocity_rms"},
     "refine.on: must be a variable of names, or NAME=NUMBER": {"levels": 2, "on": "label=3"},
