@@ -274,6 +274,8 @@ def test_class_map_draws_small_multiples_over_the_third_axis(small_map):
         ValueError, match="'belt_speed' is an axis of the picture and cannot number"
     ):
         plots.class_map(small_map, panel="belt_speed")
+    with pytest.raises(ValueError, match="x and y must be two axes, but both were 'belt_speed'"):
+        plots.class_map(small_map, x="belt_speed", y="belt_speed")
     with pytest.raises(ValueError, match="two axes"):
         plots.class_map(small_map.isel(normal_load=[0], attack_angle=[0]))
 
@@ -417,6 +419,19 @@ def _is_marks(collection):
     return type(collection).__name__ == "PathCollection"
 
 
+def test_a_line_without_a_tone_has_a_scale_that_can_be_read(small_map):
+    """All quiet: 0.0005 to 2000 Hz, the marks over each other."""
+    for quiet, lowest in ((True, 80.0), (False, 0.6)):
+        still = small_map.copy(deep=True)
+        still["label"][:] = codes.LABELS["quiet" if quiet else "chattering"]
+        still["dominant_frequency"][:] = 1.0
+        still["linear_frequency"][:] = np.nan
+        assert plots.along_axis(still)[0].get_ylim() == (lowest, 1500.0)
+    still["label"][:] = codes.LABELS["quiet"]
+    still["linear_frequency"][:] = 2000.0  # a curve that is seen
+    assert plots.along_axis(still)[0].get_ylim() == (80.0, 3200.0)
+
+
 def test_raster_shows_the_regime_over_time(small_map):
     times = np.arange(4) * 0.01
     regimes = np.arange(small_map["label"].size * 4).reshape(*small_map["label"].shape, 4) % 4
@@ -432,6 +447,8 @@ def test_raster_shows_the_regime_over_time(small_map):
     assert values.shape == (17, 4) and (values[0] == 4).all()  # beside the four regimes: grey
     np.testing.assert_array_equal(values[1:], regimes[1:, 1, 4])
     assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
+    with pytest.raises(ValueError, match="not one number a cell: it has one for each raster_time"):
+        plots.value_map(ds, "regime_raster")
     with pytest.raises(ValueError, match="no regime over time"):
         plots.regime_raster(small_map)
 
