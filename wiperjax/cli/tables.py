@@ -93,12 +93,12 @@ def print_end(run: Any) -> None:
 
 
 def print_attributes(dataset: Any) -> None:
-    """How a file was made; texts of several lines indented."""
+    """How a file was made, as far as it says; texts of several lines indented."""
     print()
     for name, value in dataset.attrs.items():
-        if name in ("specification", "specification_canonical"):  # for machines
-            continue
         lines = str(value).splitlines()
+        if not lines or name in ("specification", "specification_canonical"):  # for machines
+            continue
         if len(lines) > 1:
             print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")
         else:
