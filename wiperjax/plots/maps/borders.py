@@ -107,7 +107,7 @@ def _geometric(ds: xr.Dataset, name: str) -> bool:
     """Whether the refinement halved the cells along an axis by ratio: as its file spaces them,
     whatever its values look like.
     """
-    return ds[PREFIX + name].attrs["spacing"] == "geometric"
+    return ds[PREFIX + name].attrs.get("spacing") == "geometric"
 
 
 def _rank(ds: xr.Dataset, name: str, values: np.ndarray) -> np.ndarray:
