@@ -11,6 +11,7 @@ import sys
 import types
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -252,13 +253,15 @@ def test_ctrl_c_in_a_refinement_says_how_to_go_on(folder, monkeypatch, capsys):
     assert again.split() == ["wiperjax", *words]
 
 
-def test_simulate(folder, stubs, capsys):
+def test_simulate(folder, stubs, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["wiperjax", "simulate", "scene.toml", "-o", "r.h5"])
     assert main(["simulate", "scene.toml", "-o", "r.h5"]) == 0
     assert stubs.calls[0] == ("configure", 1)
     assert stubs.calls[1][1].run.duration == 0.1
     assert "r.h5: 3 time, 2 axis" in capsys.readouterr().out
     with whole.open_map("r.h5") as run:
         assert run.position.shape == (3, 2)
+        assert run.attrs["command"] == "wiperjax simulate scene.toml -o r.h5"
 
 
 def test_a_window_too_short_for_the_flip_is_noted(folder, stubs, capsys):
@@ -348,6 +351,16 @@ def test_info(folder, capsys):
     assert "chattering          1    50.0%" in printed
 
 
+def test_info_says_that_a_file_is_none_of_ours(folder):
+    """As a process: a warning of xarray's came first, and then not a word."""
+    with h5py.File("strange.h5", "w") as file:
+        file["a"] = np.arange(3)
+    words = [sys.executable, "-m", "wiperjax", "info", "strange.h5"]
+    ran = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert ran.stderr == "note: strange.h5 does not say that wiperjax made it\n"
+    assert "phony_dim_0 3" in ran.stdout
+
+
 def test_verify(folder, stubs, capsys):
     whole.write_dataset(small_map(), "m.h5")
     assert main(["verify", "m.h5", "--cells", "5", "--seed", "7"]) == 0
@@ -430,6 +443,14 @@ def test_the_command_line_alone_imports_nothing_heavy():
         ("plot there.h5 -o p.gif --all", "p.gif: must end in .png or .pdf or .svg"),
         ("plot there.h5 -o p.png --all -p phase", "--all draws every picture and --picture one"),
         ("plot there.h5 -o p.png --at load", "--at must be AXIS=NUMBER, such as normal_load=15"),
+        (
+            "plot there.h5 -o p.png --at normal_load=15 --at normal_load=5",
+            "--at must name each axis once, but named normal_load twice",
+        ),
+        (
+            "refine there.h5 --levels 2 --box normal_load=5:6 --box normal_load=7:8",
+            "--box must name each axis once, but named normal_load twice",
+        ),
         ("plot .", "-o must be given: . has no name to call a file after"),
         ("plot half.h5 -o p.png", "half.h5: is not finished; name half.h5.parts to look at what"),
         ("listen there.h5 -o drawn.png", "drawn.png: must end in .wav"),

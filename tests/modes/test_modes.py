@@ -306,7 +306,7 @@ def test_a_chain_without_damping_rings_at_its_own_frequencies():
     [
         (0.0, 0.5, "neutral: 2 modes neither grow nor decay"),
         (0.01, 0.5, "stable: 0 modes grow"),
-        (0.01, 1.0, "unstable: 1 modes grow"),
+        (0.01, 1.0, "unstable: 1 mode grows"),
     ],
 )
 def test_what_neither_grows_nor_decays_is_not_called_stable(

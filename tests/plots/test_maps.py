@@ -6,6 +6,7 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from pictures import SIGHT, inside_the_page, lab, legends
 
@@ -273,6 +274,8 @@ def test_class_map_draws_small_multiples_over_the_third_axis(small_map):
         ValueError, match="'belt_speed' is an axis of the picture and cannot number"
     ):
         plots.class_map(small_map, panel="belt_speed")
+    with pytest.raises(ValueError, match="x and y must be two axes, but both were 'belt_speed'"):
+        plots.class_map(small_map, x="belt_speed", y="belt_speed")
     with pytest.raises(ValueError, match="two axes"):
         plots.class_map(small_map.isel(normal_load=[0], attack_angle=[0]))
 
@@ -416,6 +419,19 @@ def _is_marks(collection):
     return type(collection).__name__ == "PathCollection"
 
 
+def test_a_line_without_a_tone_has_a_scale_that_can_be_read(small_map):
+    """All quiet: 0.0005 to 2000 Hz, the marks over each other."""
+    for quiet, lowest in ((True, 80.0), (False, 0.6)):
+        still = small_map.copy(deep=True)
+        still["label"][:] = codes.LABELS["quiet" if quiet else "chattering"]
+        still["dominant_frequency"][:] = 1.0
+        still["linear_frequency"][:] = np.nan
+        assert plots.along_axis(still)[0].get_ylim() == (lowest, 1500.0)
+    still["label"][:] = codes.LABELS["quiet"]
+    still["linear_frequency"][:] = 2000.0  # a curve that is seen
+    assert plots.along_axis(still)[0].get_ylim() == (80.0, 3200.0)
+
+
 def test_raster_shows_the_regime_over_time(small_map):
     times = np.arange(4) * 0.01
     regimes = np.arange(small_map["label"].size * 4).reshape(*small_map["label"].shape, 4) % 4
@@ -431,6 +447,8 @@ def test_raster_shows_the_regime_over_time(small_map):
     assert values.shape == (17, 4) and (values[0] == 4).all()  # beside the four regimes: grey
     np.testing.assert_array_equal(values[1:], regimes[1:, 1, 4])
     assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
+    with pytest.raises(ValueError, match="not one number a cell: it has one for each raster_time"):
+        plots.value_map(ds, "regime_raster")
     with pytest.raises(ValueError, match="no regime over time"):
         plots.regime_raster(small_map)
 
@@ -491,11 +509,39 @@ def test_colours_are_told_apart_by_everybody(name, sight):
     assert near[closest] > 15, (closest, near[closest])
 
 
+@pytest.mark.parametrize(
+    "speeds",
+    [
+        {"values": [0.1, 0.2, 0.4, 0.8, 1.6]},  # looks spaced by ratio, and is halved evenly
+        {"start": 0.4, "stop": 1.0, "num": 7, "spacing": "geometric"},  # does not look so, and is
+    ],
+)
+def test_located_borders_are_joined_however_an_axis_is_spaced(tmp_path, monkeypatch, speeds):
+    """Of a disc a curve is drawn all round; it was crumbs: 30 pieces between 53 points."""
+    import border_maps
+
+    monkeypatch.setitem(border_maps.AXES, "belt_speed", speeds)
+    path, middle, radius = tmp_path / "map.h5", (0.5, 0.4), 0.3
+    disc = border_maps.engine(
+        lambda x, y: np.where(np.hypot(x - middle[0], y - middle[1]) < radius, 700.0, 300.0)
+    )
+    spec = border_maps.coarse_map(path, disc)
+    found = border_maps.refined(path, disc, levels=5, probes=0)
+    with whole.open_map(path) as ds:
+        (ax,) = plots.class_map(plots.with_borders(ds, found))
+    curves = next(one for one in ax.collections if isinstance(one, LineCollection))
+    ends = np.array(curves.get_segments())  # (pieces, 2, 2)
+    assert len(ends) > 0.9 * found.sizes["border"] > 25
+    low, high = spec.axes["belt_speed"].values()[[0, -1]]
+    x, y = (ends[..., 0] + 40) / 80, (ends[..., 1] - low) / (high - low)
+    located = np.hypot(x - middle[0], y - middle[1])
+    assert np.quantile(np.abs(located - radius), 0.9) < 1 / 2**5 / 4
+
+
 @pytest.mark.slow
 def test_borders_are_drawn_as_curves_over_the_classes_of_each_slice(tmp_path):
     """The curve of a disc that was located runs along the disc, in each plane that it crosses."""
     from border_maps import coarse_map, engine, refined
-    from matplotlib.collections import LineCollection
 
     def ball(x, y, z):
         return np.where((x - 0.5) ** 2 + (y - 0.5) ** 2 + (z - 0.5) ** 2 < 0.3**2, 700.0, 300.0)

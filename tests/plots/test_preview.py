@@ -33,8 +33,11 @@ def test_a_map_of_one_axis_is_a_line_also_one_of_several_starts():
     line = driver.sweep(spec, evaluate=evaluate, progress=False)
     assert (0xD5, 0x5E, 0x00) in colours(preview(line).png)
     several = line.expand_dims(start=["up", "down"])
+    assert "map of 11 cells (11 belt_speed) of 2 starts each" in repr(preview(several))
     assert (0xD5, 0x5E, 0x00) in colours(preview(several).png)
     assert preview(line.isel(belt_speed=[0])).png == b""
+    drawn = line.expand_dims({"raster_time": 4}, axis=-1)["label"].rename("regime_raster")
+    assert "map of 11 cells (11 belt_speed)" in repr(preview(line.assign(regime_raster=drawn)))
 
 
 def test_the_extension_shows_maps_with_their_picture_and_nothing_else():

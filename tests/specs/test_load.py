@@ -505,6 +505,25 @@ def test_faults_of_files(tmp_path):
         assert str(caught.value).startswith(f"{path}: ") and "\n" not in str(caught.value)
 
 
+def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path):
+    """Editors on Windows put it there: 'Invalid statement (at line 1, column 1)'."""
+    path = tmp_path / "marked.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + b'title = "marked"\n[run]\nduration = 1\n')
+    assert load_scene(path).title == "marked"
+    assert load_scene(path).text.startswith("title")
+
+
+def test_friction_that_rises_from_rest_is_noted():
+    run = {"run": {"transient": 0, "window": 0.1}}
+    scene = parse_scene({"blade": {"mu_static": 0.2}, "run": {"duration": 1}})
+    line = "mu_static is 0.2, less than mu_minimum (0.3): friction rises with speed"
+    assert scene.notes() == [line]
+    axes = {"mu_static": {"values": [1.0, 0.5, 0.2]}}
+    assert parse_sweep({"axes": axes} | run).notes() == [line]
+    axes = {"mu_static": {"values": [1.0, 0.3]}}
+    assert parse_sweep({"axes": axes} | run).notes() == []
+
+
 def test_faults_of_scenes():
     with pytest.raises(
         SpecError, match=r"^s: run.duration: must lie inside \[1e-09, 100000\] s, was 0$"

@@ -191,6 +191,14 @@ def test_mending_that_is_killed_goes_on(path):
     assert 0 < len(mended(path)) < 8
 
 
+def test_a_map_that_lost_its_end_is_said_to_and_nothing_is_computed(path):
+    content = path.read_bytes()[:-3000]
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match="has no checksums .*: its end is lost.*--force replaces"):
+        stub.run(make_spec(), path, resume=True)
+    assert path.read_bytes() == content and not parts_of(path).exists()
+
+
 def test_the_damaged_map_of_another_sweep_is_left_alone(path):
     flip(path, places(path)["steps"][0] + 5)
     with pytest.raises(StoreError, match="exists already"):

@@ -1,8 +1,11 @@
 """Finished maps opened."""
 
+import h5py
 import pytest
+import stub_sweep as stub
 
 from wiperjax.machine.files import StoreError
+from wiperjax.store.manifest import parts_of
 from wiperjax.store.whole import open_map
 
 
@@ -13,3 +16,17 @@ def test_files_that_are_no_maps(tmp_path):
         (tmp_path / "bad.h5").write_bytes(content)
         with pytest.raises(StoreError, match="bad.h5: is not a readable map"):
             open_map(tmp_path / "bad.h5")
+
+
+def test_a_map_opens_with_the_variables_that_are_asked_for(tmp_path):
+    path, axes = tmp_path / "map.h5", {"attack_angle", "normal_load", "belt_speed"}
+    stub.run(stub.make_spec(), path)
+    with open_map(path, ["label", "steps"]) as ds:
+        assert set(ds.data_vars) == {"label", "steps"} and set(ds.coords) == axes
+    with h5py.File(path, "r+"):  # which is refused while it is open for reading
+        path.unlink()
+    stub.half_done(path, stub.make_spec(), 3)
+    stub.run(stub.make_spec(), tmp_path / "other.h5")
+    for held in (parts_of(path), tmp_path / "other.h5"):
+        with pytest.raises(StoreError, match=r"'labl' is not in this map; did you mean label\?$"):
+            open_map(held, ["labl"])

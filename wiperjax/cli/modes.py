@@ -87,7 +87,7 @@ def _told_of(file: Path):
 def _is_sweep(file: Path) -> bool:
     """Whether a file has axes; what is no TOML at all is told as a scene."""
     try:
-        return "axes" in tomllib.loads(file.read_text(encoding="utf-8"))
+        return "axes" in tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return False
 
@@ -107,9 +107,11 @@ def _tell(found: Any) -> None:
     print(f"damping ratio {found.attrs['damping_convention']}")
     grows, stays = int((found["real_part"] > 0).sum()), int((found["real_part"] == 0).sum())
     if stays and not grows:
-        print(f"steady sliding is neutral: {stays} modes neither grow nor decay")
+        verb = "mode neither grows nor decays" if stays == 1 else "modes neither grow nor decay"
+        print(f"steady sliding is neutral: {stays} {verb}")
     else:
-        print(f"steady sliding is {'unstable' if grows else 'stable'}: {grows} modes grow")
+        verb = "mode grows" if grows == 1 else "modes grow"
+        print(f"steady sliding is {'unstable' if grows else 'stable'}: {grows} {verb}")
 
 
 def _tell_map(found: Any) -> None:

@@ -15,6 +15,7 @@ from .options import (
     beside,
     check_output,
     configure,
+    typed,
 )
 from .tables import print_curves, print_end, print_notes, print_special
 
@@ -41,7 +42,7 @@ def simulate(
     except KeyboardInterrupt:
         print("wiperjax: interrupted, nothing was written", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
-    write_dataset(dataset, output, force)
+    write_dataset(dataset.assign_attrs(command=typed()), output, force)
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
     print_end(dataset)
 
@@ -87,7 +88,7 @@ def follow(
     from ..store.whole import write_dataset
 
     branch = follow_scene(spec, over, low, high, step, simulate or 0, plane)  # type: ignore[arg-type]
-    write_dataset(branch, output, force)
+    write_dataset(branch.assign_attrs(command=typed()), output, force)
     print_special(branch)
     print_curves(branch)
     print(f"branch   {output}: {branch.sizes['point']} cycles")

@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -98,21 +98,33 @@ def check_output(path: Path, suffixes: Sequence[str], force: bool, *sources: Pat
 
 def cuts(texts: Sequence[str] | None, option: str = "--at") -> dict[str, float | str] | None:
     """`AXIS=VALUE` of an option as a mapping; a start may have a name. Raises ValueError, which
-    names the option, for any other form.
+    names the option, for any other form, and for an axis that is named twice.
     """
     cuts: dict[str, float | str] = {}
     for text in texts or ():
-        name, _, value = text.partition("=")
+        name, _, value = (part.strip() for part in text.partition("="))
+        check_once(option, name, cuts)
         try:
-            cuts[name.strip()] = float(value)
+            cuts[name] = float(value)
         except ValueError:
-            if name.strip() == "start" and value.strip():
-                cuts["start"] = value.strip()
+            if name == "start" and value:
+                cuts["start"] = value
                 continue
             raise ValueError(
                 f"{option} must be AXIS=NUMBER, such as normal_load=15, was {text}"
             ) from None
     return cuts or None
+
+
+def check_once(option: str, name: str, known: Collection[str]) -> None:
+    """Raises ValueError for an axis that an option has named before: which of the two is meant?"""
+    if name in known:
+        raise ValueError(f"{option} must name each axis once, but named {name} twice")
+
+
+def typed() -> str:
+    """The command that this process was started by, for the file that it makes."""
+    return shlex.join(["wiperjax", *sys.argv[1:]])
 
 
 def configure(cores: int | None, **options: bool) -> None:

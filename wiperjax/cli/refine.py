@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import check_input, configure, interrupted
+from .options import check_input, check_once, configure, interrupted
 from .tables import cost, print_borders
 from .who import Processes, Scheduler, Workers, check_who, who_computes
 
@@ -106,13 +106,16 @@ def _stated(file: Path) -> dict[str, Any]:
 
 
 def boxes(texts: list[str] | None) -> dict[str, tuple[float, float]] | None:
-    """`AXIS=LOW:HIGH` options as a mapping. Raises ValueError for any other form."""
-    found = {}
+    """`AXIS=LOW:HIGH` options as a mapping. Raises ValueError for any other form, and for an axis
+    that is named twice.
+    """
+    found: dict[str, tuple[float, float]] = {}
     for text in texts or ():
-        name, _, ends = text.partition("=")
+        name, _, ends = (part.strip() for part in text.partition("="))
         low, _, high = ends.partition(":")
+        check_once("--box", name, found)
         try:
-            found[name.strip()] = (float(low), float(high))
+            found[name] = (float(low), float(high))
         except ValueError:
             raise ValueError(
                 f"--box must be AXIS=LOW:HIGH, such as attack_angle=-5:5, was {text}"

@@ -209,6 +209,8 @@ def info(
 
     checked = sound(file)
     with open_map(file) as dataset:
+        if not checked and not str(dataset.attrs.get("source", "")).startswith("wiperjax"):
+            print(f"note: {file} does not say that wiperjax made it", file=sys.stderr)
         print(", ".join(f"{name} {count}" for name, count in dataset.sizes.items()))
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
         if "label" in dataset:

@@ -93,12 +93,12 @@ def print_end(run: Any) -> None:
 
 
 def print_attributes(dataset: Any) -> None:
-    """How a file was made; texts of several lines indented."""
+    """How a file was made, as far as it says; texts of several lines indented."""
     print()
     for name, value in dataset.attrs.items():
-        if name in ("specification", "specification_canonical"):  # for machines
-            continue
         lines = str(value).splitlines()
+        if not lines or name in ("specification", "specification_canonical"):  # for machines
+            continue
         if len(lines) > 1:
             print(f"{name}:", *(f"    {line}" for line in lines), sep="\n")
         else:
@@ -228,12 +228,15 @@ def print_borders(borders: Any) -> None:
         if said["wide_points"]:
             widest = _shares(borders, WIDEST)
             print(f"    {said['wide_points']} points have such a cube, at most {widest}")
-    every = said["simulations"] + said["map_cells"]
-    full = said["full_grid_cells"]
-    print(
-        f"{said['simulations']} simulations beside {said['map_cells']} of the map, for a grid of "
-        f"{full:.4g}: 1/{full / every:.3g}"
-    )
+    if "linear_points" in said:
+        print(f"{said['linear_points']} points of steady slip, no simulation")
+    else:
+        every = said["simulations"] + said["map_cells"]
+        full = said["full_grid_cells"]
+        print(
+            f"{said['simulations']} simulations beside {said['map_cells']} of the map, for a grid "
+            f"of {full:.4g}: 1/{full / every:.3g}"
+        )
     for name, what in (("probe", "cubes without a border"), ("border_probe", "cubes with one")):
         count, wrong = said.get(f"{name}s", 0), said.get(f"{name}s_wrong", 0)
         if count:

@@ -25,7 +25,7 @@ from ..store.blocks import BlockStore
 from ..store.manifest import parts_of
 from ..store.map_file import finalize
 from ..store.mending import finished, salvage
-from ..store.whole import listed, open_map
+from ..store.whole import damages, listed, open_map
 from ..vocabulary import checks
 from ..vocabulary.ranges import MOST_CELLS, Range
 from .auto_model import as_chosen_for, on_chosen_model
@@ -130,6 +130,11 @@ def _onto_disk(
         log.warning("%s: is damaged: %s; it is mended", output, listed(found.damaged))
         block = found.block or block
     replace = force or found is not None or (resume and BlockStore.may_replace(output))
+    if resume and not replace and output.is_file() and damages(output) is None:
+        raise StoreError(
+            f"{output}: has no checksums by which it could be mended: its end is lost, or another "
+            "program made or changed it; --force replaces it"
+        )
     check_output(output, replace, source)
     if parts_of(output).is_dir():
         check_move(parts_of(output), output)

@@ -3,6 +3,7 @@
 import base64
 import html
 import io
+from collections.abc import Hashable, Iterable
 from typing import Any
 
 import xarray as xr
@@ -12,7 +13,7 @@ from ..datasets.run_dataset import is_run, last_periods
 from ..vocabulary import checks
 from .maps.categories import category_legend, category_panel
 from .maps.line import along_axis
-from .maps.planes import choose_plane, cut
+from .maps.planes import choose_plane, cut, map_dims
 from .runs.history import time_history
 from .style.axes import legend_below, page
 from .style.caption import noise_text
@@ -69,17 +70,22 @@ def preview(ds: xr.Dataset) -> Preview:
         noise = noise_text(ds)
         text = f"{title}: run of {float(ds['time'][-1]):.4g} s, {ds.sizes.get('event', 0):,} events"
         return Preview(text + (f"; {noise}" if noise else ""), _run(ds))
-    size = " x ".join(f"{count} {name}" for name, count in ds.sizes.items())
     if "label" not in ds:
-        return Preview(f"{title}: {size}", b"")
-    text = f"{title}: map of {ds['label'].size:,} cells ({size})"
+        return Preview(f"{title}: {_sizes(ds, ds.sizes)}", b"")
+    starts = ds.sizes.get("start", 1)
     ds = from_start(ds)
+    text = f"{title}: map of {ds['label'].size:,} cells ({_sizes(ds, map_dims(ds))})"
+    text += f" of {starts} starts each" if starts > 1 else ""
     try:
         x, y = choose_plane(ds, None, None)
     except ValueError:
         return Preview(text, _line(ds))
     plane, where = cut(ds, (x, y))
     return Preview(text + (f"; shown at {where}" if where else ""), _map(plane.load(), x, y))
+
+
+def _sizes(ds: xr.Dataset, names: Iterable[Hashable]) -> str:
+    return " x ".join(f"{ds.sizes[name]} {name}" for name in names)
 
 
 def _map(plane: xr.Dataset, x: str, y: str) -> bytes:

@@ -4,6 +4,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from ..vocabulary.checks import is_number
 from ..vocabulary.declared import parameters_of
 from ..vocabulary.kinds import FRICTIONS
@@ -75,6 +77,18 @@ def law_of(key: str, name: str) -> Law:
     known = {**{name: PARAMETERS[name] for name in inherited.values()}, **own}
     keys = {**inherited, **{each: each for each in own}}
     return Law(name, keys, known, found, fingerprint(key, found))
+
+
+def law_notes(law: Law | None, known: Mapping[str, Any]) -> list[str]:
+    """A line where friction rises from rest on instead of falling, for some of the numbers `known`:
+    rarely meant, and seldom seen where one of the two is left to its default.
+    """
+    if law is None or law.name != "stribeck":
+        return []
+    least, most = np.min(known["mu_static"]), np.max(known["mu_minimum"])
+    if least >= most:
+        return []
+    return [f"mu_static is {least:g}, less than mu_minimum ({most:g}): friction rises with speed"]
 
 
 def law_like(key: str, default: Any) -> Law:

@@ -77,7 +77,7 @@ def _read(path: Path) -> str:
     """Text of a file of a bearable size. Raises: SpecError."""
     try:
         odd, size = oddity(path), path.stat().st_size
-        text = "" if odd or size > MOST_BYTES else path.read_text(encoding="utf-8")
+        text = "" if odd or size > MOST_BYTES else path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise SpecError(f"{path}: is not a text file (UTF-8)") from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the name

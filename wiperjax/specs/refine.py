@@ -1,5 +1,6 @@
 """The table `[refine]`: where the borders of a map are to be located, and how well."""
 
+import difflib
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -8,8 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, ValidationError, model_validator
 
 from ..vocabulary.ranges import MOST_VALUES
-from ..vocabulary.schema import OF_CELLS_ALONE, OF_THE_WINDOW, SCHEMA
-from ..vocabulary.wording import not_there
+from ..vocabulary.schema import OF_CELLS_ALONE, OF_THE_WINDOW, SCHEMA, SEVERAL_STARTS
 from .axis import Axis
 from .errors import Fault, SpecError, sentence, show, unknown
 from .tables import Pair, Table
@@ -70,11 +70,14 @@ class Refine(Table):
     def criterion(self) -> tuple[str, float | None]:
         """Variable, and its threshold if it has one. Raises: Fault for one that cannot be."""
         name, equals, text = (part.strip() for part in self.on.partition("="))
-        known = [n for n, column in SCHEMA.items() if not column.along]
-        if name not in known:
-            raise Fault("on", not_there(name, "kind of map", known))
         if name in OF_CELLS_ALONE:
             raise Fault("on", f"must be of what finer points have too; {name} is of cells alone")
+        lacking = (*OF_CELLS_ALONE, *SEVERAL_STARTS)
+        known = [n for n, column in SCHEMA.items() if not column.along and n not in lacking]
+        if name not in known:
+            if near := difflib.get_close_matches(name, known, n=3):
+                raise Fault("on", f"unknown name {show(name)}; did you mean {' or '.join(near)}?")
+            raise Fault("on", f"must be one of {', '.join(known)}; was {show(name)}")
         if not equals:
             if SCHEMA[name].flags is None:
                 raise Fault("on", f"must be {name}=NUMBER, for {name} is a number; was {self.on}")

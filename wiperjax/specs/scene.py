@@ -4,6 +4,7 @@ import numpy as np
 from pydantic import model_validator
 
 from ..vocabulary.kinds import BELTS
+from .laws import law_notes
 from .reversal import check_strokes, flip_time, longest_window, window_notes
 from .system import System
 from .tables import Classes, SceneRun
@@ -48,8 +49,9 @@ class SceneSpec(System):
     def notes(self) -> list[str]:
         """Lines on what is allowed but rarely meant, for a person to see."""
         known = self.parameters()
+        lines = law_notes(self.family.law(self), known)
         if self.belt_kind in (None, "steady") or "lip_length" not in known:
-            return []
+            return lines
         names = (*BELTS[self.belt.kind].values(), "lip_length")
         given = {name: np.abs(np.atleast_1d(known[name])) for name in names}
-        return window_notes(self.belt.kind, given, self.thresholds().reversal_window)
+        return lines + window_notes(self.belt.kind, given, self.thresholds().reversal_window)

@@ -14,6 +14,7 @@ from ..vocabulary.ranges import MOST_CELLS
 from ..vocabulary.wording import digits
 from .axis import Axis
 from .errors import Fault, as_error, unknown
+from .laws import law_notes
 from .refine import Refine, check
 from .reversal import check_strokes, window_notes
 from .sensitivities import (
@@ -221,10 +222,11 @@ class SweepSpec(System):
         if "belt_frequency" in self.parameter_names and interval > around:
             what = f"classes.reversal_window is {around:g} s, less than a sample ({interval:.3g} s)"
             lines.append(f"{what}: a cell that sees no turn is called failed")
+        known = {name: np.atleast_1d(value) for name, value in self.fixed().items()}
+        known |= {name: axis.values() for name, axis in self.axes.items()}
+        lines += law_notes(self.family.law(self), known)
         if self.belt_kind != "steady" and "lip_length" in self.parameter_names:
             names = (*BELTS[self.belt.kind].values(), "lip_length")
-            fixed = {name: np.atleast_1d(value) for name, value in self.fixed().items()}
-            known = fixed | {name: axis.values() for name, axis in self.axes.items()}
             given = {name: np.abs(known[name]) for name in names}
             lines += window_notes(self.belt.kind, given, around, self.run.window)
         return lines

@@ -8,7 +8,7 @@
 The new file is written beside the old one and takes its place whole.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,10 +20,11 @@ import xarray as xr
 from ..machine.files import StoreError, replacing, temporary_beside
 from ..vocabulary import cf
 from ..vocabulary.columns import attributes_of, column_of, ordered
+from ..vocabulary.wording import not_there
 from . import checksums
 from .spill import SpillFile
 
-LIST, BORDERS, FACTOR = "cell", "borders", "window_factor"
+LIST, BORDERS, FACTOR, COMPUTED = "cell", "borders", "window_factor", "computed"
 FINE = "_fine"  # ending of a level's axes: dimensions of one name have one length down a tree
 FACTOR_ATTRS = {"long_name": "window over that of the map", "units": "1"}
 MOST_BYTES = 8 * 10**9  # of a level read as a regular grid
@@ -167,12 +168,20 @@ def is_refined(path: str | Path) -> bool:
         return False
 
 
+def check_held(path: Path, variables: Sequence[str], held: Iterable[str]) -> None:
+    """Raises `StoreError` unless the names of `variables` are all among those `held` by a file."""
+    held = list(held)
+    if missing := [name for name in variables if name not in held]:
+        raise StoreError(f"{path}: {not_there(missing[0], 'map', held)}")
+
+
 def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | None) -> xr.Dataset:
     """A refined map `ds` as a regular grid of a level, in memory, with `computed` (int8, 1 where a
     point was looked at) and `window_factor` (int16, 0 elsewhere); elsewhere its variables hold what
     is not computed: NaN or -1.
 
-    Raises: `StoreError` if it has no such level, or too many points for the memory.
+    Raises: `StoreError` if it has no such level or lacks a variable, or there are too many points
+        for the memory.
     """
     levels = read_levels(path, variables)
     last = max((one.number for one in levels), default=0)
@@ -184,6 +193,7 @@ def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | 
     shape = tuple(len(values) for values in axes.values())
     names = [n for n in ordered(map(str, ds)) if ds[n].dims == tuple(axes)]
     if variables is not None:
+        check_held(path, variables, [*names, COMPUTED, FACTOR])
         names = [n for n in names if n in variables]
     size = int(np.prod([float(n) for n in shape]))
     if 8 * size * (len(names) + 1) > MOST_BYTES:
@@ -210,7 +220,7 @@ def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | 
     dims = tuple(axes)
     variables_ = {n: (dims, v.reshape(shape), attributes_of(n, ds.attrs)) for n, v in found.items()}
     words = {"long_name": "whether the point was looked at", "units": "1"}
-    variables_["computed"] = (dims, (factors > 0).astype(np.int8).reshape(shape), words)
+    variables_[COMPUTED] = (dims, (factors > 0).astype(np.int8).reshape(shape), words)
     variables_[FACTOR] = (dims, factors.reshape(shape), FACTOR_ATTRS)
     coords = {name: ((name,), values, ds[name].attrs) for name, values in axes.items()}
     return xr.Dataset(variables_, coords=coords, attrs=ds.attrs | {"level": level})

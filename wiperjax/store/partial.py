@@ -11,6 +11,7 @@ from ..machine.files import StoreError
 from ..vocabulary import cf, codes
 from ..vocabulary.columns import column_of, ordered
 from .blocks import BlockStore
+from .levels import check_held
 
 
 class Reader:
@@ -79,14 +80,17 @@ def open_partial(
     - `variables`: names of those to read, all of them if None.
     - `wide`: also those with a dimension beside those of the map.
 
-    Raises: `StoreError` if there is no such store.
+    Raises: `StoreError` if there is no such store, or what is done lacks one of `variables`.
     """
     store = BlockStore.peek(parts)
     described = store.manifest["map"]
     shape = tuple(described["shape"])
     done = np.zeros(store.cells, dtype=np.int8)
     columns: dict[str, np.ndarray] = {}
-    for number in np.flatnonzero(store.done()):
+    there = np.flatnonzero(store.done())
+    if variables is not None and there.size and (found := store.read(int(there[0]))) is not None:
+        check_held(Path(parts), variables, [*found[0], "done", *described["coords"]])
+    for number in there:
         found = store.read(int(number), variables)
         if found is None:
             continue

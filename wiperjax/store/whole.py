@@ -10,7 +10,7 @@ from ..machine.files import StoreError, check_input, check_output, naming, write
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
 from . import checksums
-from .levels import BORDERS, at_level, is_refined
+from .levels import BORDERS, at_level, check_held, is_refined
 from .manifest import parts_of
 from .partial import open_partial
 
@@ -46,19 +46,20 @@ def open_map(
     level: int | None = None,
 ) -> xr.Dataset:
     """Dataset of a file that wiperjax wrote, read when used; close it, or use it in a `with`
-    statement. Of the folder `MAP.h5.parts` of an unfinished sweep, what is done of these
-    `variables` (all if None): see `partial.open_partial`.
+    statement. Of the folder `MAP.h5.parts` of an unfinished sweep, what is done: see
+    `partial.open_partial`.
 
     Arguments:
 
+    - `variables`: names of those that are wanted; all if None.
     - `check`: compare the file with its checksums first, which reads all of it. (Blocks of an
         unfinished sweep always are.)
-    - `level`: of a refined map the regular grid of this level, in memory, of these `variables`,
-        with `computed` (1 where a point was looked at) and `window_factor` (how many times the
-        map's window it had, 0 where none was: counts of unlike windows do not compare).
+    - `level`: of a refined map the regular grid of this level, in memory, with `computed` (1 where
+        a point was looked at) and `window_factor` (how many times the map's window it had, 0 where
+        none was: counts of unlike windows do not compare).
 
-    Raises: `StoreError` if there is no such file or it is no readable HDF5 file; with `check` also
-        if it is damaged (the line says what) or has no checksums.
+    Raises: `StoreError` if there is no such file, it is no readable HDF5 file, or it lacks one of
+        `variables`; with `check` also if it is damaged (the line says what) or has no checksums.
     """
     checks.path("path", path)
     if variables is not None:
@@ -75,15 +76,25 @@ def open_map(
             "since, or its end is lost"
         )
     try:
-        ds = xr.open_dataset(path, engine="h5netcdf")
+        # of a strange file, whose dimensions have no names, without a warning of xarray's
+        ds = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
     except Exception as error:  # of a damaged file, HDF5 and what reads it may raise anything
         raise StoreError(
             f"{path}: is not a readable map or run: {str(error).splitlines()[0]}"
         ) from error
-    if level is None:
+    if level is not None:
+        with ds:
+            return at_level(ds, path, level, variables)
+    if variables is None:
         return ds
-    with ds:
-        return at_level(ds, path, level, variables)
+    try:
+        check_held(path, variables, map(str, ds.variables))
+    except StoreError:
+        ds.close()
+        raise
+    chosen = ds[list(variables)]
+    chosen.set_close(ds.close)
+    return chosen
 
 
 def open_finished(path: str | Path, *, check: bool = False) -> xr.Dataset:

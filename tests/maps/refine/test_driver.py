@@ -92,6 +92,9 @@ def test_the_root_stays_the_map_and_levels_are_grids(tmp_path):
         np.testing.assert_array_equal(ds.attack_angle[:: 2**level], before.attack_angle)
     names = {"label", "computed", "window_factor"}
     assert set(open_map(path, ["label"], level=2).data_vars) == names
+    assert set(open_map(path, ["label", "computed"], level=2).data_vars) == names
+    with pytest.raises(StoreError, match=r"map.h5: 'labl' is not in this map; did you mean label"):
+        open_map(path, ["labl"], level=2)
     with pytest.raises(StoreError, match="has no level 4; its levels are 0 to 3"):
         open_map(path, level=4)
 
@@ -246,9 +249,11 @@ def test_verify_computes_points_of_the_levels_again(tmp_path):
 BAD = {
     "refine.levels: must be a whole number in": {"levels": 0},
     "refine.levels: must be given, or resolution": {},
-    "refine.on: 'lable' is not in this kind of map; did you mean label": {
+    "refine.on: unknown name 'lable'; did you mean label": {"levels": 2, "on": "lable"},
+    # of what every map may hold: neither events nor several starts
+    r"refine.on: must be one of label, .*(?<!event_count), (?!.*class_set).*; was 'nothing'$": {
         "levels": 2,
-        "on": "lable",
+        "on": "nothing",
     },
     "refine.on: must be velocity_rms=NUMBER": {"levels": 2, "on": "velocity_rms"},
     "refine.on: must be a variable of names, or NAME=NUMBER": {"levels": 2, "on": "label=3"},

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from border_maps import border_spec, coarse_map, engine, refined, unit
 
+from wiperjax.cli.tables import print_borders
 from wiperjax.machine.files import StoreError
 from wiperjax.machine.provenance import PHASES
 from wiperjax.maps.block import Block
@@ -90,7 +91,9 @@ def test_a_strange_file_there_stays_and_the_borders_are_stored(path, caplog):
     assert (folder / "note.txt").read_text() == "mine"
 
 
-def test_points_of_steady_slip_are_none_that_are_simulated(tmp_path, left, path, monkeypatch):
+def test_points_of_steady_slip_are_none_that_are_simulated(
+    tmp_path, left, path, monkeypatch, capsys
+):
     """Of one map, at the same places: with the columns of the one the other cannot be answered."""
 
     def both(spec, index, *look):
@@ -108,7 +111,15 @@ def test_points_of_steady_slip_are_none_that_are_simulated(tmp_path, left, path,
     (tmp_path / "new.h5").replace(path)
     monkeypatch.setattr(refining, "linear_blocks", linear)
     left(both, levels=3, on="growth_rate=0")
-    assert refined(path, both, levels=3).sizes["border"] > 0
+    found = refined(path, both, levels=3)
+    assert found.sizes["border"] > 0 and "linear_points" not in found.attrs
+    found = refined(path, both, levels=3, on="growth_rate=0")
+    counts = ("simulations", "fresh_simulations", "linear_points")
+    assert [found.attrs[name] > 0 for name in counts] == [False, False, True]
+    print_borders(found)  # which told of simulations, and of a grid's saving, that never were
+    said = capsys.readouterr().out
+    assert f"{found.attrs['linear_points']} points of steady slip, no simulation\n" in said
+    assert "simulations beside" not in said and "for a grid" not in said
     spec = border_spec()
     grid, index = Grid(spec.axes, 3), np.arange(5)
     digests = {Points(spec, grid, index, linear=linear).digest() for linear in (False, True)}

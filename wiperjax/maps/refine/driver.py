@@ -103,6 +103,8 @@ def refine(
         compute.through(partial(search.run, answers))
         made = {"identity": json.dumps(known, sort_keys=True), "refine_settings": stated}
         made |= {"fresh_simulations": answers.computed}
+        if criterion.linear:  # of steady slip alone: what was looked at took no simulation
+            made |= {"simulations": 0, "fresh_simulations": 0, "linear_points": search.used}
         host = workers.host if workers is not None else None
         made |= provenance.record(command, compute.wall_time, host)
         made |= provenance.phase_times(spent)

@@ -16,7 +16,7 @@ from matplotlib.patheffects import withStroke
 
 from ...vocabulary import checks
 from ...vocabulary.codes import CROSSINGS
-from ..style.axes import is_geometric, shown
+from ..style.axes import shown
 from ..style.palette import BORDER, BOUNDARY
 
 PREFIX = "border_"
@@ -103,18 +103,20 @@ def _in_plane(ds: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray, n
     return place[inside], pair[inside], rough[inside]
 
 
-def _scaled(values: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Values as numbers of which an axis is an even, or listed, sequence."""
-    return np.log(values) if is_geometric(axis) else np.asarray(values, dtype=float)
+def _geometric(ds: xr.Dataset, name: str) -> bool:
+    """Whether the refinement halved the cells along an axis by ratio: as its file spaces them,
+    whatever its values look like.
+    """
+    return ds[PREFIX + name].attrs.get("spacing") == "geometric"
 
 
 def _rank(ds: xr.Dataset, name: str, values: np.ndarray) -> np.ndarray:
     """Values of an axis in cells from its first one."""
-    axis = ds[name].values
-    along = _scaled(axis, axis)
-    order = np.argsort(along)
-    rank = np.arange(len(along), dtype=float)
-    return np.interp(_scaled(values, axis), along[order], rank[order])
+    axis = np.asarray(ds[name].values, dtype=float)
+    if _geometric(ds, name):  # may be negative throughout
+        axis, values = np.log(np.abs(axis)), np.log(np.abs(values))
+    order = np.argsort(axis)
+    return np.interp(values, axis[order], np.arange(float(len(axis)))[order])
 
 
 def _values(ds: xr.Dataset, x: str, y: str, place: np.ndarray) -> np.ndarray:
@@ -122,8 +124,10 @@ def _values(ds: xr.Dataset, x: str, y: str, place: np.ndarray) -> np.ndarray:
     found = []
     for name, rank in zip((x, y), np.moveaxis(place.reshape(-1, 2), 1, 0), strict=True):
         axis = shown(ds[name])[0]
-        values = np.interp(rank, np.arange(len(axis)), _scaled(axis, axis))
-        found.append(np.exp(values) if is_geometric(axis) else values)
+        geometric = _geometric(ds, name)
+        along = np.log(np.abs(axis)) if geometric else axis
+        values = np.interp(rank, np.arange(len(axis)), along)
+        found.append(np.sign(axis[0]) * np.exp(values) if geometric else values)
     return np.stack(found, axis=-1)
 
 

@@ -110,6 +110,7 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
         for name in CLASSES
         if name in names and name not in HATCHES
     ]  # fmt: skip
+    linear = np.zeros(0)
     if "linear_frequency" in line:
         linear = np.asarray(line["linear_frequency"], dtype=float)
         if np.isfinite(linear).any():
@@ -123,9 +124,10 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
             low, high = np.atleast_1d(line.attrs[name])[[0, -1]]
             ax.axhspan(max(low, 1e-3), high, color=CLASSES[colour], alpha=0.10, linewidth=0)
     heard = frequency[np.isfinite(frequency)]
-    if heard.size:
-        low, high = (np.inf, 0.0) if is_own(line) else (80.0, 1500.0)
-        ax.set_ylim(min(0.6 * heard.min(), low), max(1.6 * heard.max(), high))
+    seen = heard if heard.size else linear[linear > 0]
+    low, high = (np.inf, 0.0) if is_own(line) and seen.size else (80.0, 1500.0)
+    low = min(0.6 * np.min(seen, initial=np.inf), low)
+    ax.set_ylim(low, max(1.6 * np.max(seen, initial=0.0), high))
     return handles
 
 

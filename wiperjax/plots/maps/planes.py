@@ -44,9 +44,11 @@ def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str
     """
     for name in (x, y):
         check_dim(ds, name)
+    if x == y and x is not None:
+        raise ValueError(f"x and y must be two axes, but both were {x!r}")
     long = [dim for dim in map_dims(ds) if ds.sizes[dim] > 1]
     x, y = usual_plane(long, x, y)
-    if x is None or y is None or x == y:
+    if x is None or y is None:
         also = "; the picture 'line' draws one axis" if long else ""
         raise ValueError(
             f"a map needs at least two axes of more than one value to be drawn as a plane{also}"
@@ -83,6 +85,9 @@ def check_order(ds: xr.Dataset, name: str) -> None:
 def check_cellwise(ds: xr.Dataset, name: str) -> None:
     """Raises `ValueError`, listing what there is, unless the map holds one `name` a cell."""
     held = [str(n) for n in ds.data_vars if set(ds[n].dims) == set(map_dims(ds))]
+    further = [str(dim) for dim in ds[name].dims if dim not in map_dims(ds)] if name in ds else []
+    if further:
+        raise ValueError(f"{name!r} is not one number a cell: it has one for each {further[0]}")
     if name not in held:
         raise ValueError(not_there(name, "map", held))
 
