@@ -75,6 +75,7 @@ def up_and_down(
     """
     check_system(system)
     values = checks.increasing("values", values, 2)
+    numbers.check_corners("values", system, {over: (values[0], values[-1])})
     settle, window = (
         checks.number(name, x, POSITIVE) for name, x in (("settle", settle), ("window", window))
     )

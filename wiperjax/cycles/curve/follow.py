@@ -74,10 +74,12 @@ def follow_curves(
             f"low to high must hold the system's own value {own:g} of {second}, "
             f"but was {low:g} to {high:g}"
         )
+    ranges = {branch.over: branch.bounds, second: (low, high)}
+    numbers.check_corners("low to high", shooting.system, ranges)
     varied = tuple(dict.fromkeys((*shooting.varied, branch.over, second)))
     system = numbers.traceable(shooting.system, branch.over, second)
     shooting = replace(shooting, system=system, varied=varied)
-    bounds = np.array([branch.bounds, (low, high)])
+    bounds = np.array([*ranges.values()])
     plane = Plane(system, (branch.over, second), bounds[:, 0], bounds[:, 1])
     found: list[Curve] = []
     for special in branch.special:
