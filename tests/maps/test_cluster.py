@@ -122,6 +122,7 @@ def test_a_worker_of_another_version_is_refused(tmp_path, workers, monkeypatch):
 
 def test_no_scheduler_is_one_line():
     import dask
+    import distributed  # noqa: F401  its settings, which would go with the `with` below
 
     with dask.config.set({"distributed.comm.timeouts.connect": "200ms"}):
         with pytest.raises(cluster.ClusterError, match="^tcp://127.0.0.1:9: no scheduler answers"):

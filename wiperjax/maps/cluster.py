@@ -41,7 +41,7 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
     """
     try:
         from distributed import Client, LocalCluster
-        from distributed.comm import get_address_host_port
+        from distributed.comm.addressing import get_address_host_port
     except ImportError:
         raise ClusterError("a cluster needs dask: pip install distributed") from None
     if scheduler is not None:  # a client of what is none waits for itself when it is left
