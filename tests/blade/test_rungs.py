@@ -289,6 +289,27 @@ def test_what_fails_as_the_lip_fails_does_not_suffice():
     assert compare_rungs.lowest_sufficient(judged) == "lip"
 
 
+def test_a_model_that_cannot_stand_for_a_scene_says_so(tmp_path, monkeypatch, caplog):
+    """The ladder stopped in its middle, and its table was lost."""
+
+    def none(spec):
+        raise ValueError("no start")
+
+    monkeypatch.setattr(compare_rungs.around_scene, "ready", lambda scenes: None)
+    monkeypatch.setattr(compare_rungs.around_scene, "middle", none)
+    file = tmp_path / "s.toml"
+    file.write_text("[blade]\nhinge_mass = 1e-3\n[belt]\nspeed = 0.3\n[run]\nduration = 0.1\n")
+    rungs = compare_rungs.compare(file, costs=lambda scenes: dict.fromkeys(scenes, 1.0))
+    said = {each.model: (each.label, each.suffices) for each in rungs}
+    refused = compare_rungs.REFUSED, False
+    assert said == {"block": refused, "bar": refused, "lip": ("failed", True)}  # it has its own
+    assert (
+        "bar cannot stand for it" in caplog.text and "hinge_mass: must be left out" in caplog.text
+    )
+    row = compare_rungs.table([rungs]).splitlines()[2]
+    assert row == "| s | block | cannot stand for it |  |  |  |  |  |  |  | no |"
+
+
 @pytest.mark.slow
 def test_ladder_of_squeal():
     rungs = compare_rungs.compare(

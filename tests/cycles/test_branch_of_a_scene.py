@@ -48,6 +48,21 @@ def test_a_range_that_cannot_be_meant_is_refused(scene, low, high, message):
         follow_scene(scene, "attack_angle", low, high)
 
 
+def test_a_range_in_which_the_law_is_none_is_refused_before_any_work(monkeypatch):
+    """mu_static below mu_minimum was a cycle, or a code 7: numbers were looked at one by one."""
+    from wiperjax.cycles.branch import from_scene
+
+    monkeypatch.delattr(from_scene, "find_cycle")
+    law = {"friction": "coulomb", "mu_static": 0.5, "mu_minimum": 0.2}
+    spec = parse_scene({"blade": law, "run": {"duration": 0.05}, "belt": {"speed": 0.3}})
+    said = "the range must stay within what Coulomb may be, but at mu_static = 0.05: dynamic must"
+    with pytest.raises(ValueError, match=said):
+        follow_scene(spec, "mu_static", 0.05, 0.6)
+    second = ("mu_minimum", 0.1, 0.4)
+    with pytest.raises(ValueError, match=r"at mu_static = 0.3, mu_minimum = 0.4: dynamic must be"):
+        follow_scene(spec, "mu_static", 0.3, 0.6, second=second)
+
+
 @pytest.mark.parametrize("name", ["period", "amplitude"])
 def test_a_parameter_named_as_a_variable_of_branches_is_refused_before_any_work(name, monkeypatch):
     """Its values took the place of the cycles' own, without a word."""

@@ -3,7 +3,8 @@
 import math
 from dataclasses import replace
 from itertools import permutations
-from typing import ClassVar
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,14 +18,17 @@ from systems import STRIBECK_FOLD, STRIBECK_HOPF, Ring, StribeckOscillator
 import wiperjax
 from wiperjax import AbstractSystem, SteadyBelt, Stribeck, Wiper
 from wiperjax.cycles import curves_dataset, find_cycle, follow, follow_curves
+from wiperjax.cycles.branch.follow import Branch
 from wiperjax.cycles.chart import chart
-from wiperjax.cycles.curve.equations import Facts, solve
-from wiperjax.cycles.curve.follow import Curve, _on
+from wiperjax.cycles.curve.equations import Facts, Spot, solve
+from wiperjax.cycles.curve.follow import Curve, _on, _slipping
 from wiperjax.cycles.curve.hopf import Hopf, first_lyapunov, opposite_pair, pair_sums
 from wiperjax.cycles.curve.plane import Plane
+from wiperjax.cycles.curve.touch import AWAY, Touch
 from wiperjax.cycles.curve.walk import Walk
 from wiperjax.cycles.cycle import Cycle, Found
 from wiperjax.cycles.return_map import Shooting
+from wiperjax.cycles.shooting import Lost
 from wiperjax.datasets.branch_dataset import curves as curves_in
 from wiperjax.datasets.branch_dataset import with_curves
 from wiperjax.systems.oscillator import Oscillator
@@ -208,6 +212,56 @@ def test_a_curve_passes_through_the_fold_that_it_began_at():
     at = CubicSpline(*fold.places[order][:, ::-1].T)
     for speed, belt in ((0.05, 1.487410176644), (0.0510228, 1.496124750076)):
         assert float(at(speed)) == pytest.approx(belt, abs=2e-5)
+
+
+NOTHING: Any = None
+
+
+class Straight(Touch):
+    """Cycles on a line in what slip speed is left, none of which leads on by more than a fifth."""
+
+    slope: ClassVar[float] = 1.0
+
+    @classmethod
+    def spot(cls, left):
+        equations = cls(*[NOTHING] * 5, left=left)
+        unknowns = np.array([0.2, 0.4, 0.6]) + left * cls.slope
+        return Spot(equations, unknowns, *[NOTHING] * 4)
+
+    def _nearer(self, spot, left):
+        return self.spot(left) if left > 0.2 * spot.equations.left else None
+
+    @classmethod
+    def _slope(cls, spot):
+        return np.full(3, cls.slope)
+
+
+class Steep(Straight):
+    slope = 300.0
+
+
+def test_strides_that_add_up_to_the_way_to_rest_end_there():
+    """Where the first failed two of its root ended 1e-19 above: one more step of that, and a fold
+    at 1e28 degrees."""
+    np.testing.assert_allclose(Straight.spot(AWAY).meant.unknowns, [0.2, 0.4, 0.6], rtol=1e-12)
+    with pytest.raises(Lost, match="is far from the one that nearly does"):
+        _ = Steep.spot(AWAY).meant
+
+
+@pytest.mark.parametrize("upwards", [True, False])
+def test_a_cycle_that_nearly_rests_is_sought_as_far_as_it_takes(upwards):
+    """Behind a corner steps begin tiny: of eight cycles none slipped enough, and no curve began."""
+    motion: Any = SimpleNamespace(slip_speed=np.array([-1.0, -0.5]))
+    plain = Cycle(Ring(), Found.FOUND, regimes="slip_neg", motion=motion)
+    slips = [replace(plain, slip_margin=1e-6 * 1.5**k) for k in range(30)]
+    stuck = replace(plain, word="capture release", regimes="slip_neg stick slip_neg")
+    again = replace(plain, word="impact", slip_margin=AWAY)
+    cycles, index = [stuck, stuck, *slips, again], 1
+    if not upwards:
+        cycles, index = cycles[::-1], 30
+    branch = Branch(cycles, NOTHING, NOTHING, [], ("", ""), "a", (0.0, 1.0))
+    cycle, left = _slipping(branch, index)
+    assert left == cycle.slip_margin and 1 / 1.5 < left / AWAY < 1.5
 
 
 def _slope(law: Stribeck, speed: float):

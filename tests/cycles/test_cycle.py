@@ -152,6 +152,17 @@ def test_up_and_down_shows_what_coexists():
     np.testing.assert_allclose(high.sel(way="down"), circle, atol=3e-6)
 
 
+def test_values_at_which_a_belt_is_none_are_refused():
+    """A ramp longer than half a period was simulated, to a code 2."""
+    belt = wiperjax.TrapezoidBelt(1.0, 0.05, 6.0)
+    times = {"settle": 200.0, "window": 100.0, "period": lambda system: 1 / system.belt.frequency}
+    said = (
+        r"^values must stay within what TrapezoidBelt may be, but at belt_ramp = 16: ramp must be"
+    )
+    with pytest.raises(ValueError, match=said):
+        up_and_down(Oscillator(belt=belt), "belt_ramp", [6.0, 9.0, 16.0], **times)
+
+
 @pytest.mark.slow
 def test_simulated_means_are_those_of_whole_periods():
     """A window of 6.3 periods at one value, 5.7 at another: the shares are the exact ones of V5.

@@ -237,6 +237,7 @@ def test_a_pitchfork_that_the_first_coordinate_does_not_feel():
     branch = follow(cycle, -0.55, 0.55, step=0.1)
     assert [s.kind for s in branch.special] == ["branch_point"]
     assert branch.special[0].parameter == pytest.approx(0.0, abs=1e-4)
+    assert "the parameter turns back" in branch.special[0].detail
     assert branch.ends == ("the end of the range",) * 2
     y = np.array([c.state[1] for c in branch.cycles])
     assert y[0] * y[-1] < 0

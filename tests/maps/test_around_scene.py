@@ -9,7 +9,7 @@ from wiperjax.maps import around_scene
 from wiperjax.maps.cells import batch
 from wiperjax.maps.cells.linear import slips
 from wiperjax.numerics.kept import Kept
-from wiperjax.specs.load import load_scene
+from wiperjax.specs.load import load_scene, parse_scene
 from wiperjax.vocabulary.thresholds import Thresholds
 
 SCENES = sorted((noises.SWEEPS / "scenes").glob("*.toml"))
@@ -32,6 +32,16 @@ def test_blades_around_a_scene_are_like_it(path, model):
             assert values[spec.size // 2] == pytest.approx(known[name], rel=1e-15)
         else:
             assert values == known[name]
+
+
+def test_settings_that_a_scene_states_hold_around_it():
+    """Its own budget of steps did not."""
+    stated = {"max_steps": 50, "zeno_time": 1e-9, "rtol": 1e-7, "solver": "tsit5", "max_step": 1e-4}
+    run = {"duration": 0.1, "sample_interval": 1e-4}
+    spec = around_scene.around(parse_scene({"run": run | stated, "belt": {"speed": 0.3}}))
+    assert {name: getattr(spec.settings, name) for name in stated} == stated
+    plain = around_scene.around(parse_scene({"run": run, "belt": {"speed": 0.3}}))
+    assert plain.settings.solver == "dopri8" and plain.settings.rtol == 1e-6
 
 
 def test_costs_are_of_a_second_of_motion_and_leave_compiling_out(monkeypatch):

@@ -1,5 +1,6 @@
 """Many starts of one system: the oscillator of docs/basins.md, whose shares are known exactly."""
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -7,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from pages import DOCS, blocks
+from systems import Rod
 
 import wiperjax
 from wiperjax.systems.oscillator import Oscillator
@@ -75,6 +77,15 @@ class _Tabulated(wiperjax.AbstractFriction):
 
 class _Named(Oscillator):
     coordinates = ("place",)
+
+
+@pytest.mark.slow
+def test_what_reached_its_end_has_numbers_where_several_motions_were_possible():
+    """They were NaN, and a start of no motion counted as one of the other."""
+    (x, y, lean), rates = Rod().start(math.radians(60), 1.0, spin=5.0)
+    ds = wiperjax.basins(Rod(), (([x], y, lean), rates), settle=0.0, window=0.01)
+    assert ds.result.item() == wiperjax.Result.PAINLEVE_INDETERMINATE
+    assert ds.flight_fraction.item() == pytest.approx(1.0)
 
 
 @pytest.mark.slow

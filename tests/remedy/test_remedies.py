@@ -59,6 +59,36 @@ def test_remedies_say_their_units():
     assert steps.velocity_rms.attrs["units"] == "m/s"
 
 
+class Falls(wiperjax.AbstractFriction):
+    """A law of one's own whose two numbers have an order."""
+
+    static: float = 0.5
+    dynamic: float = 0.5
+
+    def __check_init__(self):
+        if self.dynamic > self.static:
+            raise ValueError("dynamic is too large")
+
+    def coefficient(self, speed):
+        return self.dynamic + 0 * speed
+
+
+def test_bounds_that_hold_what_no_blade_may_be_are_refused():
+    """A law that slips with more than it holds with was recommended: 0.574 where 0.5 holds."""
+    blade = wiperjax.Wiper(friction=wiperjax.Coulomb(0.5, 0.5))
+    said = r"^bounds must stay within what Coulomb may be, but at mu_minimum = 0.9: dynamic must be"
+    with pytest.raises(ValueError, match=said):
+        remedy.stabilise(blade, {"mu_minimum": (0.1, 0.9)})
+    both = {"mu_static": (0.3, 0.8), "normal_load": (10.0, 20.0), "mu_minimum": (0.1, 0.4)}
+    with pytest.raises(ValueError, match=r"but at mu_static = 0.3, mu_minimum = 0.4: dynamic"):
+        remedy.quieten(blade, both)
+    own = wiperjax.Wiper(friction=Falls())
+    with pytest.raises(
+        ValueError, match=r"Falls may be, .* friction.dynamic = 0.9: dynamic is too"
+    ):
+        remedy.stabilise(own, {"friction.dynamic": (0.1, 0.9)})
+
+
 def test_whole_periods_of_a_belt_are_judged():
     """The lip is carried to and fro: rms 0.3 / sqrt(2) m/s, of 2.14 periods 0.208."""
     blade = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 20.0))

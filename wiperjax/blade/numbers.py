@@ -4,8 +4,9 @@ A name is the path of a field, ``belt.speed`` or ``attack_angle``; the names of 
 (``belt_speed``) hold as well.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
+from itertools import product
 from typing import Any
 
 import equinox as eqx
@@ -19,7 +20,7 @@ from ..vocabulary import checks
 from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
 from ..vocabulary.kinds import BELTS, FRICTIONS, is_absent, of_fields
 from ..vocabulary.parameters import PARAMETERS, Parameter
-from ..vocabulary.wording import shown
+from ..vocabulary.wording import digits, shown
 
 
 def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
@@ -84,12 +85,46 @@ def entry_of(system: AbstractSystem, name: str) -> Parameter | None:
 
 def check_bounds(argument: str, system: AbstractSystem, bounds: Any) -> None:
     """Raises ValueError unless ``bounds``, name -> (low, high), are of numbers of ``system`` and
-    both ends are what these may be."""
+    both ends are what these may be, at all `check_corners` too."""
     checks.bounds(argument, bounds)
     for name, ends in bounds.items():
         if (entry := entry_of(system, name)) is not None:
             for end in ends:
                 checks.parameter(f"{argument} of {name}", end, entry)
+    check_corners(argument, system, bounds)
+
+
+def check_corners(
+    argument: str, system: AbstractSystem, bounds: Mapping[str, tuple[float, float]]
+) -> None:
+    """Raises ValueError where the belt or the law of ``system``, or another part of it, is none at
+    some corner of ``bounds``, name -> (low, high): what one number may be can hang on another one
+    (a ramp is half a period at most), and `replaced` asks no one.
+    """
+    parts: dict[tuple[str, ...], list[str]] = {}
+    for name in bounds:
+        if part := path(system, name)[:-1]:
+            parts.setdefault(part, []).append(name)
+    for part, names in parts.items():
+        for corner in product(*(bounds[name] for name in names)):
+            changed = at(part)(system)
+            for name, end in zip(names, corner, strict=True):
+                key = path(system, name)[-1:]
+                changed = eqx.tree_at(at(key), changed, float(end))
+            try:
+                _check_made(changed)
+            except ValueError as error:
+                pairs = zip(names, corner, strict=True)
+                there = ", ".join(f"{name} = {digits(end)}" for name, end in pairs)
+                must = f"{argument} must stay within what {type(changed).__name__} may be"
+                raise ValueError(f"{must}, but at {there}: {error}") from None
+
+
+def _check_made(module: eqx.Module) -> None:
+    """Check ``module`` as it is checked when it is made."""
+    for kind in type(module).__mro__:
+        if (check := vars(kind).get("__check_init__")) is not None:
+            check(module)
 
 
 def value(system: AbstractSystem, name: str) -> float:

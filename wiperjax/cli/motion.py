@@ -112,7 +112,7 @@ def ladder(
 
     configure(1)
     for file in files:
-        load_scene(file)  # wrong ones are named before any work
+        load_scene(file, "lip")  # wrong ones, and what has no rungs, are named before any work
     if output is not None:
         check_output(output, (".md",), force, *files)
     from ..maps.compare_rungs import compare, preface, summary, table

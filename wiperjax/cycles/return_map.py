@@ -17,14 +17,13 @@ import scipy.optimize
 
 from ..blade import numbers
 from ..contact.system import AbstractSystem
-from ..vocabulary.codes import Result
+from ..vocabulary.codes import FAIR, Result
 from .chart import Chart
 from .shooting import Arc, Lost, shoot
 
 CLOSED = 1e-9  # of the return map, relative to the size of the motion: larger is no cycle
 ENOUGH = 1e-11  # closed to rounding
 MOST_MOTIONS = 10  # of one correction: a cycle that is there takes 3 to 6
-FAIR = (Result.FINISHED, Result.PAINLEVE_INDETERMINATE)
 
 
 def complete(moved: Arc) -> Arc:

@@ -15,6 +15,7 @@ from ..runs.scene import transient_of
 from ..specs.load import parse_sweep
 from ..specs.scene import SceneSpec
 from ..specs.sweep import SweepSpec
+from ..specs.tables import SweepRun
 from ..vocabulary.kinds import BELTS
 from .block import evaluate_block
 from .cells import batch
@@ -58,20 +59,21 @@ def costs(scenes: Mapping[str, SceneSpec]) -> dict[str, float]:
 
 def around(scene: SceneSpec) -> SweepSpec:
     """Return the sweep of `SIDE` x `SIDE` blades whose load and belt speed are within `SPREAD` of a
-    scene's, with the settings of a sweep and the scene's longest step; looked at is what is of the
-    scene (`transient_of`), by its thresholds.
+    scene's, with the settings that the scene states, else those of a sweep; looked at is what is of
+    the scene (`transient_of`), by its thresholds.
     """
     data, known = scene.document(), scene.parameters()
     keys = {name: key for key, name in BELTS[scene.belt.kind].items()}
     data["blade"] = _without(data.get("blade", {}), "normal_load")
     data["belt"] = _without(data.get("belt", {}), keys["belt_speed"])
     transient = transient_of(scene)
+    stated = scene.run.model_dump(exclude_unset=True, exclude_none=True)
+    settings = {name: value for name, value in stated.items() if name in SweepRun.model_fields}
     return parse_sweep(
         _without(data, "title")
         | {
             "axes": {name: _near(known[name]) for name in ("normal_load", "belt_speed")},
-            "run": {"transient": transient, "window": scene.run.duration - transient}
-            | ({} if scene.run.max_step is None else {"max_step": scene.run.max_step}),
+            "run": settings | {"transient": transient, "window": scene.run.duration - transient},
             "classes": scene.thresholds().model_dump(exclude_none=True),
         }
     )

@@ -16,7 +16,7 @@ from ..engine.observers.totals import RegimeTotals
 from ..numerics.arrays import fields_of
 from ..numerics.kept import Kept
 from ..vocabulary import cf, checks
-from ..vocabulary.codes import REGIMES, RESULTS, Result
+from ..vocabulary.codes import FAIR, REGIMES, RESULTS
 from ..vocabulary.ranges import COUNT, FINITE, NON_NEGATIVE, POSITIVE
 from .cells.devices import capacity, deal, lane_count
 
@@ -48,8 +48,9 @@ def basins(
     ``initial_position``, ``initial_velocity``, ``final_position``, ``final_velocity``,
     ``final_regime``; over the window ``stick_fraction``, ``slip_fraction``, ``flight_fraction``,
     ``velocity_mean`` and ``velocity_rms`` (about the mean) of the system's output; ``result``. What
-    did not reach the end has NaN over the window. The share of starts that end in a motion, and its
-    standard error: ``found = ds.velocity_rms < 1e-3``, ``share_error(found.sum(), found.size)``.
+    did not reach the end has NaN over the window (``painleve_indeterminate`` did). The share of
+    starts that end in a motion, and its standard error: ``found = ds.velocity_rms < 1e-3``,
+    ``share_error(found.sum(), found.size)``.
 
     **Raises** `ValueError` for arguments that cannot be meant.
     """
@@ -130,14 +131,14 @@ def _arrays(starts: Any) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]
 
 
 def _labelled(system, starts, outcome: Outcome, settle: float, window: float) -> xr.Dataset:
-    totals, finished = outcome.observed, outcome.result == Result.FINISHED
+    totals, fair = outcome.observed, np.isin(outcome.result, FAIR)
 
     def each(values, long_name, units=None):
         unit = {} if units is None else {"units": units}
         return "start", np.asarray(values), {"long_name": long_name, **unit}
 
     def settled(values, long_name, units=None):
-        return each(np.where(finished, values, np.nan), f"{long_name} in the window", units)
+        return each(np.where(fair, values, np.nan), f"{long_name} in the window", units)
 
     def state(values, long_name):
         return ("start", "axis"), np.stack(values, axis=-1), {"long_name": long_name}

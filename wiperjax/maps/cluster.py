@@ -20,6 +20,7 @@ from typing import Any
 
 from ..machine.files import log
 from ..machine.phases import during
+from ..vocabulary.wording import shown
 from . import block, worker
 from .worker import Answer, ClusterError, Own
 
@@ -35,12 +36,20 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
     of this machine, a core each, which end with the `with` statement. Waits for the first worker:
     of a scheduler for ever, for it may have a queue; of this machine for `ALONE` seconds.
 
-    Raises: `ClusterError` if dask is not installed, no scheduler answers, or no worker starts here.
+    Raises: `ClusterError` if dask is not installed, what is named is no address, no scheduler
+    answers, or no worker starts here.
     """
     try:
         from distributed import Client, LocalCluster
+        from distributed.comm.addressing import get_address_host_port
     except ImportError:
         raise ClusterError("a cluster needs dask: pip install distributed") from None
+    if scheduler is not None:  # a client of what is none waits for itself when it is left
+        try:
+            get_address_host_port(scheduler)
+        except (TypeError, ValueError):
+            must = "scheduler must be an address such as tcp://HOST:PORT"
+            raise ClusterError(f"{must}, but was {shown(scheduler)}") from None
     with contextlib.ExitStack() as stack:
         address: Any = scheduler
         if scheduler is None:
@@ -141,7 +150,9 @@ class Workers:
                 with during(None):  # others compute meanwhile: their phases come with the block
                     future = self._result(ready, "a block")
                     number = flying.pop(future)
-                    answer: Answer = self._result(future.result, f"block {number}")
+                    # dask counts it as lost too where one beside it has ended their worker
+                    what = f"block {number}, or one that waited for the same worker,"
+                    answer: Answer = self._result(future.result, what)
                 future.release()
                 _compare(answer.made_by, self._made_by)
                 self._hosts.add(answer.host)

@@ -12,8 +12,10 @@ import numpy as np
 
 from ..blade.rungs import MODELS
 from ..machine import provenance
+from ..machine.files import log
 from ..noise.agreement import AMPLITUDE, FREQUENCY, Said, differences, said
 from ..noise.run_class import words
+from ..specs.errors import SpecError
 from ..specs.load import load_scene, parse_scene
 from ..specs.scene import SceneSpec
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS
@@ -21,6 +23,7 @@ from . import around_scene
 
 HINGED = "lip, hinge mass"  # the lip with a tenth of the tip mass at the hinge
 HINGE_SHARE = 0.1
+REFUSED = "cannot stand for it"  # in place of a class
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,8 @@ class Rung:
 
     Attributes:
         scene, model: what was run.
-        label, mechanism, band: its class.
+        label, mechanism, band: its class; `REFUSED` of a model that has not all that the scene
+            asks for: a hinge mass, say.
         frequency: dominant frequency of the (stroke's) tip velocity [Hz].
         amplitude: standard deviation of the tip velocity [m/s]; of the strokes on a belt that
             reverses, unless the class is `reversal`: then the vibration just after V = 0.
@@ -67,20 +71,22 @@ def compare(
     `say` is called with what begins, `SCENE: MODEL`. `costs` tells what a second of motion of each
     rung costs [s of CPU time]; it is given those that do not fail.
 
-    Raises SpecError for a wrong file; a rung that fails numerically says `failed`.
+    Raises SpecError for a wrong file; a rung that fails numerically says `failed`, and one that has
+    not all that the scene asks for `REFUSED`.
     """
-    name = Path(path).stem
-    specs = {model: load_scene(path, model) for model in MODELS}
-    if hinged:
-        specs[HINGED] = _hinged(specs["lip"])
+    name, lip = Path(path).stem, load_scene(path, "lip")
+    specs = {model: lip if model == "lip" else _poorer(path, model) for model in MODELS}
+    if hinged and not lip.parameters()["hinge_mass"]:
+        specs[HINGED] = _hinged(lip)
+    able = {model: spec for model, spec in specs.items() if spec is not None}
     rungs = {}
     say(f"{name}: compiling")
-    around_scene.ready(specs.values())
+    around_scene.ready(able.values())
     for model, spec in specs.items():
         say(f"{name}: {model}")
         rungs[model] = _run(name, model, spec)
     say(f"{name}: cost")
-    seconds = costs({model: specs[model] for model in rungs if rungs[model].label != "failed"})
+    seconds = costs({model: spec for model, spec in able.items() if rungs[model].label != "failed"})
     rungs = {
         model: replace(rung, seconds=seconds.get(model, np.nan)) for model, rung in rungs.items()
     }
@@ -102,7 +108,8 @@ Made by `wiperjax ladder sweeps/scenes/*.toml -o docs/ladder.md --force`, its nu
 Rungs, poorest first: **block** on a belt (1 dof, constant load, linear spring; equals the lip
 to first order about steady slip), **bar** (1 dof, the lip held on the glass), **lip** (2 dof, the
 full model). Beside them the lip with a hinge mass of {HINGE_SHARE:.0%} of the tip's: not a rung
-below, but what inertia at the hinge makes of the same blade. Formulas: `wiperjax/blade/`.
+below, but what inertia at the hinge makes of the same blade (of one that has a hinge mass block and
+bar cannot stand for it). Formulas: `wiperjax/blade/`.
 
 A model suffices if it says what the lip says: class, mechanism and band the same, frequency
 within {FREQUENCY:.0%} and amplitude within {AMPLITUDE:.0%}; for a reversal force ratio and
@@ -113,7 +120,8 @@ cells choose ([maps](maps.md#which-model), also for what a rung costs in a batch
 Amplitude: standard deviation of the tip velocity (of the strokes on a wiping belt; for a
 reversal, the vibration just after it). A scene is the middle of a small map, as
 `wiperjax sweep` makes it: {around_scene.SIDE**2} blades, load and speed within
-{around_scene.SPREAD:.0%} of its own. Steps are those of the scene, tried ones. CPU time is that
+{around_scene.SPREAD:.0%} of its own, with the settings that its `[run]` states (`rtol`, say).
+Steps are those of the scene, tried ones. CPU time is that
 of the engine on one core for a second of motion of one of those blades, the median of
 {around_scene.TURNS} interleaved turns, without compilation. The default start
 of lip and bar is phi = alpha at rest, of the block its relaxed spring. The frequency of a squeal
@@ -147,7 +155,8 @@ def table(results: Iterable[list[Rung]], head: bool = True) -> str:
     for rungs in results:
         lowest = lowest_sufficient(rungs)
         for rung in rungs:
-            tells = rung.label not in ("quiet", "failed", "collapsed")
+            tells = rung.label not in ("quiet", "failed", "collapsed", REFUSED)
+            costs = np.isfinite(rung.seconds)
             pitch = tells and rung.label != "reversal"
             cells = [
                 rung.scene if rung is rungs[0] else "",
@@ -157,13 +166,25 @@ def table(results: Iterable[list[Rung]], head: bool = True) -> str:
                 f"{rung.frequency:.1f}" if pitch else "",
                 f"{rung.amplitude:.3g}" if tells else "",
                 f"{rung.ratio:.2f}" if np.isfinite(rung.ratio) else "",
-                str(rung.steps),
-                f"{1e3 * rung.seconds:.3g}",
-                f"{rung.share:.2f}",
+                str(rung.steps) if rung.label != REFUSED else "",
+                f"{1e3 * rung.seconds:.3g}" if costs else "",
+                f"{rung.share:.2f}" if np.isfinite(rung.share) else "",
                 "yes" if rung.suffices else "no",
             ]
             lines.append(" | ".join(cells))
     return "\n".join(f"| {line} |" for line in lines) + "\n"
+
+
+def _poorer(path: str | Path, model: str) -> SceneSpec | None:
+    """The scene on a poorer model; None, and a word why, where that has not all that it asks for.
+
+    As it is on the lip it was not refused.
+    """
+    try:
+        return load_scene(path, model)
+    except SpecError as error:
+        log.warning("%s %s: %s", model, REFUSED, error)
+        return None
 
 
 def _hinged(spec: SceneSpec) -> SceneSpec:
@@ -172,12 +193,14 @@ def _hinged(spec: SceneSpec) -> SceneSpec:
     return parse_scene(data | {"blade": data.get("blade", {}) | {"hinge_mass": mass}})
 
 
-def _run(name: str, model: str, spec: SceneSpec) -> Rung:
+def _run(name: str, model: str, spec: SceneSpec | None) -> Rung:
+    nothing = "none", "none", np.nan, np.nan, np.nan, 0
+    if spec is None:
+        return Rung(name, model, REFUSED, *nothing)
     try:
         found = around_scene.middle(spec)
     except ValueError:  # no start: a block without steady slip
-        nothing = ("failed", "none", "none", np.nan, np.nan, np.nan, 0)
-        return Rung(name, model, *nothing)
+        return Rung(name, model, "failed", *nothing)
     heard, named = said(found), words(found)
     return Rung(
         name,
@@ -193,7 +216,9 @@ def _run(name: str, model: str, spec: SceneSpec) -> Rung:
 
 
 def _judged(rung: Rung, lip: Rung) -> Rung:
-    suffices = rung.model == "lip" or bool(differences(_said(rung), _said(lip)).tolerated)
+    suffices = rung.model == "lip"
+    if not suffices and rung.label != REFUSED:
+        suffices = bool(differences(_said(rung), _said(lip)).tolerated)
     return replace(rung, share=rung.seconds / lip.seconds, suffices=suffices)
 
 

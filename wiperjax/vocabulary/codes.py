@@ -71,6 +71,9 @@ class CurveEnd(IntEnum):
 
 RUNNING = -1  # inside the loop only; never reported
 
+FAIR = (Result.FINISHED, Result.PAINLEVE_INDETERMINATE)
+"""How what reached its end may have ended. A map counts the first alone as finished."""
+
 RESULTS = {result.name.lower(): int(result) for result in Result}
 
 ADVICE = {

@@ -76,6 +76,7 @@ def follow(
             f"low to high must hold the cycle's own value {own:g} of {over}, "
             f"but was {low:g} to {high:g}"
         )
+    numbers.check_corners("low to high", cycle.system, {over: (low, high)})
     shooting = replace(cycle.shooting, parameter_scale=high - low, period_scale=cycle.period)
     first = first_step(shooting, cycle)
     if first is None:

@@ -68,12 +68,9 @@ def follow_scene(
     begun = time.perf_counter()
     built, table = build(spec, spec.parameters()), spec.parameter_table
     system = built.system
-    bounds, stated = _bounds(spec, system, over, low, high, "--over"), _stated(spec, over)
+    ranges, stated = _ranges(spec, system, (over, low, high), second), _stated(spec, over)
     check_fixed(stated)
-    if second is not None:
-        along = _bounds(spec, system, *second, "--second")
-        if second[0] == over:
-            raise ValueError(f"--second must not be that of --over, but both were {over}")
+    bounds = ranges[over]
     period = None if isinstance(belt_of(system), SteadyBelt | None) else _stroke
     state = start(spec, built._replace(system=system))
     position, velocity = (tuple(np.asarray(x, float) for x in part) for part in state)
@@ -91,7 +88,7 @@ def follow_scene(
         raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
     branch = follow(cycle, *bounds, step=step)
     found = branch_dataset(branch)
-    if second is not None and (lines := follow_curves(branch, second[0], *along)):
+    if second is not None and (lines := follow_curves(branch, second[0], *ranges[second[0]])):
         fixed = {name: value for name, value in stated.items() if name != second[0]}
         found = with_curves(found, curves_dataset(lines).assign_attrs(fixed=json.dumps(fixed)))
     if simulate:
@@ -131,6 +128,24 @@ def _stated(spec: SceneSpec, over: str) -> dict[str, float]:
         for name, value in spec.parameters().items()
         if name != over
     }
+
+
+def _ranges(
+    spec: SceneSpec,
+    system: AbstractSystem,
+    first: tuple[str, float, float],
+    second: tuple[str, float, float] | None,
+) -> dict[str, tuple[float, float]]:
+    """Return the range in SI of each parameter. Raises ValueError as `_bounds`, if there are not
+    two, and where belt or law are none within."""
+    ranges = {first[0]: _bounds(spec, system, *first, "--over")}
+    if second is not None:
+        along = _bounds(spec, system, *second, "--second")
+        if second[0] == first[0]:
+            raise ValueError(f"--second must not be that of --over, but both were {first[0]}")
+        ranges[second[0]] = along
+    numbers.check_corners("the range", system, ranges)
+    return ranges
 
 
 def _bounds(

@@ -25,7 +25,7 @@ from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
 from ...numerics.kept import Kept
 from ...vocabulary import cf, checks
-from ...vocabulary.codes import RESULTS, RUNNING, Result
+from ...vocabulary.codes import FAIR, RESULTS, RUNNING, Result
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
 from ..shooting import tidy
 
@@ -75,6 +75,7 @@ def up_and_down(
     """
     check_system(system)
     values = checks.increasing("values", values, 2)
+    numbers.check_corners("values", system, {over: (values[0], values[-1])})
     settle, window = (
         checks.number(name, x, POSITIVE) for name, x in (("settle", settle), ("window", window))
     )
@@ -126,7 +127,7 @@ def _peaks(position, velocity, highest, flat: float) -> np.ndarray:
 def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns) -> xr.Dataset:
     """Return the dataset of `up_and_down`, of ``columns`` (ways, values) as `_march` gives them."""
     stick, flight, rms, _, result = columns
-    fair = np.isin(result, (Result.FINISHED, Result.PAINLEVE_INDETERMINATE))
+    fair = np.isin(result, FAIR)
     name, attrs, to_file = numbers.stored(given, over)
     plane = ("way", name)
 
@@ -246,4 +247,4 @@ def _march(system, over, period, ways, states, spans, samples: int):
 
 
 def _fair(result):
-    return (result == Result.FINISHED) | (result == Result.PAINLEVE_INDETERMINATE)
+    return jnp.isin(result, jnp.asarray(FAIR))

@@ -148,6 +148,8 @@ class Walk:
                 kind, detail = "period_doubling", "the cycle is one of half its period, twice"
             elif distance >= cut:
                 break
+            elif kind == "branch_point" and here.sense * ahead.sense < 0:
+                detail += "; the parameter turns back: a walk along symmetric cycles has left them"
             self.special.append(Special(kind, detail, step.point.parameter, len(self.steps)))
             self._append(step)
         if last is not None and last is not self.steps[-1]:

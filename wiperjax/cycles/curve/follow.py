@@ -15,7 +15,7 @@ from ..branch.bifurcations import Special
 from ..branch.follow import MOST_POINTS, Branch
 from ..branch.step import chart_at
 from ..chart import chart
-from ..cycle import Cycle
+from ..cycle import Cycle, same_word
 from ..return_map import Shooting
 from ..shooting import Lost
 from .equations import Equations, Facts, solve
@@ -74,10 +74,12 @@ def follow_curves(
             f"low to high must hold the system's own value {own:g} of {second}, "
             f"but was {low:g} to {high:g}"
         )
+    ranges = {branch.over: branch.bounds, second: (low, high)}
+    numbers.check_corners("low to high", shooting.system, ranges)
     varied = tuple(dict.fromkeys((*shooting.varied, branch.over, second)))
     system = numbers.traceable(shooting.system, branch.over, second)
     shooting = replace(shooting, system=system, varied=varied)
-    bounds = np.array([branch.bounds, (low, high)])
+    bounds = np.array([*ranges.values()])
     plane = Plane(system, (branch.over, second), bounds[:, 0], bounds[:, 1])
     found: list[Curve] = []
     for special in branch.special:
@@ -186,7 +188,7 @@ def _seed(
     if special.kind not in KINDS:
         return None
     if special.kind == Touch.kind:
-        cycle = _slipping(branch, special.index)
+        cycle, left = _slipping(branch, special.index)
         place = np.array([numbers.value(cycle.system, branch.over), place[1]])
     state, period, phase = cycle.state, cycle.period, cycle.phase
     where = chart_at(shooting, plane.at(place), state, phase, period, cycle.regime)
@@ -198,23 +200,30 @@ def _seed(
     if special.kind == Fold.kind:
         none = np.empty(0)
         return Fold(*around, none, none, none).bordered()
-    assert cycle.motion is not None
-    return Touch(*around, speed=fastest(cycle))
+    # as near to rest as it is, if that is about right: to come nearer may take many corrections
+    return Touch(*around, speed=fastest(cycle), left=float(np.clip(left, 0.5 * AWAY, 2 * AWAY)))
 
 
-def _slipping(branch: Branch, index: int) -> Cycle:
-    """Return the cycle near a corner in whose slip the tip rests as nearly as `Touch` wants it."""
-    near = branch.cycles[max(0, index - 8) : index + 9]
-    fewest = min(cycle.word.count("capture") for cycle in near)
+def _slipping(branch: Branch, index: int) -> tuple[Cycle, float]:
+    """Return the cycle in whose slip the tip rests as nearly as `Touch` wants it, of those that
+    lead to a corner behind point ``index`` without the stick that begins there, and its share of
+    slip speed.
 
-    def off(cycle: Cycle) -> float:
-        assert cycle.motion is not None
-        if cycle.word.count("capture") > fewest or not cycle.slip_margin > 0:
-            return np.inf
-        part = cycle.slip_margin / np.max(np.abs(cycle.motion.slip_speed))
-        return abs(float(np.log(part / AWAY)))
-
-    return min(near, key=off)
+    Steps begin tiny behind a corner: how many of them there are to such a cycle, no one knows.
+    """
+    sides = branch.cycles[index::-1], branch.cycles[index + 1 :]
+    way = min((side for side in sides if side), key=lambda side: side[0].word.count("capture"))
+    found: list[tuple[Cycle, float]] = []
+    for cycle in way:
+        if not same_word(cycle, way[0]):
+            break
+        if cycle.slip_margin > 0:
+            found.append((cycle, cycle.slip_margin / fastest(cycle)))
+            if found[-1][1] > AWAY:
+                break
+    if not found:
+        raise Lost("no slip leads to the corner")
+    return min(found, key=lambda item: abs(np.log(item[1] / AWAY)))
 
 
 def _sides(system: AbstractSystem, state: np.ndarray) -> tuple[float, ...]:

@@ -24,12 +24,14 @@ from .equations import Spot, Test, solve
 from .of_cycles import OfCycles
 from .plane import placed
 
-AWAY = 5e-3  # of the largest slip speed: what is left of it where the curve is walked
+AWAY = 5e-3  # of the largest slip speed: what is left of it where the curve is walked, about
 SMALL = 1e-10  # of the largest slip speed: how well its smallest value is told
 CENTRED = 4  # motions to where it is
 GONE = "slip nowhere slows down and speeds up again"
 NEARER = 5e-4  # and nearer to its limit
 LONGEST = 0.9  # of what is left of it: where the shortest stride towards the limit fails
+ROUNDING = 1e-9  # of the nearest: strides that multiply to it end so near
+FAR = 1.0  # of a range: a limit as far from where it is sought is none
 
 
 @dataclass(frozen=True)
@@ -110,8 +112,9 @@ class Touch(OfCycles):
 
     def limit(self, spot: Spot) -> Spot:
         """Raises `Lost` where it can not be come to: a guess from afar may be anywhere."""
-        here, stride = spot, NEARER / AWAY
-        while here.equations.left > NEARER:  # type: ignore[attr-defined]
+        here, stride = spot, NEARER / spot.equations.left  # type: ignore[attr-defined]
+        # what ends a rounding above the nearest is there: a stride of no length gives no direction
+        while here.equations.left > NEARER * (1 + ROUNDING):  # type: ignore[attr-defined]
             left = max(NEARER, stride * here.equations.left)  # type: ignore[attr-defined]
             nearer = self._nearer(here, left)
             if nearer is not None:
@@ -120,10 +123,13 @@ class Touch(OfCycles):
                 stride = np.sqrt(stride)
             else:
                 raise Lost("no cycle was found nearer to rest")
-        ends, lefts = (before, here), (before.equations.left, NEARER)  # type: ignore[attr-defined]
+        ends = before, here
+        lefts = np.array([one.equations.left for one in ends])  # type: ignore[attr-defined]
         slopes = [-self._slope(one) for one in ends]
-        way = CubicHermiteSpline(-np.array(lefts), [one.unknowns for one in ends], slopes)
-        return replace(here, unknowns=way(0.0))
+        rest = CubicHermiteSpline(-lefts, [one.unknowns for one in ends], slopes)(0.0)
+        if np.max(np.abs(rest - spot.unknowns)[-2:]) > FAR:
+            raise Lost("the cycle that comes to rest is far from the one that nearly does")
+        return replace(here, unknowns=rest)
 
     def _nearer(self, spot: Spot, left: float) -> Spot | None:
         """Return the cycle that has the share ``left`` of slip speed, from one that has more."""
