@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 
 from ...contact.guards import (
     first_switch,
@@ -17,9 +18,9 @@ from ...contact.projection import project
 from ...contact.regimes import acceleration, decide, forces
 from ...contact.space import Contact, contact
 from ...contact.system import rates
-from ...numerics.arrays import where
 from ...numerics.bernstein import largest
 from ...numerics.elementary import smaller
+from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import RUNNING, Regime, Result
 from .problem import Problem
@@ -43,6 +44,7 @@ def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
     sin(pi) is 1e-16, not zero: a belt that turns round at the start would leave the tip a slip
     speed, whose sign alone, by Painleve, may throw it off the glass into bounces of 1e-22 s; and a
     gap between large numbers, such as that of a leaning rod, is hardly ever 0 where it is meant.
+    Values alone are rounded: speeds that are zero here keep their derivatives.
     """
     c = contact(system, start, position, velocity)
     eps = float(jnp.finfo(position[0].dtype).eps)
@@ -51,16 +53,22 @@ def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
     if system.unilateral:
         closed = closed & (c.gap <= gap_rounding(system, start, position))
     rests = closed & (jnp.abs(c.slip_speed) <= ROUNDINGS * eps * speed)
-    moves = (closed & (c.normal_speed != 0)) | (rests & (c.slip_speed != 0))
-    _, still = project(system, c, position, velocity, False, closed, rests)
-    still = where(moves, still, velocity)
+    rounding = c._replace(
+        normal_speed=stop_gradient(c.normal_speed), slip_speed=stop_gradient(c.slip_speed)
+    )
+    _, still = project(system, rounding, position, velocity, False, closed, rests)
     c = contact(system, start, position, still)
     # to the last digit, which the projection leaves
     return still, c._replace(
         gap=jnp.where(closed, smaller(c.gap, 0.0), c.gap),
-        normal_speed=jnp.where(closed, 0.0, c.normal_speed),
-        slip_speed=jnp.where(rests, 0.0, c.slip_speed),
+        normal_speed=jnp.where(closed, _nil(c.normal_speed), c.normal_speed),
+        slip_speed=jnp.where(rests, _nil(c.slip_speed), c.slip_speed),
     )
+
+
+def _nil(value):
+    """Return zero, with the derivative of ``value``."""
+    return value - stop_gradient(value)
 
 
 class _Entry(NamedTuple):
@@ -153,6 +161,10 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     )
     velocity, c = _contact(problem, local, start, position, velocity)
     entry = _entry(local, c, position)
+    # what begins in contact stays on it, and in stick at rest, whatever a parameter does to its
+    # speeds: a change of their derivatives alone
+    touching, sticking = entry.regime != Regime.FLIGHT, entry.regime == Regime.STICK
+    _, velocity = keep(project(local, c, position, velocity, False, touching, sticking))
     sides = starting_sides(local, start, position, velocity)
     switches = first_switch(system) + len(sides) - 1
 
