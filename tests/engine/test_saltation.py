@@ -54,7 +54,7 @@ def test_capture():
 
 @pytest.mark.slow
 def test_slip_onset():
-    """Only the position: a change of velocity at the start is no stick."""
+    """By the place: what begins in stick has no speed of its own."""
     k, fs, fd, v, x0, end = 4.0, 0.9, 0.3, 0.5, 0.1, 0.7
     derivative, s = solved(Block(fs, fd, 1.0, k, belt=v), end, [x0, v])
     ((t, kind),) = events(s)
@@ -62,6 +62,7 @@ def test_slip_onset():
     jump = saltation(np.eye(2), (-k, 0), (v, 0), (v, fd - fs))
     closed = matrix([[0, 1], [-k, 0]], end - t) @ jump
     np.testing.assert_allclose(derivative[:, 0], closed[:, 0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(derivative[:, 1], 0.0, atol=1e-12)
 
 
 class Ramp(Puck):

@@ -11,6 +11,7 @@ from wiperjax import Result
 from wiperjax.engine.carry.problem import Integration, make_case
 from wiperjax.engine.solve import begin
 from wiperjax.engine.step import advance
+from wiperjax.systems.oscillator import Oscillator
 
 
 class Gates(Far):
@@ -62,3 +63,24 @@ def test_a_stay_that_repeats_itself_ends_in_one_step():
             tries.append(int(before.tries))
     assert max(tries[:4]) > 0
     assert tries[4:] == [0] * 20
+
+
+@pytest.mark.slow
+def test_a_stick_that_is_released_to_either_side_in_turn():
+    """Den Hartog's problem, on the belt: what a stay before foretells is the other side of the
+    cone, and a step may end within a tick of the clock before this one. One cell in thirty died of
+    that (STEP_TOO_SMALL)."""
+    rate, turns = 2.5, 80  # the last half of them is observed
+    period = 2 * np.pi / rate
+
+    @jax.jit
+    @jax.vmap
+    def solve(load):
+        belt = wiperjax.WipingBelt(rate, 1 / period, 0.5 * np.pi)
+        block = Oscillator(load=load, friction=wiperjax.Coulomb(1.0), belt=belt)
+        s = wiperjax.solve(block, 2 * turns * period, max_events=0, statistics_start=turns * period)
+        return s.result, s.statistics.stick_time, s.statistics.stick_count
+
+    result, stick, count = map(np.asarray, solve(jnp.linspace(3.1, 4.7, 200)))
+    assert np.all(result == Result.FINISHED) and np.all(count == 2 * turns)
+    assert np.abs(np.diff(stick, 2)).max() < 1e-2 * stick.mean()  # and every period has its sticks

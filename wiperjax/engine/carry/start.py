@@ -4,8 +4,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 
 from ...contact.guards import (
+    FIRST,
+    SECOND,
     first_switch,
     gap_rounding,
     guard_values,
@@ -17,16 +20,17 @@ from ...contact.projection import project
 from ...contact.regimes import acceleration, decide, forces, pulls
 from ...contact.space import Contact, contact
 from ...contact.system import rates
-from ...numerics.arrays import where
 from ...numerics.bernstein import largest
 from ...numerics.elementary import smaller
+from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import RUNNING, Regime, Result
 from .problem import Problem
 from .recall import nothing
 from .state import EventLog, State
 
-ROUNDINGS = 64  # last digits of the typical speed below which a contact is at rest
+ROUNDINGS = 64  # last digits of typical speeds and accelerations below which a contact has none
+AHEAD = 1e-3  # of the first step: when what is about to press is seen
 
 
 def _no_rest(position: tuple, velocity: tuple):
@@ -43,6 +47,7 @@ def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
     sin(pi) is 1e-16, not zero: a belt that turns round at the start would leave the tip a slip
     speed, whose sign alone, by Painleve, may throw it off the glass into bounces of 1e-22 s; and a
     gap between large numbers, such as that of a leaning rod, is hardly ever 0 where it is meant.
+    Values alone are rounded: speeds that are zero here keep their derivatives.
     """
     c = contact(system, start, position, velocity)
     eps = float(jnp.finfo(position[0].dtype).eps)
@@ -51,16 +56,54 @@ def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
     if system.unilateral:
         closed = closed & (c.gap <= gap_rounding(system, start, position))
     rests = closed & (jnp.abs(c.slip_speed) <= ROUNDINGS * eps * speed)
-    moves = (closed & (c.normal_speed != 0)) | (rests & (c.slip_speed != 0))
-    _, still = project(system, c, position, velocity, False, closed, rests)
-    still = where(moves, still, velocity)
+    rounding = c._replace(
+        normal_speed=stop_gradient(c.normal_speed), slip_speed=stop_gradient(c.slip_speed)
+    )
+    _, still = project(system, rounding, position, velocity, False, closed, rests)
     c = contact(system, start, position, still)
     # to the last digit, which the projection leaves
     return still, c._replace(
         gap=jnp.where(closed, smaller(c.gap, 0.0), c.gap),
-        normal_speed=jnp.where(closed, 0.0, c.normal_speed),
-        slip_speed=jnp.where(rests, 0.0, c.slip_speed),
+        normal_speed=jnp.where(closed, _nil(c.normal_speed), c.normal_speed),
+        slip_speed=jnp.where(rests, _nil(c.slip_speed), c.slip_speed),
     )
+
+
+def _nil(value):
+    """Return zero, with the derivative of ``value``."""
+    return value - stop_gradient(value)
+
+
+class _Forces(NamedTuple):
+    """The contact of a start as its forces see it."""
+
+    idle: Scalar  # nothing presses it or pulls at it yet
+    now: Contact  # exactly so, where it is so to rounding
+    soon: Contact  # with a trace of what is about to
+
+
+def _forces(problem: Problem, system, c: Contact, start, position, velocity) -> _Forces:
+    """Return how a contact ``c`` is loaded, if it is closed.
+
+    A load that grows from zero holds from the first instant on, and which force leads then its
+    rates tell: those of the free motion, for nothing acts on it yet.
+    """
+    motion, rate = (position, velocity), (rates(system, start, position, velocity), c.free)
+    ahead = AHEAD * _first_step(problem, start, motion, rate)
+    moved = jax.tree.map(lambda x, y: x + ahead.astype(x.dtype) * y, motion, rate)
+    then = contact(system, start + ahead, *moved)
+    # forces that cancel show their size where they do not: at rest
+    still = contact(system, start, position, jax.tree.map(jnp.zeros_like, velocity))
+    eps = float(jnp.finfo(position[0].dtype).eps)
+    drive = ROUNDINGS * eps * sum(jnp.abs(a) for a in (*c.free, *then.free, *still.free))
+    idle = (jnp.abs(c.b_n) <= drive) & system.unilateral
+    b_t = jnp.where(idle & (jnp.abs(c.b_t) <= drive), 0.0, c.b_t)
+    now = c._replace(b_t=b_t, b_n=jnp.where(idle, 0.0, c.b_n))
+    soon = now._replace(
+        b_t=jnp.where(idle, b_t + eps * (then.b_t - c.b_t), b_t),
+        b_n=jnp.where(idle, eps * (then.b_n - c.b_n), c.b_n),
+    )
+    return _Forces(idle, now, soon)
 
 
 class _Entry(NamedTuple):
@@ -72,18 +115,17 @@ class _Entry(NamedTuple):
     flagged: Scalar  # the regime is not the only one
 
 
-def _entry(system, c: Contact, position) -> _Entry:
-    """Return how a trajectory begins in contact ``c``: decided at acceleration level where it is
-    closed.
-    """
+def _entry(system, found: _Forces, position) -> _Entry:
+    """Return how a trajectory begins: decided at acceleration level where its contact is closed."""
+    c = found.now
     if system.unilateral:
-        size = jnp.max(jnp.abs(jnp.stack(position)), axis=0)
-        inside = c.gap < -1e-12 * jnp.maximum(size, 1e-30)
+        size = largest((*position, *system.scales(len(position))[0]))
+        inside = c.gap < -1e-12 * size
         closed = (c.gap <= 0) & (c.normal_speed == 0)
     else:
         inside = jnp.zeros_like(c.b_t, bool)
         closed = ~inside
-    decision = decide(system, c)
+    decision = decide(system, found.soon)
     at_rest = c.slip_speed == 0
     # a jam while sliding is resolved by the impact without collision: start it as slip
     jam = closed & decision.jam
@@ -96,7 +138,7 @@ def _entry(system, c: Contact, position) -> _Entry:
     sliding = ~flying & (regime != Regime.STICK)
     order = jnp.where(
         flying & (c.gap <= 0) & (c.normal_speed >= 0),
-        jnp.where(c.normal_speed > 0, 1, 2),
+        jnp.where(c.normal_speed > 0, 1, jnp.where(found.idle, 3, 2)),
         jnp.where(sliding & at_rest, start_of_slip_order(system, c, regime), 0),
     ).astype(jnp.int32)
     return _Entry(regime, order, code, closed & decision.indeterminate)
@@ -152,7 +194,12 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         for x, p in zip(local.from_rates(start, position, velocity), position, strict=True)
     )
     velocity, c = _contact(problem, local, start, position, velocity)
-    entry = _entry(local, c, position)
+    found = _forces(problem, local, c, start, position, velocity)
+    entry = _entry(local, found, position)
+    # what begins in contact stays on it, and in stick at rest, whatever a parameter does to its
+    # speeds: a change of their derivatives alone
+    touching, sticking = entry.regime != Regime.FLIGHT, entry.regime == Regime.STICK
+    _, velocity = keep(project(local, c, position, velocity, False, touching, sticking))
     sides = starting_sides(local, start, position, velocity)
     switches = first_switch(system) + len(sides) - 1
 
@@ -160,7 +207,10 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     c = contact(local, start, position, velocity)
     reactions = forces(local, c, entry.regime)
     rate = (rates(local, start, position, velocity), acceleration(c, reactions))
-    guards = guard_values(local, c, start, position, velocity, entry.regime, sides)
+    guards = list(guard_values(local, c, start, position, velocity, entry.regime, sides))
+    # a load that is rounding would end the regime that what is about to press has begun
+    for slot, rests_on_it in ((FIRST, sticking), (SECOND, touching)):
+        guards[slot] = jnp.where(found.idle & rests_on_it, 0.0, guards[slot])
     motion = (position, velocity)
     step = _first_step(problem, start, motion, rate)
     finite = _is_finite(problem, start, motion, rate)
@@ -187,7 +237,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         reach=tuple(jnp.abs(g) for g in guards),
         due=z - 1,
         rate=rate,
-        guards=guards,
+        guards=tuple(guards),
         reactions=reactions,
         step=step,
         memory=nothing(start, step),

@@ -24,6 +24,7 @@ class Approach(NamedTuple):
     pending: Scalar  # the step aims at its zero, and it has no other one in the step
     near: Scalar  # the zero is so near that its tangent tells where it is
     zero: Scalar  # it vanishes as far as its digits tell
+    brief: Scalar  # the step is as short as the clock can tell
     above: Scalar  # it is positive,
     falling: Scalar  # it goes down,
     proved: Scalar  # and it has no zero in the step
@@ -69,12 +70,14 @@ def approach(problem: Problem, state: State, trial: Trial) -> Approach:
         close = close & ((g.value + 2 * past * g.slope > 0) | (slot == i) | (past == 0))
     # as near as the clock can tell
     tick = 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
-    small = (trial.h <= tick) & (miss * trial.h <= tick)
+    brief = trial.h <= tick
+    small = brief & (miss * trial.h <= tick)
     return Approach(
         slot=slot,
         pending=pending,
         near=falling & (close | small),
         zero=zero,
+        brief=brief,
         above=value > 0,
         falling=falling,
         proved=proved,

@@ -59,18 +59,25 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     chase = free & jnp.logical_not(located)
     # it is not there, or a known time comes first
     elsewhere = ~aim.falling | (jnp.abs(aim.shift) > 0.05) | trial.cut
-    miss = chase & aim.above & aim.proved & elsewhere
+    # Of an event that was seen this close ahead no shorter step would tell more, by nodes which the
+    # clock rounds: it is here.
+    brief = aim.brief & (state.target >= 0) & ~trial.cut
+    miss = chase & aim.above & aim.proved & elsewhere & ~brief
     # two guards that vanish close together may send the step to and fro between them
     wearied = state.tries >= MAX_TRIES
     retarget = trial.ok & first.found & ~wearied
     lost = (chase & ~miss & (~aim.falling | wearied)) | (trial.ok & first.found & wearied)
     newton = chase & ~miss & ~lost
-    located, miss, lost, newton, retarget = keep((located, miss, lost, newton, retarget))
+    blocked = trial.ok & (first.murky | first.undecided)
+    ends = (blocked | lost) & brief
+    located = located | ends
+    located, miss, lost, newton, retarget, ends = keep(
+        (located, miss, lost, newton, retarget, ends)
+    )
 
     accept = trial.ok & ~obstructed & (~aim.pending | miss)
     foreseen = accept & first.ahead
     inaccurate = ~trial.ok & state.active
-    blocked = trial.ok & (first.murky | first.undecided)
     fire = trial.ok & first.violated
 
     dtype = h.dtype
@@ -87,7 +94,8 @@ def locate(problem: Problem, state: State, trial: Trial) -> Plan:
     # well inside what is proved: just at its end the next trial would be as undecided
     step = jnp.where(trial.ok & first.undecided, h * larger(0.9 * theta, 0.1), step)
     step = jnp.where(lost, 0.5 * h, step)
-    refused = inaccurate | blocked | lost
+    step = jnp.where(ends, state.step, step)
+    refused = inaccurate | ((blocked | lost) & ~ends)
     tiny = 64 * jnp.finfo(dtype).eps * larger(jnp.abs(state.time), 1e-6 * jnp.abs(problem.end))
     jams = trial.braking & refused & (step < tiny)
 

@@ -1,0 +1,122 @@
+"""Starts: the regime that a motion begins in, and what its derivatives know of that."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import Block, Puck, trajectory
+
+import wiperjax
+from wiperjax import Regime, Result, Wiper, WipingBelt
+
+MU = 0.5
+AT_REST = ((0.0, 0.0), (0.0, 0.0))
+
+
+class Pressed(Puck):
+    """A puck pressed by ``gravity`` + ``growth`` t and drawn by ``push`` + ``draw`` t."""
+
+    growth: float = 1.0
+    draw: float = 0.0
+
+    def free_acceleration(self, t, q, v):
+        return self.push + self.draw * t, -self.gravity - self.growth * t
+
+
+@pytest.mark.parametrize("gravity", [0.0, 1e-30, -1e-30])
+@pytest.mark.parametrize(
+    ("push", "draw", "regime", "place"),
+    [
+        (0.0, 0.0, Regime.STICK, 0.0),
+        (0.0, 0.25, Regime.STICK, 0.0),
+        (0.0, 0.75, Regime.SLIP_POS, 0.25 * 8 / 6),  # x'' = t / 4
+        (0.0, -0.75, Regime.SLIP_NEG, -0.25 * 8 / 6),
+        (2.0, 0.0, Regime.SLIP_POS, 4.0 - 0.5 * 8 / 6),  # x'' = 2 - t / 2
+    ],
+)
+def test_a_load_that_grows_from_zero_holds_from_the_first_instant(
+    gravity, push, draw, regime, place
+):
+    """It flew at first, and came down at once: ZENO_UNRESOLVED at 0 s."""
+    s = trajectory(Pressed(MU, 0.0, gravity, push=push, draw=draw), 2.0, AT_REST)
+    assert Result(int(s.result)) == Result.FINISHED
+    assert Regime(int(s.final_regime)) == regime and int(s.events.count) == 0
+    np.testing.assert_allclose(s.final_position, [place, 0.0], rtol=1e-9, atol=1e-12)
+
+
+def test_a_load_that_falls_from_zero_lets_go():
+    s = trajectory(Pressed(MU, 0.0, 0.0, growth=-1.0), 2.0, AT_REST)
+    assert Result(int(s.result)) == Result.FINISHED and int(s.events.count) == 0
+    np.testing.assert_allclose(s.final_position, [0.0, 8 / 6], rtol=1e-9)
+
+
+@jax.jit
+def slide(angle, speed):
+    start = ((6e-3 * jnp.sin(angle), 0.0), (speed, 0.0))
+    return wiperjax.solve(Wiper(attack_angle=angle), 1e-3, initial_state=start).result
+
+
+@pytest.mark.slow
+def test_a_tip_that_slides_where_its_dashpot_lifts_the_whole_load():
+    """Zero to rounding: its sign stopped one in four at 1e-17 s. All soon fold over."""
+    angles = np.linspace(0.2, 0.8, 40) * np.tile([-1.0, 1.0], 20)
+    results = [int(slide(a, 15.0 / math.tan(a))) for a in angles]
+    assert set(results) == {Result.COLLAPSED}
+
+
+def test_a_gap_that_rounding_has_closed_too_far_is_closed():
+    """At x = 0 as anywhere: it was judged by the place."""
+    for x in (0.0, 1.0):
+        s = trajectory(Puck(MU), 1.0, ((x, -1e-17), (0.0, 0.0)))
+        assert Result(int(s.result)) == Result.FINISHED
+        s = trajectory(Puck(MU), 1.0, ((x, -1e-9), (0.0, 0.0)))
+        assert Result(int(s.result)) == Result.INCONSISTENT_START
+
+
+@pytest.mark.slow
+def test_the_release_of_what_begins_in_stick_has_its_derivatives():
+    """The belt alone carries it there, at t = F / (k V): the speed that it was given has no
+    part."""
+    force, stiffness, speed = 0.9, 2.0, 0.3
+
+    @jax.jit
+    def release(speed, given):
+        block = Block(force, 0.5, 1.0, stiffness, belt=speed)
+        start = ((0.0,), (given,))
+        s = wiperjax.solve(block, 2.0, initial_state=start, rtol=1e-10, max_events=4)
+        return s.events.time[0]
+
+    by_belt, by_start = jax.jacfwd(release, (0, 1))(speed, speed)
+    assert float(by_belt) == pytest.approx(-force / stiffness / speed**2, rel=1e-9)
+    assert float(by_start) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.slow
+def test_what_begins_to_slip_from_rest_keeps_the_derivative_by_its_speed():
+    """And on the ground none by the speed away from it."""
+
+    @jax.jit
+    @jax.jacfwd
+    def place(velocity):
+        start = ((0.0, 0.0), tuple(velocity))
+        s = wiperjax.solve(Puck(0.3, push=5.0), 0.7, initial_state=start, max_events=4)
+        return s.final_position
+
+    np.testing.assert_allclose(place(jnp.zeros(2)), [[0.7, 0.0], [0.0, 0.0]], atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_wiper_on_a_belt_that_turns_round_at_the_start():
+    """By the belt's phase: central differences, whichever way it then moves off first."""
+
+    @jax.jit
+    def place(phase):
+        wiper = Wiper(belt=WipingBelt(0.3, 10.0, phase), attack_angle=0.1)
+        return wiperjax.solve(wiper, 2e-3, rtol=1e-11, max_events=0).final_position[0]
+
+    step = 1e-5
+    change = (place(step) - place(-step)) / (2 * step)
+    slope = jax.jvp(place, (0.0,), (1.0,))[1]
+    assert float(slope) == pytest.approx(float(change), rel=1e-6)
