@@ -187,6 +187,7 @@ def test_stability_regions():
     assert radius(theory_of.theta_function(0.0), 2.0) == pytest.approx(-2 * np.cos(2.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("problem", ["friction", "contact"])
 def test_measured_limit_of_smooth_contact_is_that_of_theory(problem):
     theory, measured = limits.methods(problem)["smooth contact, Tsit5"](limits.POINTS[problem][2])

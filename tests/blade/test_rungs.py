@@ -30,6 +30,7 @@ BELTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BELTS)
 @pytest.mark.parametrize("regime", [Regime.STICK, Regime.SLIP_POS, Regime.SLIP_NEG])
 def test_bar_has_the_forces_and_the_acceleration_of_the_lip(kind, regime):

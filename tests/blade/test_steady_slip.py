@@ -59,6 +59,7 @@ def spring(w, theta):
     )
 
 
+@pytest.mark.slow
 def test_equilibrium_and_linearisation_are_the_closed_forms():
     w, speed = random_blades(1, hinge_damping=1e-5)
     found = steady_slip_branches(w, speed)
@@ -133,6 +134,7 @@ def test_branches_are_seen_where_they_are_born():
     assert np.degrees(-np.diff(branches(two).phi[:2])) < 1e-5
 
 
+@pytest.mark.slow
 def test_mirror_image():
     blade, speed = random_blades(2)
     mirrored = wiperjax.Wiper(**{**vars(blade), "attack_angle": -blade.attack_angle})
@@ -206,6 +208,7 @@ def slip_by_hand(w, i, speed, x, velocity):
     return np.linalg.solve(matrix, [f_t - h_t, f_n - h_n])[0]
 
 
+@pytest.mark.slow
 def test_hinge_mass():
     blade, speed = random_blades(3, hinge_mass=1.2e-3, hinge_damping=1e-5, gravity=9.81)
     r = steady_slip(blade, speed)
@@ -299,6 +302,7 @@ def test_simulations_beside_the_boundary_all_over_the_map():
     np.testing.assert_allclose(np.angle(wave), 0, atol=3e-3)  # after whole periods
 
 
+@pytest.mark.slow
 def test_a_cell_does_not_depend_on_how_many_there_are():
     """Bit for bit: a block of a map may be of any size."""
     angles = np.radians(np.linspace(-40, 40, 140))

@@ -48,6 +48,7 @@ class Leaning(AbstractBeltSystem):
         return (0.0, 0.0), (SPEED, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lean", [-0.3, 0.0, 0.3])
 def test_stick_holds_against_what_the_load_drives(lean):
     """A load that holds y = 0 leaves x = V t to friction, until it is mu. Without the load's part
@@ -106,6 +107,7 @@ def grown(drive, load, growth):
     return run.result, run.final_regime, run.final_position[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", [0.0, 1.0])
 def test_what_always_touches_never_flies(drive):
     """It began in flight where its load was below zero, if by rounding only: without friction for

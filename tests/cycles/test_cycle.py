@@ -36,6 +36,7 @@ def ring():
     return cycle, follow(cycle, -0.1, 0.3, step=0.1)
 
 
+@pytest.mark.slow
 def test_circle_from_a_simulation(ring):
     cycle, _ = ring
     r2 = 0.5 + math.sqrt(0.25 - 0.1)

@@ -128,6 +128,7 @@ def test_a_section_that_a_regime_cannot_cross_is_refused():
         chart(block, [0.1, 0.05], 0.0, wiperjax.Regime.STICK, [1.0, 1.0], Turning(0))
 
 
+@pytest.mark.slow
 def test_a_motion_that_dies_out_is_quiet_before_it_has_died():
     cycle = find_cycle(Ring(a=0.3), settle=60.0, initial_state=((1.0,), (0.0,)), over="a")
     assert cycle.found == Found.AT_REST

@@ -52,6 +52,7 @@ def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
     np.testing.assert_allclose(record.output[:11], 0.1, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.35, 1e-9])
 def test_a_sequence_of_impacts_before_a_step_keeps_the_output(step, monkeypatch):
     """It took its time, and the samples in it were read off the polynomial of the step behind: of

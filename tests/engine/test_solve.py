@@ -219,6 +219,7 @@ def test_wrong_arguments_are_refused():
         wiperjax.solve(Ball(), 1.0)
 
 
+@pytest.mark.slow
 def test_derivative_of_an_event_time():
     """d/dh of the time of fall sqrt(2 h / g), and of the rebound after it."""
 

@@ -458,6 +458,7 @@ def test_a_file_for_a_browser_takes_cells_of_the_map_only(whole, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_file_for_a_browser_leaves_out_what_cannot_be_shown(whole, tmp_path, monkeypatch, caplog):
     """There may be no steady slip to begin at: the others are kept."""
     known = []

@@ -75,6 +75,7 @@ def test_modes_of_the_rigid_lip_are_its_steady_slip():
     np.testing.assert_allclose(found.damping_ratio, ratio, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_belt_that_turns_is_judged_at_its_peak_as_in_a_map():
     """At t = 0 it rests: no steady sliding was found, where a map has its growth rate."""
     turning = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 5.0), attack_angle=math.radians(5))
@@ -137,6 +138,7 @@ def test_a_stiffer_glass_makes_the_rigid_lip_at_first_order():
     np.testing.assert_allclose(orders, -1.0, atol=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", [{}, {"hinge_mass": 3e-3, "gravity": -50.0}])
 @pytest.mark.parametrize("degrees, speed", [(-30, 0.3), (-37, 0.9), (10, 0.3), (20, -0.5)])
 def test_steady_sliding_of_a_soft_lip_is_found_where_moments_balance(degrees, speed, weights):
@@ -355,6 +357,7 @@ def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses
     assert not (tmp_path / "other.h5").exists()
 
 
+@pytest.mark.slow
 def test_a_map_is_judged_in_the_order_of_its_sweep_only():
     """Cells are paired by their place: of a map that was turned round or cut, none would fit."""
     short = SWEEP | {"run": {"transient": 1.0, "window": 1.0, "samples": 64}}

@@ -41,6 +41,7 @@ def test_roots_of_a_polynomial():
     assert len(found(function, 6)) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", [0.01, 0.02, 0.06])
 @pytest.mark.parametrize("middle", [-0.489, 0.011, 0.611])
 def test_a_dip_between_two_places_that_are_looked_at(middle, apart):
@@ -50,6 +51,7 @@ def test_a_dip_between_two_places_that_are_looked_at(middle, apart):
         np.testing.assert_array_equal(found(function, 2), on_the_whole_grid(function, 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", [2e-3, 1e-4, 1e-6])
 @pytest.mark.parametrize("middle", [-0.489, 0.0002, 0.0623, 0.611])
 def test_two_roots_in_one_interval_where_they_are_born(middle, apart):
@@ -81,6 +83,7 @@ def test_a_narrow_stretch_with_a_value_between_two_without():
     np.testing.assert_array_equal(found(function, 2), on_the_whole_grid(function, 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [0.3101, 0.3104, 0.3111, 0.35])
 def test_a_root_beside_the_end_of_what_it_needs_is_seen_and_one_beyond_is_none(edge):
     """Both lie in one interval of the grid, 0.0078 wide."""

@@ -38,6 +38,7 @@ def points(ax, regime):
     return next(x.get_xydata() for x in found if x.get_color() == REGIMES[regime])
 
 
+@pytest.mark.slow
 def test_what_sticks_has_no_slip_wherever_the_contact_is(head_and_tip):
     """The tip of a head and tip is its third coordinate."""
     ax = plots.friction_curve(head_and_tip)
@@ -65,6 +66,7 @@ def test_the_belt_is_drawn_over_the_velocity_of_the_contact_only(head_and_tip):
     assert line.get_ydata()[0] == 0.3
 
 
+@pytest.mark.slow
 def test_a_rim_has_a_slip_speed_and_no_line_of_the_belt_over_an_angle():
     run = wiperjax.simulate(own_systems.Pendulum(), 4.0)
     stick = np.asarray(run["regime"]) == 0
@@ -90,6 +92,7 @@ def scene(name, duration):
     }
 
 
+@pytest.mark.slow
 def test_a_gap_is_that_of_the_contact():
     """Over a table that moves it is no coordinate."""
     run = wiperjax.run_scene(
@@ -104,6 +107,7 @@ def test_a_gap_is_that_of_the_contact():
     np.testing.assert_allclose(drawn.get_ydata(), 1e3 * run["gap"])
 
 
+@pytest.mark.slow
 def test_a_heading_has_every_parameter_whoever_computed_it(head_and_tip):
     """A run of a file, of Python, and a branch, whose dataset names the class alone."""
     of_file = wiperjax.run_scene(scene("Pendulum", 1.0))
@@ -117,6 +121,7 @@ def test_a_heading_has_every_parameter_whoever_computed_it(head_and_tip):
     assert "head mass 0.05 kg/m" in shipped and ", load 15 N/m" in shipped
 
 
+@pytest.mark.slow
 def test_a_blade_by_any_model_is_headed_as_a_blade():
     """Of a soft lip with what the wiper does not have."""
     run = {"run": {"duration": 0.01}}
@@ -150,6 +155,7 @@ class Block(own_systems.Oscillator):
         return (0.0, 0.01, 0.02), (0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_system_of_ones_own_is_what_it_is_whatever_its_names():
     run = wiperjax.simulate(Block(friction=wiperjax.Coulomb(0.5)), 1.0, sample_interval=0.01)
     assert caption.is_own(run)

@@ -89,6 +89,7 @@ def test_bounds_that_hold_what_no_blade_may_be_are_refused():
         remedy.stabilise(own, {"friction.dynamic": (0.1, 0.9)})
 
 
+@pytest.mark.slow
 def test_whole_periods_of_a_belt_are_judged():
     """The lip is carried to and fro: rms 0.3 / sqrt(2) m/s, of 2.14 periods 0.208."""
     blade = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 20.0))
@@ -99,6 +100,7 @@ def test_whole_periods_of_a_belt_are_judged():
     assert levels == pytest.approx([0.3 / math.sqrt(2)] * 2, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_verdict_is_what_a_run_is_called():
     """One slip in the window was told as 21.9 Hz, and as chattering where `assess` says other."""
     blade = chattering(0.05)
@@ -114,6 +116,7 @@ def test_a_verdict_is_what_a_run_is_called():
         assert found[name] == pytest.approx(float(seen[name]), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_verdict_looks_on_until_it_has_seen_periods():
     found = remedy.verdict(chattering(0.02))
     assert found["label"] == "chattering" and found["window"] == pytest.approx(1.6)
@@ -172,6 +175,7 @@ class Own(wiperjax.SteadyBelt):
     kind: ClassVar[str] = ""
 
 
+@pytest.mark.slow
 def test_a_verdict_on_a_belt_of_ones_own():
     angle = math.radians(5.0)
     own, known = (

@@ -14,6 +14,7 @@ from wiperjax.runs.dataset import OF_A_RUN
 CLASSES = {"squeal_band": [0.2, 1.0], "chatter_band": [0.0, 0.2]}
 
 
+@pytest.mark.slow
 def test_a_parameter_does_not_take_the_place_of_an_attribute_of_the_run():
     """`duration` of a pulse was the length of the run for all that reads it."""
     scene = {"system": "odd_systems:Pulsed", "run": {"duration": 20.0}, "classes": CLASSES}
@@ -33,6 +34,7 @@ def test_a_motion_that_ends_where_it_begins_is_a_run_that_says_so():
     assert "undefined" in run.attrs["result_message"] and run.sizes["event"] == 0
 
 
+@pytest.mark.slow
 def test_a_push_in_a_long_stick_is_seen_by_steps_as_short_as_it():
     """Between events a step is as long as guards are smooth: the push was stepped over."""
     system = odd_systems.Struck()
@@ -47,12 +49,14 @@ def test_a_push_in_a_long_stick_is_seen_by_steps_as_short_as_it():
     np.testing.assert_allclose(again.event_time, run.event_time, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_longest_step_holds_before_statistics_begin_too():
     system = odd_systems.Struck()
     solve = jax.jit(lambda: wiperjax.solve(system, 60.0, max_step=0.1, statistics_start=50.0))
     assert int(solve().events.count) > 0 and int(solve().steps) >= 600
 
 
+@pytest.mark.slow
 def test_a_sweep_takes_the_longest_step_of_its_file():
     sweep = {
         "system": "odd_systems:Struck",
@@ -66,6 +70,7 @@ def test_a_sweep_takes_the_longest_step_of_its_file():
     np.testing.assert_allclose(found.stick_fraction, [1 - away, 1.0], atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_slip_costs_what_it_costs_without_a_belt_too():
     """A block that is dragged to and fro over the ground, and judged by what drags it: work is that
     of its own slip, by the samples as by the engine."""

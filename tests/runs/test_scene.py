@@ -108,6 +108,7 @@ def test_files_allow_what_the_wiper_allows(entry):
             build.build_wiper(value, "steady")
 
 
+@pytest.mark.slow
 def test_starts():
     wiper = wiperjax.Wiper(
         attack_angle=np.radians([-30.0, 10.0]), lip_length=np.array([6e-3, 5e-3])
@@ -208,6 +209,7 @@ def test_a_run_with_impacts_has_the_numbers_of_its_map():
         assert float(found[name]) == pytest.approx(float(told[name][0]), rel=1e-3), name
 
 
+@pytest.mark.slow
 def test_a_run_is_judged_and_drawn_from_its_transient_on(tmp_path):
     """This blade squeals for a tenth of a second and then dies out: what it is called hangs on the
     window, and everything that is told of a run has the same one."""
@@ -308,6 +310,7 @@ FLIPS = {
 }
 
 
+@pytest.mark.slow
 def test_a_silent_blade_that_flips_over_is_quiet(caplog):
     """On a quick belt the window around V = 0 was cut to 20 ms, and the flip, 28 ms, was called
     chattering at the 13th multiple of the wiping frequency. A window that is too short is noted."""

@@ -68,6 +68,7 @@ def test_leines_oscillator_swept_has_the_period_and_the_shares_of_an_independent
             assert float(cell.acceleration_max) == pytest.approx(steepest, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_map_tells_units_names_and_classes_of_a_system_of_ones_own(oscillators):
     assert oscillators.stiffness.attrs["units"] == "N/m"
     assert oscillators.stiffness.attrs["long_name"] == "stiffness of the spring"

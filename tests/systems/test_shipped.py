@@ -155,6 +155,7 @@ def test_maps_say_whose_forces_are_per_metre_of_blade(name, unit):
     assert slope == f"({unit})/(m/s)"
 
 
+@pytest.mark.slow
 def test_runs_say_the_same():
     run = wiperjax.simulate(HeadAndTip(), 1e-3, observer=wiperjax.RegimeTotals(0.0))
     for name in ("normal_force", "friction_force", "normal_force_mean"):

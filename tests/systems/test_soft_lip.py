@@ -33,6 +33,7 @@ def held(lip: SoftLip, t: float, z) -> tuple[float, float, float]:
     return up, friction, load
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hinge_mass", [0.0, 1e-3])
 def test_stick_holds_the_hinge_too(hinge_mass):
     """The load pushes the hinge up, and so the tip along: friction in stick was -3.2 for -4.0."""

@@ -195,6 +195,7 @@ def test_what_follows_a_blow_of_a_jammed_sleeve_converges():
     np.testing.assert_allclose(ends, 0.6994809, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_an_edge_at_rest_is_held_by_static_friction():
     def behind(slip, law):
         system = Woodpecker(friction=law)

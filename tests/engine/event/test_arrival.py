@@ -41,6 +41,7 @@ def test_a_tie_is_two_events_at_one_time(swapped):
     assert Result(int(s.result)) == Result.FINISHED
 
 
+@pytest.mark.slow
 def test_an_event_is_foreseen():
     """The step before it tells where it will be: one step ends there, and none is taken back."""
     solve = jax.jit(

@@ -9,6 +9,7 @@ from systems import events, trajectory
 from wiperjax import Event
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "solver, order",
     [(diffrax.Tsit5(), 5), (diffrax.Dopri5(), 5), (diffrax.Bosh3(), 3), (diffrax.Dopri8(), 8)],
@@ -27,6 +28,7 @@ def test_event_times_converge_with_the_tolerance(solver, order):
     assert slope > 0.8 and errors[-1] < 20 * tolerances[-1]
 
 
+@pytest.mark.slow
 def test_event_times_have_the_order_of_the_solver_with_fixed_steps():
     """The located state is a full Runge-Kutta result: halving the step gains 2^5."""
     problem = stop_oscillator()

@@ -119,6 +119,7 @@ def test_a_largest_force_at_an_event_has_the_derivative_of_the_force_there():
         np.testing.assert_allclose(slope, difference, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_an_observer_of_its_own_start_gathers_all_from_there_on():
     """The step that its start lay in was left out, a fifth of a stick time."""
     block, start = Block(0.4, 0.25, 1.0, 100.0, belt=0.05), ((0.0,), (0.05,))
@@ -137,6 +138,7 @@ def test_an_observer_of_its_own_start_gathers_all_from_there_on():
     assert all(np.array_equal(a, b) for a, b in zip(own, usual, strict=True))
 
 
+@pytest.mark.slow
 def test_work_done_on_friction_has_its_derivative():
     """A part of it carried none: it came out small, and of the wrong sign."""
 
