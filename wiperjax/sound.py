@@ -197,7 +197,7 @@ def _period(run: xr.Dataset) -> float:
     if not is_steady(run):
         return 1 / float(run.attrs["belt_frequency"])
     period = 1 / pitch(run)
-    if not period > 0 and not is_quiet(run):
+    if not period > 0 and not is_quiet(settled(run)):
         raise ValueError("the run has no period that could be repeated; leave out --seconds")
     return period
 

@@ -156,6 +156,10 @@ def test_frames_follow_the_motion_that_they_show():
         assert part.time.values[[0, -1]] == pytest.approx(ends, abs=1e-4)
         assert np.ptp(part.time.values) / frames < 1 / 800 / 6
     assert animation.slow_part(bouncing_run(), 6).sizes["time"] == 2001  # no period
+    late = run_dataset.between(turning, 0.0, 0.755)  # it ends soon after the last V = 0
+    assert animation.slow_part(late, 6).time.values[[0, -1]] == pytest.approx((0.725, 0.755))
+    fast = tone(6000.0)  # two periods are fewer samples than a part has
+    assert animation.slow_part(fast, 2).sizes["time"] == 9
 
 
 def test_a_system_of_ones_own_is_heard_and_seen_by_what_it_is_judged_by():

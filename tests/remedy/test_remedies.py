@@ -9,10 +9,12 @@ import pytest
 
 import wiperjax
 from wiperjax import remedy
+from wiperjax.blade import numbers
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import find_cycle
 from wiperjax.noise.run_class import assess, words
 from wiperjax.systems.oscillator import Oscillator
+from wiperjax.systems.woodpecker import Woodpecker
 
 CHATTER = {"attack_angle": -30}
 
@@ -87,6 +89,8 @@ def test_bounds_that_hold_what_no_blade_may_be_are_refused():
         ValueError, match=r"Falls may be, .* friction.dynamic = 0.9: dynamic is too"
     ):
         remedy.stabilise(own, {"friction.dynamic": (0.1, 0.9)})
+    with pytest.raises(ValueError, match=r"Woodpecker may be, but at pole_radius = 0.004: "):
+        numbers.check_bounds("bounds", Woodpecker(), {"pole_radius": (0.002, 0.004)})
 
 
 @pytest.mark.slow

@@ -519,6 +519,7 @@ def test_friction_that_rises_from_rest_is_noted():
     line = "mu_static is 0.2, less than mu_minimum (0.3): friction rises with speed"
     assert scene.notes() == [line]
     axes = {"mu_static": {"values": [1.0, 0.5, 0.2]}}
+    line = "mu_static is as low as 0.2, mu_minimum as high as 0.3: friction rises with speed"
     assert parse_sweep({"axes": axes} | run).notes() == [line]
     axes = {"mu_static": {"values": [1.0, 0.3]}}
     assert parse_sweep({"axes": axes} | run).notes() == []

@@ -28,5 +28,5 @@ def test_a_map_opens_with_the_variables_that_are_asked_for(tmp_path):
     stub.half_done(path, stub.make_spec(), 3)
     stub.run(stub.make_spec(), tmp_path / "other.h5")
     for held in (parts_of(path), tmp_path / "other.h5"):
-        with pytest.raises(StoreError, match=r"'labl' is not in this map; did you mean label\?$"):
+        with pytest.raises(StoreError, match=r"'labl' is not in this file; did you mean label\?$"):
             open_map(held, ["labl"])

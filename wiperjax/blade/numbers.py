@@ -97,14 +97,13 @@ def check_bounds(argument: str, system: AbstractSystem, bounds: Any) -> None:
 def check_corners(
     argument: str, system: AbstractSystem, bounds: Mapping[str, tuple[float, float]]
 ) -> None:
-    """Raises ValueError where the belt or the law of ``system``, or another part of it, is none at
-    some corner of ``bounds``, name -> (low, high): what one number may be can hang on another one
+    """Raises ValueError where ``system``, its belt, its law or another part of it is none at some
+    corner of ``bounds``, name -> (low, high): what one number may be can hang on another one
     (a ramp is half a period at most), and `replaced` asks no one.
     """
     parts: dict[tuple[str, ...], list[str]] = {}
     for name in bounds:
-        if part := path(system, name)[:-1]:
-            parts.setdefault(part, []).append(name)
+        parts.setdefault(path(system, name)[:-1], []).append(name)
     for part, names in parts.items():
         for corner in product(*(bounds[name] for name in names)):
             changed = at(part)(system)

@@ -16,6 +16,7 @@ from ..vocabulary.thresholds import silence
 from ..vocabulary.wording import not_there
 
 ROUNDING = 1e-13  # of velocities, relative to what they are sums of
+FEWEST = 8  # samples of a part of a run
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
 
 
@@ -72,18 +73,18 @@ def event_times(ds: xr.Dataset) -> dict[str, np.ndarray]:
 def between(ds: xr.Dataset, start: float | None = None, stop: float | None = None) -> xr.Dataset:
     """Samples and events of a run from `start` to `stop` (s), both included; None: its own ends.
 
-    Raises: `ValueError` unless at least 8 samples lie there.
+    Raises: `ValueError` unless at least `FEWEST` samples lie there.
     """
     time = np.asarray(ds["time"], dtype=float)
     low = time[0] if start is None else start
     high = time[-1] if stop is None else stop
     inside = (time >= low) & (time <= high)
-    if inside.sum() < 8:
+    if inside.sum() < FEWEST:
         part = "" if start is None else f" from {start:g} s"
         part += " on" if stop is None else f" up to {stop:g} s"
         raise ValueError(
-            f"at least 8 samples must lie between the times given, but {inside.sum()} lie{part}; "
-            f"the run has {time.size} in {time[0]:g} ... {time[-1]:g} s"
+            f"at least {FEWEST} samples must lie between the times given, but {inside.sum()} "
+            f"lie{part}; the run has {time.size} in {time[0]:g} ... {time[-1]:g} s"
         )
     chosen = {"time": np.flatnonzero(inside)}
     if ds.sizes.get("event", 0):
@@ -216,5 +217,5 @@ def last_periods(ds: xr.Dataset, periods: float = 6.0, always: bool = False) -> 
     many = always or sum(1 for _ in regime_spans(ds)) > MOST_SPANS
     frequency = pitch(ds) if many else float("nan")
     stop = float(ds["time"][-1])
-    start = stop - periods / frequency
+    start = stop - max(periods / frequency, FEWEST * sample_interval(ds))
     return between(ds, start) if start > float(ds["time"][0]) else ds

@@ -88,7 +88,10 @@ def law_notes(law: Law | None, known: Mapping[str, Any]) -> list[str]:
     least, most = np.min(known["mu_static"]), np.max(known["mu_minimum"])
     if least >= most:
         return []
-    return [f"mu_static is {least:g}, less than mu_minimum ({most:g}): friction rises with speed"]
+    values = "is {:g}, less than mu_minimum ({:g})"
+    if max(np.size(known[name]) for name in ("mu_static", "mu_minimum")) > 1:
+        values = "is as low as {:g}, mu_minimum as high as {:g}"
+    return [f"mu_static {values.format(least, most)}: friction rises with speed"]
 
 
 def law_like(key: str, default: Any) -> Law:

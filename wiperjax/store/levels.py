@@ -172,7 +172,7 @@ def check_held(path: Path, variables: Sequence[str], held: Iterable[str]) -> Non
     """Raises `StoreError` unless the names of `variables` are all among those `held` by a file."""
     held = list(held)
     if missing := [name for name in variables if name not in held]:
-        raise StoreError(f"{path}: {not_there(missing[0], 'map', held)}")
+        raise StoreError(f"{path}: {not_there(missing[0], 'file', held)}")
 
 
 def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | None) -> xr.Dataset:
@@ -193,7 +193,7 @@ def at_level(ds: xr.Dataset, path: Path, level: int, variables: Sequence[str] | 
     shape = tuple(len(values) for values in axes.values())
     names = [n for n in ordered(map(str, ds)) if ds[n].dims == tuple(axes)]
     if variables is not None:
-        check_held(path, variables, [*names, COMPUTED, FACTOR])
+        check_held(path, variables, [*names, COMPUTED, FACTOR, *axes])
         names = [n for n in names if n in variables]
     size = int(np.prod([float(n) for n in shape]))
     if 8 * size * (len(names) + 1) > MOST_BYTES:

@@ -10,6 +10,8 @@ from systems import Block, Puck, trajectory
 
 import wiperjax
 from wiperjax import Regime, Result, Wiper, WipingBelt
+from wiperjax.engine.carry.problem import Integration, make_case
+from wiperjax.engine.solve import begin
 
 MU = 0.5
 AT_REST = ((0.0, 0.0), (0.0, 0.0))
@@ -73,6 +75,23 @@ def test_a_gap_that_rounding_has_closed_too_far_is_closed():
         assert Result(int(s.result)) == Result.FINISHED
         s = trajectory(Puck(MU), 1.0, ((x, -1e-9), (0.0, 0.0)))
         assert Result(int(s.result)) == Result.INCONSISTENT_START
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_a_gap_between_large_numbers_is_closed_as_far_as_these_tell(dtype):
+    class Hung(Puck):
+        def gap(self, t, q):
+            return q[1] - jnp.cos(q[0])
+
+    @jax.jit
+    @jax.vmap
+    def result(x, y):
+        settings = Integration(rtol=1e-5)
+        case = make_case(Hung(MU), 1.0, ((x, y), (0.0, 0.0)), settings, dtype=dtype)
+        return begin(case).result
+
+    x = jnp.linspace(0.1, 1.2, 100, dtype=dtype)
+    assert not np.any(np.asarray(result(x, jnp.asarray(np.cos(x), dtype))) >= 0)
 
 
 @pytest.mark.slow

@@ -93,7 +93,7 @@ def test_the_root_stays_the_map_and_levels_are_grids(tmp_path):
     names = {"label", "computed", "window_factor"}
     assert set(open_map(path, ["label"], level=2).data_vars) == names
     assert set(open_map(path, ["label", "computed"], level=2).data_vars) == names
-    with pytest.raises(StoreError, match=r"map.h5: 'labl' is not in this map; did you mean label"):
+    with pytest.raises(StoreError, match=r"map.h5: 'labl' is not in this file; did you mean label"):
         open_map(path, ["labl"], level=2)
     with pytest.raises(StoreError, match="has no level 4; its levels are 0 to 3"):
         open_map(path, level=4)

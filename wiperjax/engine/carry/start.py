@@ -21,7 +21,7 @@ from ...contact.regimes import acceleration, decide, forces, pulls
 from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.bernstein import largest
-from ...numerics.elementary import smaller
+from ...numerics.elementary import larger, smaller
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import RUNNING, Regime, Result
@@ -115,12 +115,12 @@ class _Entry(NamedTuple):
     flagged: Scalar  # the regime is not the only one
 
 
-def _entry(system, found: _Forces, position) -> _Entry:
+def _entry(system, found: _Forces, start, position) -> _Entry:
     """Return how a trajectory begins: decided at acceleration level where its contact is closed."""
     c = found.now
     if system.unilateral:
         size = largest((*position, *system.scales(len(position))[0]))
-        inside = c.gap < -1e-12 * size
+        inside = c.gap < -larger(1e-12 * size, gap_rounding(system, start, position))
         closed = (c.gap <= 0) & (c.normal_speed == 0)
     else:
         inside = jnp.zeros_like(c.b_t, bool)
@@ -195,7 +195,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
     )
     velocity, c = _contact(problem, local, start, position, velocity)
     found = _forces(problem, local, c, start, position, velocity)
-    entry = _entry(local, found, position)
+    entry = _entry(local, found, start, position)
     # what begins in contact stays on it, and in stick at rest, whatever a parameter does to its
     # speeds: a change of their derivatives alone
     touching, sticking = entry.regime != Regime.FLIGHT, entry.regime == Regime.STICK

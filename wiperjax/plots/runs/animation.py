@@ -106,9 +106,11 @@ def slow_part(ds: xr.Dataset, periods: float) -> xr.Dataset:
     if is_steady(ds):
         return last_periods(ds, periods, always=True)
     turns = event_times(ds).get("belt_reversal", np.zeros(0))
+    if not turns.size:
+        return ds
     after = max(TURNING, 8 * sample_interval(ds))
-    turns = turns[turns + after <= float(ds["time"][-1])]
-    return between(ds, turns[-1] - 0.5 * after, turns[-1] + after) if turns.size else ds
+    end = min(turns[-1] + after, float(ds["time"][-1]))
+    return between(ds, max(end - 1.5 * after, float(ds["time"][0])), end)
 
 
 class LipScene(NamedTuple):
