@@ -75,7 +75,6 @@ def up_and_down(
     """
     check_system(system)
     values = checks.increasing("values", values, 2)
-    numbers.check_corners("values", system, {over: (values[0], values[-1])})
     settle, window = (
         checks.number(name, x, POSITIVE) for name, x in (("settle", settle), ("window", window))
     )
@@ -89,6 +88,7 @@ def up_and_down(
     if initial_state is not None:
         check_state(system, initial_state)
     given, system = system, numbers.traceable(system, over)
+    numbers.check_corners("values", given, {over: (values[0], values[-1])})
     state = _ends(system, over, values, initial_state)
     ways = jnp.stack([values, values[::-1]])
     spans = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))

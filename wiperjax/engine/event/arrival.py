@@ -15,6 +15,7 @@ from ..carry.state import State
 from ..trial.attempt import Trial
 
 SLOPE_ERROR = 4  # of a guard's polynomial at the end of the step, over the polynomial's own
+SWINGS = 4  # steps of one location from which on it is by rounding alone
 
 
 class Approach(NamedTuple):
@@ -68,10 +69,11 @@ def approach(problem: Problem, state: State, trial: Trial) -> Approach:
     close = close & ((state.time + trial.h * (1 + past) <= trial.mark) | (past == 0))
     for i, g in enumerate(trial.guards):
         close = close & ((g.value + 2 * past * g.slope > 0) | (slot == i) | (past == 0))
-    # as near as the clock can tell: in a step that is hardly longer Newton swings by its last digit
-    tick = 32 * jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
-    brief = trial.h <= tick
-    small = miss * trial.h <= jnp.where(brief, tick, tick / 32)
+    # as near as the clock can tell, by whose last digit Newton else swings to and fro
+    digit = jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
+    brief = trial.h <= 32 * digit
+    swings = (state.tries >= SWINGS) & (miss * trial.h <= digit)
+    small = (brief & (miss * trial.h <= 32 * digit)) | swings
     return Approach(
         slot=slot,
         pending=pending,
