@@ -14,8 +14,8 @@ from .options import (
     Model,
     beside,
     check_output,
+    command_line,
     configure,
-    typed,
 )
 from .tables import print_curves, print_end, print_notes, print_special
 
@@ -42,7 +42,7 @@ def simulate(
     except KeyboardInterrupt:
         print("wiperjax: interrupted, nothing was written", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
-    write_dataset(dataset.assign_attrs(command=typed()), output, force)
+    write_dataset(dataset.assign_attrs(command=command_line()), output, force)
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
     print_end(dataset)
 
@@ -88,7 +88,7 @@ def follow(
     from ..store.whole import write_dataset
 
     branch = follow_scene(spec, over, low, high, step, simulate or 0, plane)  # type: ignore[arg-type]
-    write_dataset(branch.assign_attrs(command=typed()), output, force)
+    write_dataset(branch.assign_attrs(command=command_line()), output, force)
     print_special(branch)
     print_curves(branch)
     print(f"branch   {output}: {branch.sizes['point']} cycles")

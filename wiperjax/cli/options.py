@@ -122,7 +122,7 @@ def check_once(option: str, name: str, known: Collection[str]) -> None:
         raise ValueError(f"{option} must name each axis once, but named {name} twice")
 
 
-def typed() -> str:
+def command_line() -> str:
     """The command that this process was started by, for the file that it makes."""
     return shlex.join(["wiperjax", *sys.argv[1:]])
 

@@ -88,6 +88,8 @@ def _forces(problem: Problem, system, c: Contact, start, position, velocity) -> 
     A load that grows from zero holds from the first instant on, and which force leads then its
     rates tell: those of the free motion, for nothing acts on it yet.
     """
+    if not system.unilateral:
+        return _Forces(jnp.zeros_like(c.b_n, bool), c, c)
     motion, rate = (position, velocity), (rates(system, start, position, velocity), c.free)
     ahead = AHEAD * _first_step(problem, start, motion, rate)
     moved = jax.tree.map(lambda x, y: x + ahead.astype(x.dtype) * y, motion, rate)
@@ -96,7 +98,7 @@ def _forces(problem: Problem, system, c: Contact, start, position, velocity) -> 
     still = contact(system, start, position, jax.tree.map(jnp.zeros_like, velocity))
     eps = float(jnp.finfo(position[0].dtype).eps)
     drive = ROUNDINGS * eps * sum(jnp.abs(a) for a in (*c.free, *then.free, *still.free))
-    idle = (jnp.abs(c.b_n) <= drive) & system.unilateral
+    idle = jnp.abs(c.b_n) <= drive
     b_t = jnp.where(idle & (jnp.abs(c.b_t) <= drive), 0.0, c.b_t)
     now = c._replace(b_t=b_t, b_n=jnp.where(idle, 0.0, c.b_n))
     soon = now._replace(
