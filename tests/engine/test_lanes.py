@@ -220,6 +220,18 @@ def test_blocks_do_not_matter():
             np.testing.assert_array_equal(values, joined, err_msg=name)
 
 
+@pytest.mark.slow
+def test_stages_in_a_loop_make_the_same_motion(monkeypatch):
+    """Of a brief sweep; of others they are unrolled."""
+    spec = sweep_spec(rtol=1e-9)
+    looped = batch.evaluate(spec, np.arange(7))
+    monkeypatch.setattr(devices, "BRIEF", 0.0)
+    unrolled = batch.evaluate(spec, np.arange(7))
+    assert not np.array_equal(looped["signal"], unrolled["signal"])  # another program
+    for name in unrolled.keys() - {"occupancy", "steps", "rejected_steps", "unproved_steps"}:
+        np.testing.assert_allclose(looped[name], unrolled[name], rtol=1e-5, atol=1e-7, err_msg=name)
+
+
 def test_a_cell_that_spends_its_budget_fails_alone():
     columns = batch.evaluate(sweep_spec(max_steps=150), np.arange(7))
     spent = columns["result"] == Result.STEP_BUDGET_SPENT

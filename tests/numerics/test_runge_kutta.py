@@ -18,8 +18,9 @@ def field(t, y, args):
     return (v,), (args * jnp.sin(3 * x) - 0.3 * v + jnp.cos(t),)
 
 
+@pytest.mark.parametrize("unroll", [True, False])
 @pytest.mark.parametrize("solver", SOLVERS, ids=lambda s: type(s).__name__)
-def test_step_and_dense_output_equal_diffrax(solver):
+def test_step_and_dense_output_equal_diffrax(solver, unroll):
     term = diffrax.ODETerm(field)
     y0 = ((jnp.asarray(0.3),), (jnp.asarray(-0.7),))
     t0, h, args = jnp.asarray(0.2), jnp.asarray(0.17), jnp.asarray(-2.0)
@@ -27,7 +28,8 @@ def test_step_and_dense_output_equal_diffrax(solver):
     def arrive(t, y):
         return field(t, y, args), "seen"
 
-    ours = rk_step(solver, term, t0, y0, h, field(t0, y0, args), args, arrive)
+    start = (t0, y0, h, field(t0, y0, args))
+    ours = rk_step(solver, term, *start, args, arrive, unroll=unroll)
     state = solver.init(term, t0, t0 + h, y0, args)
     y1, error, dense, _, _ = solver.step(term, t0, t0 + h, y0, args, state, made_jump=False)
     path = solver.interpolation_cls(t0=t0, t1=t0 + h, **dense)

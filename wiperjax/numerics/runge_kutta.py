@@ -1,4 +1,4 @@
-"""One explicit Runge-Kutta step of a diffrax solver, unrolled over scalars.
+"""One explicit Runge-Kutta step of a diffrax solver, unrolled over scalars unless told otherwise.
 
 `diffrax`'s own ``solver.step`` loops over stages in a buffer of stages; for a state of four
 scalars in a batch that costs many times the arithmetic (measured: ``wiperjax bench speed``). The
@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import jax.tree_util as jtu
 import numpy as np
+from jax import lax
 
 from ..vocabulary import kinds
 from .fusion_barrier import keep
@@ -44,7 +45,7 @@ def weighted_sum(weights, increments, start):
     return out
 
 
-def rk_step(solver, term, t, y, h, rate, args, arrive, rest=None) -> Step:
+def rk_step(solver, term, t, y, h, rate, args, arrive, rest=None, unroll: bool = True) -> Step:
     """One trial step of ``solver`` from (t, y); ``rate`` is the vector field there.
 
     ``rest``: what rounding has left out of ``y`` so far, added to the step (compensated summation,
@@ -52,17 +53,21 @@ def rk_step(solver, term, t, y, h, rate, args, arrive, rest=None) -> Step:
 
     ``arrive(t1, y1)`` returns (vector field at the end, anything else worth keeping): the engine
     looks at the end of a step for its guards anyway, and a first-same-as-last solver's last stage
-    is evaluated there.
+    is evaluated there. ``unroll``: each stage is compiled by itself, which is quicker to run, and
+    with many stages slower to compile, than a loop over them.
     """
     tableau = solver.tableau
     dtype = jtu.tree_leaves(y)[0].dtype
     size = jnp.asarray(h)
     size = size if size.dtype == dtype else keep(size.astype(dtype))  # time may have more digits
-    stages = [keep(jtu.tree_map(lambda f: size * f, rate))]
+    first = keep(jtu.tree_map(lambda f: size * f, rate))
     inner = len(tableau.c) - 1 if tableau.fsal else len(tableau.c)
-    for a, c in zip(tableau.a_lower[:inner], tableau.c[:inner], strict=True):
-        y_stage = keep(weighted_sum(a, stages, y))
-        stages.append(keep(term.vf_prod(t + float(c) * h, y_stage, args, size)))
+    found = _unrolled if unroll else _rolled
+
+    def increment(c, y_stage):
+        return term.vf_prod(t + c * h, y_stage, args, size)
+
+    stages = found(increment, y, first, tableau.a_lower[:inner], tableau.c[:inner])
     last = tableau.a_lower[-1] if tableau.fsal else tableau.b_sol
     # summed before it is added: rounded once at the state's size, not at every stage
     change = weighted_sum(last, stages, None)
@@ -75,6 +80,36 @@ def rk_step(solver, term, t, y, h, rate, args, arrive, rest=None) -> Step:
     if tableau.fsal:
         stages.append(jtu.tree_map(lambda f: size * f, rate1))
     return Step(y1, weighted_sum(tableau.b_error, stages, None), stages, rate1, rest, end)
+
+
+def _unrolled(increment, y, first, lower, times) -> list:
+    """Return the increments of all stages, each of which is ``increment(time, state)``."""
+    stages = [first]
+    for a, c in zip(lower, times, strict=True):
+        y_stage = keep(weighted_sum(a, stages, y))
+        stages.append(keep(increment(float(c), y_stage)))
+    return stages
+
+
+def _rolled(increment, y, first, lower, times) -> list:
+    """`_unrolled` as a loop: equal to rounding, for sums are taken in another order."""
+    count = len(times) + 1
+    weights = np.zeros((len(times), count))
+    for row, a in zip(weights, lower, strict=True):
+        row[: len(a)] = a
+    weights, times = jnp.asarray(weights), jnp.asarray(np.asarray(times, float))
+
+    def stage(i, increments):
+        def moved(x, k):
+            return x + jnp.tensordot(weights[i].astype(k.dtype), k, 1, precision="highest")
+
+        new = increment(times[i], jtu.tree_map(moved, y, increments))
+        put = lambda k, x: lax.dynamic_update_index_in_dim(k, x, i + 1, 0)
+        return jtu.tree_map(put, increments, new)
+
+    blank = jtu.tree_map(lambda k: jnp.zeros((count, *k.shape), k.dtype).at[0].set(k), first)
+    increments = lax.fori_loop(0, count - 1, stage, blank)
+    return [jtu.tree_map(lambda k, i=i: k[i], increments) for i in range(count)]
 
 
 @lru_cache(maxsize=16)

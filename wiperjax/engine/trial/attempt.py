@@ -105,7 +105,8 @@ def attempt(problem: Problem, state: State) -> Trial:
         return rate, (node, c, values)
 
     args = (system, state.regime)
-    step = rk_step(solver, TERM, state.time, y0, h, state.rate, args, arrive, state.rest)
+    begin = (state.time, y0, h, state.rate)
+    step = rk_step(solver, TERM, *begin, args, arrive, state.rest, problem.unroll)
     last_node, last, end_values = step.end
 
     inner = zip(NODES[1:-1], keep(node_states(solver, y0, step)), strict=True)

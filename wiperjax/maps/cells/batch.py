@@ -26,7 +26,7 @@ from ...systems.build import Built, belt_of, build, go_on, start
 from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
-from .devices import alike, capacity, deal, dearest_first, devices, lane_count, sample_room
+from .devices import alike, capacity, deal, dearest_first, devices, lane_count, sample_room, unrolls
 from .linear import slips
 
 PARTS, MOST_PARTS = 40, 10_000  # see `longest_step`
@@ -149,13 +149,16 @@ class Settings(NamedTuple):
     room: int  # samples that a case has room for
     regimes: bool  # whether they are sampled, too
     event_log: int
+    unroll: bool  # stages of a step: see `rk_step`
 
     @classmethod
     def of(cls, spec, size: int) -> "Settings":
         """Return those of ``spec`` for a block that is filled up to ``size`` cells."""
         run = spec.settings
         regimes, log = run.raster is not None, run.event_log or 0
-        return cls(run.precision, run.solver, sample_room(size, run.samples), regimes, log)
+        # by the whole sweep, not the block or its share: numbers do not depend on those
+        unroll = unrolls(spec.size * (run.transient + run.window))
+        return cls(run.precision, run.solver, sample_room(size, run.samples), regimes, log, unroll)
 
 
 class Run(NamedTuple):
@@ -245,7 +248,8 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
         run.transient + run.window,
         (position, velocity),
         Integration(
-            solver, run.rtol, run.atol, run.max_steps, run.max_step, run.zeno_time, longest
+            *(solver, run.rtol, run.atol, run.max_steps, run.max_step, run.zeno_time, longest),
+            unroll=s.unroll,
         ),
         Recording(
             signal=signal,

@@ -98,6 +98,17 @@ def on_accelerator() -> bool:
     return jax.default_backend() != "cpu"
 
 
+BRIEF = 100.0  # s of motion, within a second on two cores
+
+
+def unrolls(motion: float) -> bool:
+    """Return whether a sweep of so much ``motion`` [s] is worth a step whose stages are unrolled.
+
+    As a loop they are compiled in two seconds less (Dopri8), and a turn takes a third longer.
+    """
+    return on_accelerator() or motion > BRIEF
+
+
 FEW = (256, 4096)  # cells of a share: one with fewer is filled up to these,
 SMALL = 2**22  # and its record has room for so many samples (32 MB): any small sweep fits
 
