@@ -194,6 +194,7 @@ def test_measured_limit_of_smooth_contact_is_that_of_theory(problem):
     assert measured == pytest.approx(theory, rel=0.01)
 
 
+@pytest.mark.slow
 def test_moreau_jean_has_the_limit_of_its_theta():
     ways = limits.methods("spring")
     theory, measured = ways["Moreau-Jean, theta = 0"](5.0)

@@ -201,6 +201,7 @@ def toy(faster: float) -> xr.Dataset:
     return dataset
 
 
+@pytest.mark.slow
 def test_what_is_against_us_is_written_under_the_chart(tmp_path):
     against = compare.against_us(toy(4.0))
     assert len(against) == 1 and "numba scalar loop leads 4.0 x" in against[0]

@@ -62,6 +62,7 @@ def test_newton_and_poisson_agree_uncoupled_or_where_slip_keeps_its_sign(w_tn, v
 # ---- convergence ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_moreau_jean_converges_on_the_exact_block_at_order_one():
     scene = families.block(1)
     x, _, _, _ = exact.block(families.BLOCK_START, 0.5, 0.5, scene.sample_times)
@@ -75,6 +76,7 @@ def test_moreau_jean_converges_on_the_exact_block_at_order_one():
     assert slope(settings[:3], errors[:3, 0]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_smoothed_friction_converges_on_the_exact_block():
     scene = families.block(1)
     x, _, _, _ = exact.block(families.BLOCK_START, 0.5, 0.5, scene.sample_times)

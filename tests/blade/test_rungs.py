@@ -106,6 +106,7 @@ def test_block_has_the_linearisation_of_the_lip(degrees, speed):
     np.testing.assert_allclose(-2.4e-3 * damp, slip.c_eff, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("degrees", "hopf"), [(-30, 0.5766), (-10, 0.5017), (0, 0.4511), (10, 0.3937), (30, 0.2470)]
 )

@@ -598,6 +598,7 @@ def test_plot_chooses_a_name(words, output, folder, stubs):
     assert stubs.calls[-1][2] == Path(output)
 
 
+@pytest.mark.slow
 def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
     whole.write_dataset(squeal, Path("r.h5"))
     assert main(["info", "r.h5"]) == 0

@@ -408,6 +408,7 @@ def test_the_picture_of_this_sweep_is_drawn_again(folder, monkeypatch, capsys):
     assert Path("m.png").read_bytes() == classes
 
 
+@pytest.mark.slow
 def test_leave_to_replace_holds_for_the_picture_too(folder, monkeypatch):
     """A sweep that was begun with --force and stopped goes on as it was begun."""
     made("m.h5")

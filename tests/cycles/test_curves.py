@@ -301,6 +301,7 @@ class Chain(AbstractSystem):
         )
 
 
+@pytest.mark.slow
 def test_hopf_curve_of_two_coordinates_has_an_imaginary_pair():
     """The pair is told from the other one by no eigenvalue; against the matrix by hand."""
     names, bounds = ("falling", "coupling"), np.array([[0.0, 0.4], [0.3, 1.2]])

@@ -110,6 +110,7 @@ def test_branch_as_a_dataset_survives_a_file(ring, tmp_path):
     assert list(ds.special_kind.values) == ["fold", "hopf"]
 
 
+@pytest.mark.slow
 def test_pictures_of_a_branch_file(ring, tmp_path):
     from wiperjax import plots
     from wiperjax.datasets.branch_dataset import rest, simulations, with_rest, with_simulations
@@ -188,6 +189,7 @@ def test_simulated_means_are_those_of_whole_periods():
     np.testing.assert_allclose(ds.velocity_rms, np.sqrt(square), rtol=2e-4)
 
 
+@pytest.mark.slow
 def test_time_of_a_motion_that_comes_back_and_of_one_that_does_not():
     t = np.linspace(0, 7.3, 1000)[:, None]
     wave = np.hstack([np.sin(2 * np.pi * t + 0.4), 0 * t, np.cos(2 * np.pi * t + 0.4), 1e-18 * t])

@@ -47,6 +47,7 @@ def lowered(function, arguments) -> export.Exported:
     return export.export(program, platforms=["cuda"])(arrays)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["tsit5", "dopri8"])
 def test_the_engine_of_a_map_lowers_for_cuda(solver, elsewhere, monkeypatch):
     def catch(*arguments):

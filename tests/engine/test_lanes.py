@@ -99,6 +99,7 @@ def test_each_case_equals_the_same_alone(pool):
             assert abs(found) < 1e-7 * wiper.lip_length  # steps differ in their caps: rtol is 1e-8
 
 
+@pytest.mark.slow
 def test_the_event_log_of_each_case_is_that_of_the_same_alone(pool):
     wiper, position, (outcome, _, _) = pool
     log = jax.tree.map(np.asarray, outcome.log)
@@ -148,6 +149,7 @@ def test_a_part_of_the_pool_leaves_the_rest_alone(pool):
     assert np.all(np.asarray(some.steps)[10:] == 0)
 
 
+@pytest.mark.slow
 def test_the_signal_is_the_mean_of_the_output_velocity(pool):
     """Means of x' are differences of x; with the variance inside they are the exact mean square."""
     wiper, position, (outcome, samples, _) = pool

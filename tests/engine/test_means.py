@@ -69,6 +69,7 @@ def test_a_sequence_of_impacts_before_a_step_keeps_the_output(step, monkeypatch)
     np.testing.assert_array_equal(record.regime[:6], starts)
 
 
+@pytest.mark.slow
 def test_samples_carry_no_derivative(monkeypatch):
     """Times of events have some, and so had the record of all cells: each flush went through all of
     it, and a small map with derivatives took twenty times as long."""

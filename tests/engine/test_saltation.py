@@ -88,6 +88,7 @@ def test_lift_off():
     np.testing.assert_allclose(derivative[:, [0, 2]], closed[:, [0, 2]], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_second_derivative_is_refused():
     """It was zero, to rounding: the saltation was taken for one that does not change."""
 

@@ -57,6 +57,7 @@ def test_a_lane_equals_the_same_trajectory_alone_in_any_order_with_failing_neigh
         np.testing.assert_array_equal(together.events.time[i], shuffled.events.time[j])
 
 
+@pytest.mark.slow
 def test_one_compilation_for_all_parameters():
     traces = []
 

@@ -229,6 +229,7 @@ def test_a_box_has_twice_the_density_or_as_many_cells_as_it_may_and_is_else_refu
             _finer(axis, 0, over, FEWEST, count)
 
 
+@pytest.mark.slow
 def test_a_box_is_shown_over_the_axes_it_was_dragged_over(whole):
     """However the page was turned while it was computed."""
     held = {}

@@ -152,6 +152,7 @@ def test_the_map_is_that_of_the_model_and_says_why(tmp_path):
     assert parse_sweep(json.loads(ds.attrs["specification"])).model == "bar"
 
 
+@pytest.mark.slow
 def test_what_was_chosen_stays_chosen(tmp_path):
     """Resumed, mended, verified and refined, a map is of its model: nothing is probed again."""
     path, begun = tmp_path / "map.h5", engine({"block": 0.5, "bar": 0.05})

@@ -163,6 +163,7 @@ def test_the_event_log_survives_like_all_else(tmp_path, capsys):
     assert f"room for 5 of each, {(counts > 5).sum()} of 385 cells had more" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blocks", [0, 1, 5, 8])
 def test_resume_goes_on_where_it_stopped(tmp_path, blocks):
     spec, path, calls = make_spec(), tmp_path / "map.h5", []
@@ -216,6 +217,7 @@ def test_ctrl_c_that_a_callback_drops_is_heeded_after_the_block(tmp_path):
         signal.signal(signal.SIGINT, handler)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [damage_by_flip, damage_by_cut, damage_by_emptying])
 def test_a_damaged_block_is_named_and_computed_again(tmp_path, caplog, damage):
     spec, path, calls = make_spec(), tmp_path / "map.h5", []

@@ -134,6 +134,7 @@ def test_blocks_are_whole_lines_and_do_not_matter(tmp_path, block):
     assert block_size(spec) % 11 == 0
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_goes_on_and_its_parts_can_be_read(tmp_path):
     spec, path, count = several(), tmp_path / "map.h5", [0]
 
@@ -197,6 +198,7 @@ def random_spec(count=50, **more):
     )
 
 
+@pytest.mark.slow
 def test_shares_of_random_starts_are_those_of_their_box(tmp_path):
     spec, path = random_spec(), tmp_path / "map.h5"
     ds = run(spec, path, **options(block=7))

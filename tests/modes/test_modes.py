@@ -20,6 +20,7 @@ from wiperjax.systems.head_and_tip import HeadAndTip
 from wiperjax.systems.soft_lip import SoftLip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.0, 0.5, 0.7, 0.8, 1.0])
 def test_the_minimal_model_locks_in_as_published(mu):
     """omega^2 = 2 -+ sqrt(1 - 4 mu/3) (Hoffmann et al. 2002)."""
@@ -64,6 +65,7 @@ def test_growth_ends_where_the_mass_leaves_the_belt():
     assert float(size[1000:].max()) < 1.5 * float(size[:1000].max())  # it grows no more
 
 
+@pytest.mark.slow
 def test_modes_of_the_rigid_lip_are_its_steady_slip():
     wiper = wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.3), attack_angle=math.radians(5))
     slip, found = wiperjax.steady_slip(wiper), wiperjax.modes(wiper)
@@ -127,6 +129,7 @@ def test_where_slip_pulls_itself_off_there_is_no_steady_sliding():
     assert float(wiperjax.modes(wiper).position[0]) > 0  # another one is sound
 
 
+@pytest.mark.slow
 def test_a_stiffer_glass_makes_the_rigid_lip_at_first_order():
     belt, angle = wiperjax.SteadyBelt(0.3), math.radians(5)
     exact = float(wiperjax.steady_slip(wiperjax.Wiper(belt=belt, attack_angle=angle)).growth_rate)
@@ -303,6 +306,7 @@ def test_a_chain_without_damping_rings_at_its_own_frequencies():
     np.testing.assert_allclose(found.real_part, 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damping", "mu_static", "said"),
     [
@@ -371,6 +375,7 @@ def test_a_map_is_judged_in_the_order_of_its_sweep_only():
             beside(found, changed)
 
 
+@pytest.mark.slow
 def test_what_has_no_modes_is_one_line():
     with pytest.raises(ValueError, match=r"^system must have friction, but Ball has none$"):
         wiperjax.modes(own_systems.Ball())

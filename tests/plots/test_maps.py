@@ -161,6 +161,7 @@ def test_shares_are_those_of_the_cells_shown(small_map):
         assert not any("%" in text for text in _texts(figure))  # one statement of the shares
 
 
+@pytest.mark.slow
 def test_nothing_reaches_beyond_a_page_of_a_map(small_map):
     long = small_map["growth_rate"].assign_attrs(
         long_name="derivative of standard deviation of the tip velocity by shoulder stiffness",
@@ -476,6 +477,7 @@ def test_speckled_maps_are_not_hatched_cell_by_cell():
     assert len(ax.collections[0].get_paths()) == 300
 
 
+@pytest.mark.slow
 def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypatch):
     partial = small_map.copy(deep=True)
     known = partial["label"].attrs["flag_values"]

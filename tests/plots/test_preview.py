@@ -4,6 +4,7 @@ import io
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 import xarray as xr
 from PIL import Image
 from stub_sweep import evaluate, make_spec
@@ -17,6 +18,7 @@ def colours(png):
     return set(map(tuple, np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).reshape(-1, 3)))
 
 
+@pytest.mark.slow
 def test_a_map_is_shown_by_its_classes_and_a_run_by_its_motion(squeal):
     found = preview(driver.sweep(make_spec(), evaluate=evaluate, progress=False))
     assert "map of 385 cells (7 attack_angle x 5 normal_load x 11 belt_speed)" in repr(found)

@@ -284,6 +284,7 @@ def test_no_two_rows_of_an_overview_show_the_same():
         assert ("in the frame" in figure.get_suptitle()) == framed
 
 
+@pytest.mark.slow
 def test_nothing_reaches_beyond_a_page_of_a_run(squeal):
     run = bouncing_run()
     kinds = run["event_kind"].copy(data=np.resize([e for e in Event if e != Event.NONE], 15))
@@ -426,6 +427,7 @@ def test_run_page_frames_the_part_that_it_shows(squeal):
     plots.run_overview(bouncing_run()).savefig("/dev/null", format="png", dpi=30)
 
 
+@pytest.mark.slow
 def test_animation_shows_lip_glass_and_force(squeal, tmp_path):
     part = run_dataset.last_periods(squeal, 2.0)
     film = plots.animate(part, seconds=0.4)

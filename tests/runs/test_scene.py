@@ -244,6 +244,7 @@ def test_class_of_a_run_that_cannot_be_told(squeal):
         assess(squeal.drop_attrs())
 
 
+@pytest.mark.slow
 def test_run_is_stored_and_drawn(squeal, tmp_path):
     whole.write_dataset(squeal, tmp_path / "run.h5")
     plots.plot_file(tmp_path / "run.h5", tmp_path / "run.png", dpi=40)

@@ -248,6 +248,7 @@ def test_accumulating_bounces_end_at_rest():
     np.testing.assert_allclose(lying.normal_force, 2.0 * weight, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_one_compilation_serves_all_values(squeal, flying, monkeypatch):
     traces = []
 
@@ -281,6 +282,7 @@ def test_collapse_is_a_result():
     assert run.event_kind[-1] == Event.COLLAPSE and "collapse_angle" in run.attrs["result_message"]
 
 
+@pytest.mark.slow
 def test_a_load_that_pulls_is_a_result():
     """Friction on a load below zero drove what it should brake, and the run finished."""
     run = wiperjax.simulate(Lifted(), 20.0)

@@ -204,6 +204,7 @@ def test_what_is_mutated_is_good():
         CHECK[kind](PARSE[kind](tomllib.loads(text)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sweep", "scene"])
 def test_mutated_documents(kind):
     counts = {"refused": 0, "taken": 0}
@@ -298,6 +299,7 @@ def garbled(draw, kind):
     return text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sweep", "scene"])
 def test_garbled_files(kind, tmp_path):
     path = tmp_path / "x.toml"

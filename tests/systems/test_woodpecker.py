@@ -149,6 +149,7 @@ def test_what_cannot_be_is_refused_in_one_line():
         simulated(1.0, ((0.0, 0.0, 0.2), (0.0, 0.0, 0.0)))
 
 
+@pytest.mark.slow
 def test_blows_are_impacts_by_complementarity():
     rng, n = np.random.default_rng(3), 300
     v = rng.normal(size=(3, n)) * np.array([[0.5], [20.0], [10.0]])
@@ -165,6 +166,7 @@ def test_blows_are_impacts_by_complementarity():
         np.testing.assert_allclose([x[i] for x in found], exact, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_blow_that_stops_all_is_shared_as_among_equal_springs():
     """Four contacts hold three coordinates: what each takes is not told by rigid bodies."""
     rng, n, stopped = np.random.default_rng(0), 300, 0
@@ -207,6 +209,7 @@ def test_an_edge_at_rest_is_held_by_static_friction():
         assert abs(found[0] - behind(slip, Coulomb(0.8 - as_by))[0]) > 0.01
 
 
+@pytest.mark.slow
 def test_impacts_of_an_edge_are_those_of_pfeiffer_and_glocker():
     rng, n = np.random.default_rng(4), 600
     ways = np.array([reference.NORMAL[reference.UPPER], reference.ALONG[reference.UPPER]])

@@ -160,6 +160,7 @@ def test_impact_with_zero_slip_speed(push, after):
     assert Result(int(s.result)) == Result.FINISHED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "start", [((0.0, -1e-4), (0.0, 0.0)), ((0.0, -1e-9), (0.3, 0.0))], ids=["deep", "shallow"]
 )

@@ -14,6 +14,7 @@ from wiperjax.contact.impact import poisson_impact
 from wiperjax.contact.space import contact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("problem", EXACT, ids=lambda p: p.name)
 def test_event_times_and_final_state(problem):
     s = trajectory(problem.system, problem.duration, problem.start, **problem.options)

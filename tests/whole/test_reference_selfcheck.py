@@ -41,6 +41,7 @@ def cycles(run, kind, after):
 
 
 # ---- figures of section 10, SCENES
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees, hertz", [(0.0, 674.4), (5.0, 780.8), (10.0, 906.5)])
 def test_squeal_frequency(degrees, hertz):
     run = simulate(dict(attack_angle=math.radians(degrees)), Steady(0.3), 0.04)
@@ -64,6 +65,7 @@ def test_chattering_without_flight():
     assert run.samples["lambda_n"].max() == pytest.approx(16.7, abs=0.05)
 
 
+@pytest.mark.slow
 def test_chattering_with_flight():
     run = simulate(CHATTER, Steady(0.3), 0.18, sample_times=np.linspace(0.08, 0.18, 20001))
     times = cycles(run, "release", 0.06)

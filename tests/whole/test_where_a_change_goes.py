@@ -153,6 +153,7 @@ def test_every_kind_has_its_class_and_every_class_its_kind():
     assert Classes().model_dump() == vars(Thresholds())
 
 
+@pytest.mark.slow
 def test_formulas_of_kinds_are_those_of_the_classes():
     """What pictures and classes of runs work out without jax is what the engine computes."""
     belt = {"belt_speed": -0.6, "belt_frequency": 5.0, "belt_ramp": 0.03, "belt_phase": 0.3}

@@ -25,6 +25,7 @@ class Parabola(Far):
         return (self.level - q[0],)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6, 1e-9])
 def test_a_double_root_inside_one_step_is_found(depth):
     """The top of the flight is 0.5, at t = 1, inside the last step of a loose tolerance."""
@@ -48,6 +49,7 @@ def single_parabola(level):
     return solution(case.problem, run(case.problem, begin(case)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [1e-3, 1e-4, 1e-5])
 def test_a_double_root_is_found_in_single_precision_too(depth):
     """As deep as its digits can tell: 1e-5 is ten times what the guard is off by rounding."""
@@ -168,6 +170,7 @@ def forced(frequency, offset, speed):
     return s.statistics.stick_time, s.result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.0, 1e-6, 1e-4])
 @pytest.mark.parametrize("offset", [0.0, 10.0])
 @pytest.mark.parametrize(("frequency", "share"), [(0.1, 0.60007), (0.3, 0.50253), (0.5, 0.17596)])
@@ -188,6 +191,7 @@ class Undefined(Parabola):
         return (jnp.where(hole, jnp.nan, 1.0 + q[0]),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [-0.2, 0.0, 0.1, 0.19])
 def test_a_guard_that_is_no_number_inside_a_step_is_no_proof(start):
     s = trajectory(Undefined(), 1.5, ((start,), (1.0,)), 1e-3)

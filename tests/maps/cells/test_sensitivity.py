@@ -173,6 +173,7 @@ def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, f
         xr.testing.assert_identical(stub_sweep.data_of(ds), stub_sweep.data_of(in_memory))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("correction", [-1e-4, 0.0, 1e-4])
 def test_a_peak_is_that_of_a_quartic_and_so_is_its_derivative(correction):
     """Against a fine grid: peaks inside, at the start, and at the end, which an event may shift."""
@@ -232,6 +233,7 @@ def test_what_a_blade_has_none_of_is_measured_by_what_it_has(name, part):
     assert size == getattr(blade, part) if part else size < blade.neck_stiffness * 2 * time
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heights", [(1.0, 0.8), (0.8, 1.0), (1.0, 1.0), (1.0, 0.3, 0.9)])
 @pytest.mark.parametrize("steps", [7, 8, 23])
 def test_the_runner_up_is_another_peak(heights, steps):

@@ -281,6 +281,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", BAD)
 def test_what_cannot_be_meant_is_one_clear_line(tmp_path, line):
     path = tmp_path / "map.h5"

@@ -52,6 +52,7 @@ def counted(counts):
     return evaluate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["damaged", "of another version"])
 def test_what_is_of_no_use_there_is_named_with_what_to_do(path, left, how):
     folder = left(levels=2)
@@ -133,6 +134,7 @@ def test_steps_of_a_longer_window_are_no_more_than_the_engine_counts():
     assert steps == [10**9, 2 * 10**9, 2**31 - 1]
 
 
+@pytest.mark.slow
 def test_a_budget_is_of_what_is_computed_whatever_is_stored(path, left):
     refined(path, DISC, levels=3)
     stored = sum(len(level.index) for level in read_levels(path))

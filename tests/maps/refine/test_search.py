@@ -234,6 +234,7 @@ def test_only_the_box_is_looked_at(tmp_path):
     assert found.attrs["full_grid_cells"] == (3 * 2**4 + 1) * (8 * 2**4 + 1)
 
 
+@pytest.mark.slow
 def test_answers_that_are_not_settled_are_asked_with_a_longer_window(tmp_path):
     """A border that depends on the window: the short one sees it elsewhere, and knows it."""
 
@@ -254,6 +255,7 @@ def test_answers_that_are_not_settled_are_asked_with_a_longer_window(tmp_path):
     assert np.abs(to_unit(short)[1] - 0.6).max() < 1 / (8 * 2**5)
 
 
+@pytest.mark.slow
 def test_counts_are_compared_in_windows_of_one_length(tmp_path):
     """Of a motion that never settles: a window four times as long has four times the count."""
     path, never = tmp_path / "map.h5", engine(disc, lambda *_: 0)

@@ -76,6 +76,7 @@ def test_every_wrong_answer_lies_within_the_stated_bracket(tmp_path, capsys, tol
     assert sum(calls) == said["simulations"] and len(calls) < 45  # few requests, and so large ones
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [1, 30, 100, 300, 600])
 def test_it_is_true_too_where_the_budget_ended_it(tmp_path, most):
     def disc(x, y):
