@@ -146,6 +146,7 @@ def test_up_and_down_shows_what_coexists():
     ds = up_and_down(
         Ring(), "a", values, settle=600.0, window=20.0, initial_state=((0.0,), (0.0,)), samples=4096
     )
+    assert ds.attrs["source"].startswith("wiperjax")
     high = ds.maximum.max("peak")
     circle = np.sqrt(0.5 + np.sqrt(np.maximum(0.25 - values, 0)))
     circle[values > 0.25] = 0.0

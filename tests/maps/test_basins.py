@@ -86,6 +86,7 @@ def test_what_reached_its_end_has_numbers_where_several_motions_were_possible():
     ds = wiperjax.basins(Rod(), (([x], y, lean), rates), settle=0.0, window=0.01)
     assert ds.result.item() == wiperjax.Result.PAINLEVE_INDETERMINATE
     assert ds.flight_fraction.item() == pytest.approx(1.0)
+    assert ds.attrs["source"].startswith("wiperjax") and ds.attrs["system"] == "Rod"
 
 
 @pytest.mark.slow

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..machine.provenance import version
-from ..vocabulary.cf import CONVENTIONS, plain_attributes
+from ..machine.provenance import maker
+from ..vocabulary.cf import plain_attributes
 from ..vocabulary.codes import LABELS
 from ..vocabulary.columns import FORCES, SYSTEM, attributes_of, column_of, ordered
 from ..vocabulary.kinds import MODELS, WIPER
@@ -142,9 +142,8 @@ def _attributes(spec: Any) -> dict[str, Any]:
     """Attributes that follow from the specification alone."""
     meaning = json.loads(spec.canonical())
     attrs: dict[str, Any] = {
-        "Conventions": CONVENTIONS,
+        **maker(),
         "title": spec.title or _title(meaning),
-        "source": f"wiperjax {version('wiperjax')}",
         "seed": "none: a sweep draws no random numbers",
     }
     units, known = [], _parameters(spec)

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
+from ..vocabulary.cf import CONVENTIONS
 from .phases import Account
 
 PHASES = ("engine", "compiling", "naming", "storing", "idle")
@@ -44,6 +45,11 @@ def phase_times(spent: Account) -> dict[str, float]:
     """Attributes that say what the time went into so far, by `PHASES`."""
     seconds = spent.seconds() | {"idle": spent.idle()}
     return {f"{name}_time": float(seconds.get(name, 0.0)) for name in PHASES}
+
+
+def maker() -> dict[str, str]:
+    """Attributes of every dataset that wiperjax makes: who made it, and by which conventions."""
+    return {"Conventions": CONVENTIONS, "source": f"wiperjax {version('wiperjax')}"}
 
 
 def versions() -> dict[str, str]:

@@ -13,6 +13,7 @@ from ..engine.arguments import check_coordinates, check_integration, check_syste
 from ..engine.carry.problem import Integration, Recording, make_case
 from ..engine.lanes import Outcome, Pool, run_pool
 from ..engine.observers.totals import RegimeTotals
+from ..machine.provenance import maker
 from ..numerics.arrays import fields_of
 from ..numerics.kept import Kept
 from ..vocabulary import cf, checks
@@ -160,6 +161,6 @@ def _labelled(system, starts, outcome: Outcome, settle: float, window: float) ->
         "velocity_rms": settled(totals.deviation(window), "rms output velocity about its mean"),
         "result": code(outcome.result, "how the trajectory ended", RESULTS),
     }
-    attrs = {"system": type(system).__name__, "settle": settle, "window": window}
+    attrs = maker() | cf.of_system(system) | {"settle": settle, "window": window}
     axis = list(system.coordinates) or [f"q{k}" for k in range(len(starts[0]))]
     return xr.Dataset(variables, coords={"axis": axis}, attrs=attrs)

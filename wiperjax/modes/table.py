@@ -11,7 +11,7 @@ from ..blade.steady_slip import judged_slip
 from ..blade.wiper import Wiper
 from ..contact.system import AbstractSystem
 from ..machine import provenance
-from ..vocabulary import cf, checks
+from ..vocabulary import checks
 from .linear import Linear, linear_at
 
 ROUNDING = 1e-11  # of an eigenvalue: a smaller real or imaginary part is none
@@ -122,9 +122,8 @@ def _dataset(system: AbstractSystem, found: Linear) -> xr.Dataset:
         },
         coords={"mode": np.arange(1, len(values) + 1), "axis": names},
         attrs={
-            "Conventions": cf.CONVENTIONS,
+            **provenance.maker(),
             "title": f"modes of steady sliding of {type(system).__name__}",
             "damping_convention": "-Re/|lambda|; -2 Re/|Im| is twice as much where it is small",
-            "source": f"wiperjax {provenance.version('wiperjax')}",
         },
     )

@@ -16,6 +16,7 @@ from ..contact.system import AbstractSystem
 from ..engine.carry.problem import Problem
 from ..engine.carry.state import EventLog, State, final_velocity
 from ..engine.observers.told import told
+from ..machine import provenance
 from ..vocabulary import cf
 from ..vocabulary.cf import units_text
 from ..vocabulary.codes import RESULTS, Event, Regime
@@ -100,7 +101,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     parameters = _parameters(given)
     stated = {name: unit for name, (_, unit) in parameters.items() if unit is not None}
     attrs = {
-        "Conventions": cf.CONVENTIONS,
+        **provenance.maker(),
         **cf.of_system(given),
         **beside({name: value for name, (value, _) in parameters.items()}),
         **({"parameter_units": units_text(beside(stated))} if stated else {}),

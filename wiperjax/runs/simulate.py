@@ -183,7 +183,6 @@ def _account(case: Case, integration: Integration, state: State) -> dict[str, An
         "rejected_steps": int(state.rejected),
         "unproved_steps": int(state.unproved),
         "result_message": ADVICE[Result(int(state.result))],
-        "source": f"wiperjax {provenance.version('wiperjax')}",
         "versions": json.dumps(provenance.versions(), sort_keys=True),
     }
 

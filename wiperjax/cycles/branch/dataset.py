@@ -84,11 +84,10 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
         variables,
         coords={"arclength": ("point", branch.arclength, {"long_name": "way along the branch"})},
         attrs={
-            "Conventions": cf.CONVENTIONS,
+            **provenance.maker(),
             "over": name,
             **cf.of_system(first.system),
             "ends": "; ".join(branch.ends),
-            "source": f"wiperjax {provenance.version('wiperjax')}",
         },
     )
 

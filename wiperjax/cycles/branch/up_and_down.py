@@ -23,6 +23,7 @@ from ...contact.system import AbstractSystem
 from ...engine.arguments import check_state, check_system, longest_step
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
+from ...machine.provenance import maker
 from ...numerics.kept import Kept
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import FAIR, RESULTS, RUNNING, Result
@@ -150,7 +151,7 @@ def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns)
             "result": (plane, result.astype(np.int8), flags),
         },
         coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
-        attrs={"over": name, **cf.of_system(given)},
+        attrs={**maker(), "over": name, **cf.of_system(given)},
     )
 
 

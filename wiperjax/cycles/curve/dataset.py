@@ -85,10 +85,9 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
     return xr.Dataset(
         variables,
         attrs={
-            "Conventions": cf.CONVENTIONS,
+            **provenance.maker(),
             "over": names[0],
             "second": names[1],
             **cf.of_system(system),
-            "source": f"wiperjax {provenance.version('wiperjax')}",
         },
     )
