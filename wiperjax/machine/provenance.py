@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
-from ..vocabulary.cf import CONVENTIONS
 from .phases import Account
 
 PHASES = ("engine", "compiling", "naming", "storing", "idle")
@@ -49,7 +48,7 @@ def phase_times(spent: Account) -> dict[str, float]:
 
 def maker() -> dict[str, str]:
     """Attributes of every dataset that wiperjax makes: who made it, and by which conventions."""
-    return {"Conventions": CONVENTIONS, "source": f"wiperjax {version('wiperjax')}"}
+    return {"Conventions": "CF-1.11", "source": f"wiperjax {version('wiperjax')}"}
 
 
 def versions() -> dict[str, str]:

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-CONVENTIONS = "CF-1.11"
-
 
 def of_system(system: Any) -> dict[str, Any]:
     """Return the attributes that tell whose a run, branch or curve is: its class, and whether that
