@@ -77,7 +77,7 @@ def find_cycle(
     if clock is None:
         refuse_a_clock(system, beside, settle)
     else:
-        check_clock(shooting, beside)
+        check_clock(system, clock, varied, beside)
     guess = free_guesses if clock is None else driven_guesses
     return _closed(system, guess(shooting, state, settle), settle)
 

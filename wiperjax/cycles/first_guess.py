@@ -112,7 +112,9 @@ def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess |
         motions.append(motion)
         states.append(motion.state)
     samples = np.concatenate([m.samples for m in motions])
-    check_clock(shooting, samples[:: len(samples) // STATES])
+    clock, seen = shooting.clock, samples[:: len(samples) // STATES]
+    assert clock is not None
+    check_clock(shooting.system, clock, shooting.varied, seen)
     if not np.any(moving(samples, shooting.scale)):
         yield Found.AT_REST
         return
