@@ -17,7 +17,7 @@ from wiperjax.cycles.branch.bifurcations import change
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.chart import Turning, chart
 from wiperjax.cycles.cycle import Cycle, close
-from wiperjax.cycles.find import _closed, _dies, find_cycle, once
+from wiperjax.cycles.find import _closed, _dies, _near, find_cycle, once
 from wiperjax.cycles.first_guess import Guess, _middle
 from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.cycles.shooting import Lost
@@ -151,7 +151,7 @@ def test_a_cycle_passed_several_times_is_passed_once(ring):
 class Bouncing(AbstractSystem):
     """A ball on a table that goes up and down once a second; gravity 1.
 
-    At restitution 1/2 impacts once a period are stable from ``FOLD`` to ``DOUBLING`` (closed forms).
+    At restitution 1/2 one impact a period is stable from ``FOLD`` to ``DOUBLING`` (closed forms).
     """
 
     table: float = 0.03
@@ -237,6 +237,25 @@ def test_a_motion_that_ends_in_the_air_closes_no_cycle_on_the_table():
     pressed = np.array([-0.055, 0.0])
     cycle = close(shooting, pressed, int(wiperjax.Regime.SLIP_POS), 1.0, 0.75)
     assert cycle.found == Found.NOT_CONVERGED
+
+
+@pytest.mark.slow
+def test_a_motion_that_passes_near_an_unstable_cycle_is_not_on_it():
+    """Two states a second apart were alike, of a motion that repeats every seven seconds: the
+    answer was a cycle with a multiplier 4.4."""
+    ball = Bouncing(0.045)
+    cycle = find_cycle(ball, settle=40.0, initial_state=((0.03,), (0.0,)), period=1.0)
+    assert (cycle.found, cycle.stable) == (Found.FOUND, True)
+    assert cycle.period == pytest.approx(7.0)
+
+
+def test_an_unstable_cycle_is_none_that_a_motion_settles_on(ring):
+    """It begins on the unstable circle, and has not left it yet."""
+    radius = math.sqrt(0.5 - math.sqrt(0.25 - ring.system.a))
+    guess = Guess(ring.shooting, np.array([radius, 0.0]), ring.regime, ring.period)
+    assert close(*guess).multipliers[0].real > 1
+    cycle = _near(guess, 1.0)
+    assert cycle.found == Found.NOT_PERIODIC and "unstable" in cycle.why
 
 
 class Beside(AbstractSystem):
