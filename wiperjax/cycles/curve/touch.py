@@ -2,7 +2,7 @@
 
 There the branch turns back at a corner, so the place is come to from the side without that stick,
 where all is smooth: the smallest slip speed within slip is held at a small part of the largest,
-then at a tenth of that, and continued to zero at each point.
+then at a tenth and at a hundredth of that, and continued to zero at each point.
 """
 
 from dataclasses import dataclass, replace
@@ -28,10 +28,12 @@ AWAY = 5e-3  # of the largest slip speed: what is left of it where the curve is 
 SMALL = 1e-10  # of the largest slip speed: how well its smallest value is told
 CENTRED = 4  # motions to where it is
 GONE = "slip nowhere slows down and speeds up again"
-NEARER = 5e-4  # and nearer to its limit
-LONGEST = 0.9  # of what is left of it: where the shortest stride towards the limit fails
+NEAREST = 5e-5  # and nearest to its limit
+STRIDE = 0.1  # of what is left of it: what one stride towards the limit leaves, at best
+LONGEST = 0.9  # where this stride fails, there is no limit
 ROUNDING = 1e-9  # of the nearest: strides that multiply to it end so near
-FAR = 1.0  # of a range: a limit as far from where it is sought is none
+AGREED = 1e-4  # of a range: how near the limit is to that from ten times as far away
+STEEP = 0.05  # of a unit tangent: less of it along the parameters gives no direction there
 
 
 @dataclass(frozen=True)
@@ -112,37 +114,54 @@ class Touch(OfCycles):
 
     def limit(self, spot: Spot) -> Spot:
         """Raises `Lost` where it can not be come to: a guess from afar may be anywhere."""
-        here, stride = spot, NEARER / spot.equations.left  # type: ignore[attr-defined]
+        held, way, stride = _held(spot), [spot], STRIDE
         # what ends a rounding above the nearest is there: a stride of no length gives no direction
-        while here.equations.left > NEARER * (1 + ROUNDING):  # type: ignore[attr-defined]
-            left = max(NEARER, stride * here.equations.left)  # type: ignore[attr-defined]
-            nearer = self._nearer(here, left)
+        while way[-1].equations.left > NEAREST * (1 + ROUNDING):  # type: ignore[attr-defined]
+            nearer = self._nearer(way[-1], held, stride)
             if nearer is not None:
-                before, here = here, nearer
+                way.append(nearer)
             elif stride < LONGEST:
                 stride = np.sqrt(stride)
             else:
                 raise Lost("no cycle was found nearer to rest")
-        ends = before, here
-        lefts = np.array([one.equations.left for one in ends])  # type: ignore[attr-defined]
-        slopes = [-self._slope(one) for one in ends]
-        rest = CubicHermiteSpline(-lefts, [one.unknowns for one in ends], slopes)(0.0)
-        if np.max(np.abs(rest - spot.unknowns)[-2:]) > FAR:
-            raise Lost("the cycle that comes to rest is far from the one that nearly does")
-        return replace(here, unknowns=rest)
+        afar, rest = _at_rest(way[-3:-1], held), _at_rest(way[-2:], held)
+        if np.max(np.abs(rest - afar)[-2:]) > AGREED:
+            raise Lost("cycles near rest do not tell where one comes to rest")
+        facts = way[-1].facts
+        if self.shooting.clock is None:
+            facts = facts._replace(period=self.period(rest))
+        return replace(way[-1], unknowns=rest, facts=facts)
 
-    def _nearer(self, spot: Spot, left: float) -> Spot | None:
-        """Return the cycle that has the share ``left`` of slip speed, from one that has more."""
+    def _nearer(self, spot: Spot, held: np.ndarray, stride: float) -> Spot | None:
+        """Return the cycle that has the part ``stride`` of the slip speed that is left."""
+        before = spot.equations.left  # type: ignore[attr-defined]
+        left = max(NEAREST, stride * before)
         equations = replace(spot.equations, left=left)  # type: ignore[type-var]
-        guess = spot.unknowns + self._slope(spot) * (left - spot.equations.left)  # type: ignore[attr-defined]
-        found = solve(equations, guess, spot.pinned, float(spot.pinned @ spot.unknowns))
+        guess = spot.unknowns + _slope(spot, held) * (left - before)
+        found = solve(equations, guess, held, float(held @ spot.unknowns))
         return found if found is not None and super().same(spot, found) else None
 
-    @staticmethod
-    def _slope(spot: Spot) -> np.ndarray:
-        """Return the derivative of the unknowns by the share of slip speed that is left."""
-        square = np.vstack([spot.jacobian, spot.pinned])
-        return np.linalg.solve(square, np.eye(len(square))[-2])
+
+def _held(spot: Spot) -> np.ndarray:
+    """Return what is kept on the way to rest: the place along the curve in the two parameters, so
+    that these go straight to it. Else the way may lead far along it."""
+    along = np.zeros_like(spot.tangent)
+    along[-2:] = spot.tangent[-2:]
+    size = np.linalg.norm(along)
+    return along / size if size > STEEP else spot.tangent
+
+
+def _slope(spot: Spot, held: np.ndarray) -> np.ndarray:
+    """Return the derivative of the unknowns by the share of slip speed that is left."""
+    square = np.vstack([spot.jacobian, held])
+    return np.linalg.solve(square, np.eye(len(square))[-2])
+
+
+def _at_rest(spots: list[Spot], held: np.ndarray) -> np.ndarray:
+    """Return the unknowns where no slip speed is left, by a cubic through two spots."""
+    lefts = np.array([spot.equations.left for spot in spots])  # type: ignore[attr-defined]
+    slopes = [-_slope(spot, held) for spot in spots]
+    return CubicHermiteSpline(-lefts, [spot.unknowns for spot in spots], slopes)(0.0)
 
 
 def fastest(cycle) -> float:

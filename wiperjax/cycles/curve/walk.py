@@ -152,7 +152,7 @@ class Walk:
 def value(spot: Spot, test: Test) -> float:
     """The number whose zero is the special point ``test``."""
     if test.name.startswith("turn_"):
-        return float(spot.tangent[spot.equations.plane.names.index(test.name[5:]) - 2])
+        return float(spot.meant.tangent[spot.equations.plane.names.index(test.name[5:]) - 2])
     return spot.facts.test[test.name]
 
 
@@ -208,10 +208,10 @@ def between(
             known[distance] = spot
         return test(known[distance])
 
-    a, b = at(0.0), at(length)
-    if not (np.isfinite(a) and np.isfinite(b)) or a * b >= 0 or abs(a) < ZERO * abs(b):
-        return None
     try:
+        a, b = at(0.0), at(length)
+        if not (np.isfinite(a) and np.isfinite(b)) or a * b >= 0 or abs(a) < ZERO * abs(b):
+            return None
         root = float(scipy.optimize.brentq(at, 0.0, length, xtol=LOCATED))  # type: ignore[arg-type]
     except Lost:
         return None

@@ -1,0 +1,93 @@
+"""The curve of grazing-sliding folds where places and cycles change fast along it."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.optimize
+
+import wiperjax
+from wiperjax import AbstractSystem
+from wiperjax.cycles import find_cycle, follow, follow_curves
+from wiperjax.vocabulary.codes import CurveEnd
+
+
+class Falling(wiperjax.AbstractFriction):
+    """1 / (1 + 3 s), from 1 at rest."""
+
+    static: float = 1.0
+
+    def coefficient(self, speed):
+        return self.static / (1 + 3 * speed)
+
+
+class Row(AbstractSystem):
+    """A block on a spring of stiffness 1 and on a belt; a second one, of mass 2, linked to it."""
+
+    unilateral: ClassVar[bool] = False
+    belt: float = 0.3
+    link: float = 1.0
+    friction: wiperjax.AbstractFriction = Falling()
+
+    def free_acceleration(self, t, q, v):
+        pull = self.link * (q[1] - q[0]) + 0.2 * (v[1] - v[0])
+        return pull - q[0] - 0.3 * v[0], -pull / 2.0
+
+    def directions(self, t, q):
+        return (1.0, 0.0), (0.0, 0.0)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0] - self.belt
+
+    def default_state(self):
+        return (0.0, 0.0), (0.0, 0.0)
+
+
+def exact(link, second, rate, period, belt):
+    """Return (belt, period) at which a cycle of slip comes to rest on the belt and leaves it: there
+    its force is what friction holds, and no more. The other numbers are near it."""
+
+    def unclosed(z):
+        second, rate, period, belt = z
+        first = (link * second + 0.2 * (rate - belt) - 0.3 * belt + 1) / (1 + link)
+
+        def rates(t, y):
+            pull = link * (y[1] - y[0]) + 0.2 * (y[3] - y[2])
+            friction = 1 / (1 + 3 * abs(y[2] - belt))
+            return [y[2], y[3], pull - y[0] - 0.3 * y[2] + friction, -pull / 2.0]
+
+        start, fine = [first, second, belt, rate], {"rtol": 1e-11, "atol": 1e-12}
+        run = scipy.integrate.solve_ivp(rates, (0, period), start, method="DOP853", **fine)
+        return run.y[:, -1] - start
+
+    z = scipy.optimize.fsolve(unclosed, [second, rate, period, belt], xtol=1e-11)
+    assert np.max(np.abs(unclosed(z))) < 1e-9
+    return z[3], z[2]
+
+
+@pytest.mark.slow
+def test_places_are_those_of_an_independent_code_all_along_the_curve():
+    """Where the way to rest led along the curve the limit was guessed from a tenth of a range
+    away, 1e-3 beside it, and the curve ran back over itself and ended at a link of 7.09."""
+    cycle = find_cycle(Row(), settle=400.0, over="belt", varied=["link"])
+    branch = follow(cycle, 0.25, 2.5, step=0.1)
+    touching = [s for s in branch.special if s.kind == "grazing_sliding_fold"]
+    (curve,) = follow_curves(replace(branch, special=touching), "link", 0.98, 8.0)
+    assert {end for end, _ in curve.ends} == {CurveEnd.RANGE}
+    link = curve.places[:, 1]
+    assert np.all(np.diff(link) > 0) or np.all(np.diff(link) < 0)
+    assert {mark.kind for mark in curve.special} == {"turn_belt"}
+    for mark in curve.special:  # an extreme of belt(link): the points beside it lie on one side
+        beside = curve.places[[mark.index - 1, mark.index + 1], 0] - curve.places[mark.index, 0]
+        assert beside[0] * beside[1] > 0
+    for (belt, link), facts in zip(curve.places[::4], curve.facts[::4], strict=True):
+        motion = facts.cycle.motion
+        _, second, _, rate = motion.samples[np.argmin(np.abs(motion.slip_speed[:-1]))]
+        found = exact(link, second, rate, facts.period, belt)
+        assert belt == pytest.approx(found[0], abs=1e-7)
+        assert facts.period == pytest.approx(found[1], abs=1e-5)
