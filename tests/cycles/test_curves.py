@@ -24,7 +24,7 @@ from wiperjax.cycles.curve.equations import Facts, Spot, solve
 from wiperjax.cycles.curve.follow import Curve, _on, _slipping
 from wiperjax.cycles.curve.hopf import Hopf, first_lyapunov, opposite_pair, pair_sums
 from wiperjax.cycles.curve.plane import Plane
-from wiperjax.cycles.curve.touch import AWAY, NEAREST, Touch
+from wiperjax.cycles.curve.touch import AWAY, Touch
 from wiperjax.cycles.curve.walk import Walk
 from wiperjax.cycles.cycle import Cycle, Found
 from wiperjax.cycles.return_map import Shooting
@@ -227,8 +227,7 @@ class Straight(Touch):
         jacobian, along = np.array([[1.0, -0.5, -0.5], [1.0, 0.0, 0.0]]), np.array([0.0, 1.0, -1.0])
         return Spot(equations, unknowns, jacobian, along / math.sqrt(2), NOTHING, NOTHING)
 
-    def _nearer(self, spot, held, stride):
-        left = max(NEAREST, stride * spot.equations.left)
+    def _nearer(self, spot, held, left):
         return self.spot(left) if left > 0.2 * spot.equations.left else None
 
 

@@ -28,11 +28,10 @@ AWAY = 5e-3  # of the largest slip speed: what is left of it where the curve is 
 SMALL = 1e-10  # of the largest slip speed: how well its smallest value is told
 CENTRED = 4  # motions to where it is
 GONE = "slip nowhere slows down and speeds up again"
-NEAREST = 5e-5  # and nearest to its limit
-STRIDE = 0.1  # of what is left of it: what one stride towards the limit leaves, at best
-LONGEST = 0.9  # where this stride fails, there is no limit
+NEARER = (5e-4, 5e-5)  # and nearer to its limit, and nearest
+LONGEST = 0.9  # of what is left of it: where the shortest stride towards the limit fails
 ROUNDING = 1e-9  # of the nearest: strides that multiply to it end so near
-AGREED = 1e-4  # of a range: how near the limit is to that from ten times as far away
+AGREED = 1e-3  # of a range: how near the limit is to that of a cubic from ten times as far away
 STEEP = 0.05  # of a unit tangent: less of it along the parameters gives no direction there
 
 
@@ -114,30 +113,36 @@ class Touch(OfCycles):
 
     def limit(self, spot: Spot) -> Spot:
         """Raises `Lost` where it can not be come to: a guess from afar may be anywhere."""
-        held, way, stride = _held(spot), [spot], STRIDE
-        # what ends a rounding above the nearest is there: a stride of no length gives no direction
-        while way[-1].equations.left > NEAREST * (1 + ROUNDING):  # type: ignore[attr-defined]
-            nearer = self._nearer(way[-1], held, stride)
+        held, ends = _held(spot), [spot]
+        for left in NEARER:  # the same ones at each point: what a cubic is off changes smoothly
+            ends.append(self._drawn(ends[-1], held, left))
+        afar, rest = _at_rest(ends[:2], held), _at_rest(ends[1:], held)
+        if np.max(np.abs(rest - afar)[-2:]) > AGREED:
+            raise Lost("cycles near rest do not tell where one comes to rest")
+        facts = ends[-1].facts
+        if self.shooting.clock is None:
+            facts = facts._replace(period=self.period(rest))
+        return replace(ends[-1], unknowns=rest, facts=facts)
+
+    def _drawn(self, spot: Spot, held: np.ndarray, left: float) -> Spot:
+        """Return the cycle that has the share ``left`` of slip speed, in as many strides as it
+        takes. Raises `Lost` where there is none."""
+        here, stride = spot, left / spot.equations.left  # type: ignore[attr-defined]
+        # what ends a rounding above is there: a stride of no length gives no direction
+        while here.equations.left > left * (1 + ROUNDING):  # type: ignore[attr-defined]
+            nearer = self._nearer(here, held, max(left, stride * here.equations.left))  # type: ignore[attr-defined]
             if nearer is not None:
-                way.append(nearer)
+                here = nearer
             elif stride < LONGEST:
                 stride = np.sqrt(stride)
             else:
                 raise Lost("no cycle was found nearer to rest")
-        afar, rest = _at_rest(way[-3:-1], held), _at_rest(way[-2:], held)
-        if np.max(np.abs(rest - afar)[-2:]) > AGREED:
-            raise Lost("cycles near rest do not tell where one comes to rest")
-        facts = way[-1].facts
-        if self.shooting.clock is None:
-            facts = facts._replace(period=self.period(rest))
-        return replace(way[-1], unknowns=rest, facts=facts)
+        return here
 
-    def _nearer(self, spot: Spot, held: np.ndarray, stride: float) -> Spot | None:
-        """Return the cycle that has the part ``stride`` of the slip speed that is left."""
-        before = spot.equations.left  # type: ignore[attr-defined]
-        left = max(NEAREST, stride * before)
+    def _nearer(self, spot: Spot, held: np.ndarray, left: float) -> Spot | None:
+        """Return the cycle that has the share ``left`` of slip speed, from one that has more."""
         equations = replace(spot.equations, left=left)  # type: ignore[type-var]
-        guess = spot.unknowns + _slope(spot, held) * (left - before)
+        guess = spot.unknowns + _slope(spot, held) * (left - spot.equations.left)  # type: ignore[attr-defined]
         found = solve(equations, guess, held, float(held @ spot.unknowns))
         return found if found is not None and super().same(spot, found) else None
 

@@ -12,7 +12,7 @@ import scipy.optimize
 
 from ...vocabulary.codes import CurveEnd
 from ..shooting import Lost
-from .equations import Spot, Test, solve
+from .equations import CLOSED, Spot, Test, solve
 
 GENTLE = 0.8  # cosine of the largest turn within a step
 STRAIGHT = 0.98  # of a turn after which steps grow
@@ -167,12 +167,14 @@ def centred(spot: Spot) -> Spot | None:
     """Return ``spot`` in coordinates around itself, or None."""
     try:
         equations = spot.equations.centred(spot.facts, spot.place)
-        _, jacobian, more = equations.values(equations.start)
+        residual, jacobian, more = equations.values(equations.start)
     except Lost:
         return None
     tangent = np.linalg.svd(jacobian)[2][-1]
     if equations.spread(tangent) @ spot.equations.spread(spot.tangent) < 0:
         tangent = -tangent
+    if np.max(np.abs(residual)) > CLOSED:  # what it is measured by is another around it
+        return solve(equations, equations.start, tangent)
     facts = equations.facts(equations.start, more)
     return Spot(equations, equations.start, jacobian, tangent, facts, tangent)
 
