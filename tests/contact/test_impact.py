@@ -10,6 +10,7 @@ neither.
 import math
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -157,3 +158,16 @@ def test_frictionless_contact(e):
     p_t, p_n, after_t, after_n = (float(x) for x in impact(0.0, 0.0, 2.0, 0.7, e, 0.0, -3.0))
     assert (p_t, after_t) == (0, 0)
     assert p_n == pytest.approx((1 + e) * 1.5) and after_n == pytest.approx(3 * e)
+
+
+@pytest.mark.parametrize("w_tn", [-0.3, 0.0, 0.4])
+def test_a_trace_of_slip_is_held_to_first_order(w_tn):
+    """Of a contact that lands without slip, and sticks: the derivative by slip was left out."""
+
+    def law(v_t):
+        return jnp.stack(poisson_impact(1.3, w_tn, 2.0, 0.5, 0.6, v_t, -1.0))
+
+    h = 1e-3
+    difference = (law(h) - law(-h)) / (2 * h)
+    np.testing.assert_allclose(jax.jacfwd(law)(0.0), difference, rtol=0, atol=1e-12)
+    assert abs(difference[0]) > 0.5

@@ -19,6 +19,7 @@ from ..vocabulary.codes import RUNNING, Regime, Result
 from .carry.problem import Problem
 from .carry.recall import remember
 from .carry.state import BREAK, State
+from .event.braked import at_jam
 from .event.event_time import drift, time_to_event
 from .event.plan import Plan, locate
 from .event.transition import Outcome, transition
@@ -81,6 +82,8 @@ def jump(problem: Problem, state: State) -> State:
 
     (A completed sequence of impacts does take its time.)
     """
+    if problem.system.coupled:
+        state = at_jam(problem, state)
     happens = state.due >= 0
     breaks = state.due == BREAK
     fires = happens & ~breaks

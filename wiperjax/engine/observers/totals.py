@@ -3,6 +3,7 @@
 from functools import reduce
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
@@ -134,7 +135,11 @@ class RegimeTotals(AbstractObserver):
             return (on & condition).astype(jnp.int32)
 
         flown = self.flown(e).astype(record.flight_time.dtype)
+        jams = e.kind == Event.JAM  # forces in front of it have no bound
         return record._replace(
+            normal_force_integral=unknown(record.normal_force_integral, jams),
+            normal_force_max=unknown(record.normal_force_max, jams),
+            friction_work=unknown(record.friction_work, jams),
             flight_time=record.flight_time + flown,
             output_integral=record.output_integral + flown * e.output,
             output_square_integral=record.output_square_integral + flown * e.output * e.output,
@@ -148,6 +153,18 @@ class RegimeTotals(AbstractObserver):
                 hit, jnp.maximum(record.impulse_max, e.impulse), record.impulse_max
             ),
         )
+
+
+@jax.custom_jvp
+def unknown(value, where):
+    """Return ``value``; where so, its derivative is NaN."""
+    return value
+
+
+@unknown.defjvp
+def _not_a_number(given, tangents):
+    (value, where), (change, _) = given, tangents
+    return value, change * jnp.where(where, jnp.nan, 1.0).astype(change.dtype)
 
 
 def _powers(stretch) -> list[Scalar]:
