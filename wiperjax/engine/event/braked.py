@@ -5,6 +5,8 @@ event needs no motion; but derivatives at a fixed time grow in front of it witho
 do, and hold only with that of its time. They converge with the tolerance, slower than the motion.
 """
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from ...contact.guards import JAM
@@ -43,6 +45,21 @@ def at_jam(problem: Problem, state: State) -> State:
         state.reach,
         (system, t + shift, q, v),
     )
-    observed = problem.observer.stretch(state.observed, stretch)
-    observed = where(jams, observed, state.observed)
+    seen = where(jams, problem.observer.stretch(state.observed, stretch), state.observed)
+    observed = jax.tree.map(_changing_like, state.observed, seen)
     return state._replace(time=t + shift, position=q, velocity=v, observed=observed)
+
+
+def _changing_like(value, other):
+    """Return ``value`` with the derivative of ``other``, computed only where one is taken."""
+    return _with_derivative(value, other) if eqx.is_inexact_array(value) else value
+
+
+@jax.custom_jvp
+def _with_derivative(value, other):
+    return value
+
+
+@_with_derivative.defjvp
+def _of_other(given, tangents):
+    return given[0], tangents[1]
