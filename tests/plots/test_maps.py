@@ -2,6 +2,8 @@
 they cannot draw.
 """
 
+from types import SimpleNamespace
+
 import matplotlib
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from pictures import SIGHT, inside_the_page, lab, legends
 
+from wiperjax.cli.compute import usual_picture
 from wiperjax.noise import class_counts
 from wiperjax.vocabulary import cf, codes
 
@@ -475,6 +478,18 @@ def test_speckled_maps_are_not_hatched_cell_by_cell():
     assert not ax.collections
     categories._hatch(ax, np.arange(301.0), np.arange(301.0), ~speckle | True, "xxxx", "#000000")
     assert len(ax.collections[0].get_paths()) == 300
+
+
+def test_the_picture_that_suits_a_map_is_that_of_its_axes(small_map, tmp_path):
+    """Of one axis it was refused, where its sweep drew it."""
+    line = small_map.isel(attack_angle=[5], normal_load=[1])
+    for ds, name in ((small_map, "overview"), (line, "line")):
+        path = tmp_path / f"{name}.h5"
+        whole.write_dataset(ds, path)
+        assert files.usual_picture(path) == name
+        assert usual_picture(SimpleNamespace(shape=ds["label"].shape)) == name  # of its sweep
+    plots.plot_file(path, tmp_path / "line.png", dpi=30)
+    assert files.subject_of(tmp_path / "line.png").startswith("line of ")
 
 
 @pytest.mark.slow

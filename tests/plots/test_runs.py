@@ -19,7 +19,7 @@ from wiperjax.plots import files
 from wiperjax.plots.runs import animation, bands, friction, history, levels, spectra
 from wiperjax.plots.style import caption, palette
 from wiperjax.sound import sound
-from wiperjax.store.whole import open_map, write_dataset  # noqa: E402
+from wiperjax.store.whole import write_dataset  # noqa: E402
 from wiperjax.vocabulary.codes import Event, Regime  # noqa: E402
 
 
@@ -465,7 +465,11 @@ def folder(tmp_path_factory):
         attrs={"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": "quiet squeal"},
     )
     coords = {"attack_angle": [-30.0, 0.0, 5.0], "belt_speed": [0.1, 0.2]}
-    write_dataset(xr.Dataset({"label": label}, coords=coords), where / "map.h5")
+    made = xr.Dataset({"label": label}, coords=coords)
+    write_dataset(made, where / "map.h5")
+    write_dataset(made.isel(attack_angle=[0], belt_speed=[0]), where / "one.h5")
+    write_dataset(xr.Dataset({"real_part": ("mode", [1.0])}), where / "modes.h5")
+    write_dataset(xr.Dataset({"special_kind": ("special", ["fold"])}), where / "branch.h5")
     return where
 
 
@@ -482,6 +486,9 @@ def folder(tmp_path_factory):
         ("run.h5", "p.png", {"at": {"x": 1.0}}, "--at does not suit the picture 'overview' of a"),
         ("map.h5", "p.png", {"picture": "classes", "start": 0.1}, "--from does not suit the pict"),
         ("map.h5", "p.png", {"picture": "line"}, "has no dominant_frequency, which the picture"),
+        ("one.h5", "p.png", {}, "one.h5: has one cell; a map needs an axis of two values"),
+        ("modes.h5", "p.png", {}, "modes.h5: holds modes of one scene, which are a table"),
+        ("branch.h5", "p.png", {"picture": "curves"}, "branch.h5: was made without --second, or"),
         ("run.h5", "p.gif", {}, "has no belt_velocity, which the picture 'animation' needs"),
         ("run.h5", "p.png", {"start": 0.2}, "0 lie from 0.2 s on; the run has"),
         (
@@ -524,16 +531,19 @@ def test_all_pictures_of_a_file(folder, squeal, tmp_path, monkeypatch):
     }  # fmt: skip
     made = plots.plot_all(folder / "map.h5", tmp_path / "m.png", dpi=30)
     assert {path.stem for path in made} == {"m-classes"}
-    with open_map(folder / "map.h5") as ds:
-        write_dataset(ds.isel({dim: [0] for dim in ds["label"].dims}), tmp_path / "one.h5")
-    with pytest.raises(ValueError, match=r"one.h5: has nothing to draw: a map needs at least two"):
-        plots.plot_all(tmp_path / "one.h5", tmp_path / "o.png")
+    with pytest.raises(ValueError, match=r"one.h5: has one cell; a map needs an axis of two"):
+        plots.plot_all(folder / "one.h5", tmp_path / "o.png")
+    with pytest.raises(ValueError, match=r"modes.h5: has nothing to draw: holds modes of one sc"):
+        plots.plot_all(folder / "modes.h5", tmp_path / "o.png")
 
 
 def test_existing_pictures_are_kept(folder):
     (folder / "there.png").write_bytes(b"precious")
     with pytest.raises(StoreError, match="exists already"):
         plots.plot_file(folder / "run.h5", folder / "there.png")
+    with pytest.raises(ValueError, match="'velocty' is not in this run"):  # not about the picture
+        options = {"picture": "history", "quantity": "velocty"}
+        plots.plot_file(folder / "run.h5", folder / "there.png", **options)
     assert (folder / "there.png").read_bytes() == b"precious"
     plots.plot_file(folder / "run.h5", folder / "there.png", force=True, dpi=30)
     assert (folder / "there.png").read_bytes().startswith(b"\x89PNG")

@@ -1,6 +1,5 @@
 """The command `modes`: complex eigenvalues of steady sliding."""
 
-import contextlib
 import math
 import tomllib
 from pathlib import Path
@@ -8,7 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import MAP_SUFFIXES, STILL_SUFFIXES, Force, Model, check_output, configure
+from .options import (
+    MAP_SUFFIXES,
+    STILL_SUFFIXES,
+    Force,
+    Model,
+    check_output,
+    configure,
+    told_of,
+)
 
 VERDICT_WORDS = {
     "noisy": "unstable and noisy",
@@ -22,7 +29,12 @@ def modes(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Scene, sweep or finished map.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="MODES.h5", help="To make, with a picture."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="MODES.h5",
+            help="To make; of a sweep or a map with a picture.",
+        ),
     ] = None,
     force: Force = False,
     model: Model = None,
@@ -61,7 +73,7 @@ def _found(file: Path, model: str | None) -> Any:
     if file.suffix in MAP_SUFFIXES or file.is_dir():
         from ..store.whole import check_swept, open_finished
 
-        with open_finished(file) as simulated, _told_of(file):
+        with open_finished(file) as simulated, told_of(file):
             check_swept(simulated, file)
             return beside(modes_over(spec_of(simulated)), simulated)
     from ..specs.load import load_scene, load_sweep
@@ -71,17 +83,8 @@ def _found(file: Path, model: str | None) -> Any:
     from ..systems.build import build
 
     spec = load_scene(file, model)
-    with _told_of(file):
+    with told_of(file):
         return modes_at(build(spec, spec.parameters()).system)
-
-
-@contextlib.contextmanager
-def _told_of(file: Path):
-    """Has what is wrong name the file."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from error
 
 
 def _is_sweep(file: Path) -> bool:
