@@ -483,6 +483,9 @@ def test_raster_shows_the_regime_over_time(small_map):
     assert values.mask[-1].all() and not values.mask[:-1].any()  # blank
     values = plots.regime_raster(ds, along="attack_angle").collections[0].get_array()
     assert values.shape == (17, 4) and (values[0] == 4).all()  # beside the four regimes: grey
+    ds["label"][0] = codes.LABELS["collapsed"]
+    figure = plots.regime_raster(ds, along="attack_angle").figure
+    assert "ended before (collapsed)" in _texts(figure)
     np.testing.assert_array_equal(values[1:], regimes[1:, 1, 4])
     assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
     with pytest.raises(ValueError, match="not one number a cell: it has one for each raster_time"):

@@ -405,6 +405,24 @@ def test_phase_portrait_has_the_orbit_and_the_angle_of_the_lip(squeal):
     plots.phase_portrait(bouncing_run().drop_dims("event"), component=1)
 
 
+def test_velocity_jumps_at_the_glass_in_a_phase_portrait():
+    """A ball falls from 1 mm and rebounds: its samples are 0.1 mm and more above the glass."""
+    g, e = 9.81, 0.6
+    hit = np.sqrt(2e-3 / g)
+    time = np.linspace(0, 1.4 * hit, 31)
+    since = np.maximum(time - hit, 0.0)
+    speed = np.where(time < hit, -g * time, e * g * hit - g * since)
+    height = np.where(time < hit, 1e-3 - g * time**2 / 2, e * g * hit * since - g * since**2 / 2)
+    run = bouncing_run().isel(time=slice(0, 31), event=[2]).assign_coords(time=time)
+    run["event_time"][:], run["regime"][:] = hit, int(Regime.FLIGHT)
+    run["position"][:, 1], run["velocity"][:, 1] = height, speed
+    ax = plots.phase_portrait(run, component=1)
+    (flight,) = [c for c in ax.collections if c.get_label() == "flight"]
+    jumps = [s for s in flight.get_segments() if s[0, 1] < -0.1 and s[1, 1] > 0.05]
+    assert len(jumps) == 1 and np.ptp(jumps[0][:, 0]) == 0  # upright, in mm
+    assert abs(jumps[0][0, 0]) < 0.01 < height.min() * 1e3 + 0.1
+
+
 def test_caption_names_the_parameters_in_degrees(squeal):
     text = caption.parameters_text(squeal)
     assert text == "attack angle 5°, normal load 15 N/m, belt speed 0.3 m/s"

@@ -223,6 +223,10 @@ def regime_raster(
     if whole:
         seen = [code for code in order if (codes == code).any()]
         handles = [Patch(color=REGIMES[names[c]], label=readable(names[c])) for c in seen]
+        ended = dict.fromkeys(class_names(line)[(values == len(order)).any(axis=1)])
+        if ended:
+            words = f"ended before ({', '.join(map(readable, ended))})"
+            handles.append(Patch(color=UNKNOWN, label=words))
         legend_below(ax.figure, handles)
         coarse = _coarse(line, float(np.diff(time).mean()))
         set_caption(ax.figure, ds, where, start_text(ds), coarse)
