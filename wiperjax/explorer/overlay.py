@@ -129,9 +129,10 @@ def _boundary(plane: Any, x: str, y: str) -> list[Any]:
         return []
     across = places(plane.sizes[x], growth.shape[-1])
     if y:
-        up, known = places(plane.sizes[y], len(growth)), np.ma.masked_invalid(growth)
-        return list(contourpy.contour_generator(across, up, known).lines(0.0))
-    first = np.flatnonzero(growth[:-1] * growth[1:] < 0)
+        up, masked = places(plane.sizes[y], len(growth)), np.ma.masked_invalid(growth)
+        return list(contourpy.contour_generator(across, up, masked).lines(0.0))
+    grows, known = growth > 0, np.isfinite(growth)
+    first = np.flatnonzero((grows[:-1] != grows[1:]) & known[:-1] & known[1:])
     share = growth[first] / (growth[first] - growth[first + 1])
     return _upright(across[first] + share * across[1])
 

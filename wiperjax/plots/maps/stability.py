@@ -65,13 +65,15 @@ def _finer(values: np.ndarray) -> np.ndarray:
     """Values (cells, ...) by cubic pieces that are monotone where the values are (Fritsch and
     Butland 1984; scipy's take no holes). Beside a cell without a number the slope is the chord's.
     """
+    count = min(PARTS, MOST // max(len(values) - 1, 1))
+    if count < 2:
+        return values
     chords = np.diff(values, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         before, after = chords[:-1], chords[1:]
         inner = np.where(before * after > 0, 2 / (1 / before + 1 / after), 0.0)
     inner = np.where(np.isnan(before), after, np.where(np.isnan(after), before, inner))
     slopes = np.concatenate([_end(chords[:2]), inner, _end(chords[-2:][::-1])])
-    count = max(min(PARTS, MOST // len(chords)), 1)
     t = (np.arange(count) / count).reshape(-1, *[1] * (values.ndim - 1))
     pieces = [
         low + t * (left + t * (3 * chord - 2 * left - right + t * (left + right - 2 * chord)))

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.axis import XAxis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -135,7 +136,7 @@ class LogMarks(LogLocator):
 
     def tick_values(self, vmin, vmax):
         low, high = sorted((vmin, vmax))
-        if self.axis is not None and self.axis.axis_name == "x":
+        if isinstance(self.axis, XAxis):
             close = np.log10(2) * self.axis.get_tick_space() < np.log10(high / low)
             self.set_params(subs=(1, 3) if close else (1, 2, 5))
         marks = np.asarray(super().tick_values(vmin, vmax))
