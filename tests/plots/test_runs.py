@@ -151,13 +151,15 @@ def test_frames_follow_the_motion_that_they_show():
         **{name: ("event", values, run["regime"].attrs) for name, values in turns.items()},
     )
     turning["event_kind"].attrs = bouncing_run()["event_kind"].attrs
-    for one, ends in ((run, (1 - 6 / 800, 1)), (turning, (0.74, 0.77))):
+    for one, ends in ((run, (1 - 6 / 800, 1)), (turning, (0.745, 0.775))):
         part = animation.slow_part(one, 6)
         assert part.time.values[[0, -1]] == pytest.approx(ends, abs=1e-4)
         assert np.ptp(part.time.values) / frames < 1 / 800 / 6
     assert animation.slow_part(bouncing_run(), 6).sizes["time"] == 2001  # no period
     late = run_dataset.between(turning, 0.0, 0.755)  # it ends soon after the last V = 0
     assert animation.slow_part(late, 6).time.values[[0, -1]] == pytest.approx((0.725, 0.755))
+    slow = turning.assign_attrs(class_reversal_window=0.1)  # the lip takes so long to flip over
+    assert animation.slow_part(slow, 6).time.values[[0, -1]] == pytest.approx((0.73, 0.85))
     fast = tone(6000.0)  # two periods are fewer samples than a part has
     assert animation.slow_part(fast, 2).sizes["time"] == 9
 
@@ -401,6 +403,24 @@ def test_phase_portrait_has_the_orbit_and_the_angle_of_the_lip(squeal):
     angle = np.degrees(np.arcsin(np.array([left, right]) / 6.0))
     np.testing.assert_allclose(upper.get_xlim(), angle, rtol=1e-6)
     plots.phase_portrait(bouncing_run().drop_dims("event"), component=1)
+
+
+def test_velocity_jumps_at_the_glass_in_a_phase_portrait():
+    """A ball falls from 1 mm and rebounds: its samples are 0.1 mm and more above the glass."""
+    g, e = 9.81, 0.6
+    hit = np.sqrt(2e-3 / g)
+    time = np.linspace(0, 1.4 * hit, 31)
+    since = np.maximum(time - hit, 0.0)
+    speed = np.where(time < hit, -g * time, e * g * hit - g * since)
+    height = np.where(time < hit, 1e-3 - g * time**2 / 2, e * g * hit * since - g * since**2 / 2)
+    run = bouncing_run().isel(time=slice(0, 31), event=[2]).assign_coords(time=time)
+    run["event_time"][:], run["regime"][:] = hit, int(Regime.FLIGHT)
+    run["position"][:, 1], run["velocity"][:, 1] = height, speed
+    ax = plots.phase_portrait(run, component=1)
+    (flight,) = [c for c in ax.collections if c.get_label() == "flight"]
+    jumps = [s for s in flight.get_segments() if s[0, 1] < -0.1 and s[1, 1] > 0.05]
+    assert len(jumps) == 1 and np.ptp(jumps[0][:, 0]) == 0  # upright, in mm
+    assert abs(jumps[0][0, 0]) < 0.01 < height.min() * 1e3 + 0.1
 
 
 def test_caption_names_the_parameters_in_degrees(squeal):
