@@ -21,6 +21,7 @@ from ..plots.style.axes import axis_numbers, is_ordered, long_name, shown
 from ..specs.imported import findable, paths_in
 from ..specs.load import SpecError, parse_sweep
 from ..store.levels import is_refined
+from ..store.swept import otherwise
 from ..store.whole import borders, open_finished
 from ..vocabulary.cf import flag_names
 from ..vocabulary.wording import shorten
@@ -228,6 +229,8 @@ def _specification(
             return None, f"{name} is not the {made:g} that the map says it was made with"
     if spec.starts is not None and not _are_of(starts, spec.starts):
         return None, "the starts of the map are not those it was made from"
+    if said := otherwise(ds.attrs, spec):  # else motions are drawn that are not the map's
+        return None, plain(f"the map was made otherwise ({said})")
     return spec, ""
 
 

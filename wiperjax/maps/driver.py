@@ -22,7 +22,7 @@ from ..machine.interrupt import heeded
 from ..machine.phases import Account, account, during
 from ..specs.load import load_sweep, parse_sweep
 from ..store.blocks import BlockStore
-from ..store.manifest import parts_of
+from ..store.manifest import parts_of, unlike
 from ..store.map_file import finalize
 from ..store.mending import finished, salvage
 from ..store.whole import damages, listed, open_map
@@ -171,11 +171,8 @@ def _check(resume, force, progress, block, evaluate, output) -> None:
 
 def check_made_by(path: Path, attrs: Mapping[str, Any], known: Mapping[str, str]) -> None:
     """Raises `StoreError` unless the map at `path` was made as this process would make it."""
-    made = json.loads(attrs.get("identity", "{}"))
-    names = sorted(made.keys() | known.keys())
-    pairs = [(name, made.get(name, "none"), known.get(name, "none")) for name in names]
-    if said := [f"{name} was {was}, now {now}" for name, was, now in pairs if was != now]:
-        raise StoreError(f"{path}: was made otherwise ({'; '.join(said)}); sweep it anew")
+    if said := unlike(json.loads(attrs.get("identity", "{}")), known):
+        raise StoreError(f"{path}: was made otherwise ({said}); sweep it anew")
 
 
 def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
