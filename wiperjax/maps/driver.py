@@ -21,10 +21,12 @@ from ..machine.files import StoreError, check_move, check_output, log
 from ..machine.interrupt import heeded
 from ..machine.phases import Account, account, during
 from ..specs.load import load_sweep, parse_sweep
+from ..store import checksums
 from ..store.blocks import BlockStore
+from ..store.levels import write_levels
 from ..store.manifest import parts_of, unlike
 from ..store.map_file import finalize
-from ..store.mending import finished, salvage
+from ..store.mending import finished, kept_levels, salvage
 from ..store.whole import damages, listed, open_map
 from ..vocabulary import checks
 from ..vocabulary.ranges import MOST_CELLS, Range
@@ -142,8 +144,10 @@ def _onto_disk(
     with BlockStore.open(
         output, spec, block=block, identity=known, resume=resume, force=force
     ) as store:
+        levels = None
         if found:
             salvage(output, found.damaged, store)
+            levels = kept_levels(output, found.damaged)
         fill(task, store, lambda: _how_to_resume(store, output, task.command))
         if output.exists() and not replace:
             raise StoreError(
@@ -154,6 +158,8 @@ def _onto_disk(
         made = _made(known) | provenance.record(task.command, 0.0, host)
         times = partial(provenance.phase_times, task.spent)
         finalize(store, output, made | times(), times)
+        if levels is not None:
+            write_levels(output, checksums.mark(output), *levels)
     return open_map(output)
 
 

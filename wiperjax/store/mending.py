@@ -9,13 +9,15 @@ from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
+import xarray as xr
 
 from ..machine.files import StoreError, log, naming
 from ..vocabulary.columns import ordered
 from . import checksums
 from .blocks import BlockStore
 from .checksums import REST, Piece
-from .whole import damages, listed, open_map
+from .levels import Level, is_refined, read_levels
+from .whole import borders, damages, listed, open_map
 
 
 class Finished(NamedTuple):
@@ -66,6 +68,19 @@ def salvage(output: Path, damaged: Sequence[Piece], store: BlockStore) -> None:
             if not done[number] and number not in lost:
                 span = store.span(number)
                 store.write(number, {n: _cells(file[n], span, store) for n in names}, seconds)
+
+
+def kept_levels(output: Path, damaged: Sequence[Piece]) -> tuple[list[Level], xr.Dataset] | None:
+    """Levels and borders of a refined map, as `write_levels` puts them into the mended one; None of
+    a map that is not refined. Those that are damaged themselves are lost, with a warning.
+    """
+    if not is_refined(output):
+        return None
+    if any("/" in piece.variable for piece in damaged):  # in a group
+        lost = "its borders and finer points are damaged, and are not kept: refine it again"
+        log.warning("%s: %s", output, lost)
+        return None
+    return read_levels(output), borders(output)
 
 
 def _touched(variable: Any, starts: set[int], store: BlockStore) -> set[int]:
