@@ -393,6 +393,15 @@ def test_a_picture_of_somebody_else_is_kept_on_resume(folder, monkeypatch, capsy
     assert Path("m.png").read_bytes() == b"precious"
 
 
+def test_a_map_of_one_cell_says_that_it_has_no_picture(folder, capsys):
+    one = "axes.belt_speed = { values = [0.3] }\nrun = { transient = 0.2, window = 0.2 }\n"
+    Path("s.toml").write_text(one)
+    for flags, told in (([], True), (["--force", "--no-picture"], False)):
+        assert sweep(*flags) == 0
+        assert ("picture  none: the map has one cell" in capsys.readouterr().out) == told
+    assert not Path("m.png").exists()
+
+
 @pytest.mark.slow
 def test_the_picture_of_this_sweep_is_drawn_again(folder, monkeypatch, capsys):
     """Killed between the picture and the end: the same command must come to an end."""

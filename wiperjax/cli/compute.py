@@ -126,6 +126,8 @@ def sweep(
 
         plot_file(output, drawing, picture=name, force=redraw)
         print(f"picture  {drawing}")
+    elif picture:
+        print("picture  none: the map has one cell")
 
 
 def chosen_model(spec: Any, workers: Any) -> Any:

@@ -26,8 +26,8 @@ from ..store.blocks import BlockStore
 from ..store.levels import write_levels
 from ..store.manifest import parts_of, unlike
 from ..store.map_file import finalize
-from ..store.mending import finished, kept_levels, salvage
-from ..store.whole import damages, listed, open_map
+from ..store.mending import finished, kept_levels, not_gone_on_with, salvage
+from ..store.whole import listed, open_map
 from ..vocabulary import checks
 from ..vocabulary.ranges import MOST_CELLS, Range
 from .auto_model import as_chosen_for, on_chosen_model
@@ -120,8 +120,7 @@ def _onto_disk(
 ) -> xr.Dataset:
     """`sweep` into a file, block by block."""
     spec, block, known = task.spec, task.block, task.known
-    stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
-    found = finished(output, stated) if resume and output.is_file() else None
+    found = finished(output, spec, known) if resume and output.is_file() else None
     if found and not found.damaged:
         # killed after the map was complete, before its parts were gone
         if parts_of(output).is_dir():
@@ -132,11 +131,8 @@ def _onto_disk(
         log.warning("%s: is damaged: %s; it is mended", output, listed(found.damaged))
         block = found.block or block
     replace = force or found is not None or (resume and BlockStore.may_replace(output))
-    if resume and not replace and output.is_file() and damages(output) is None:
-        raise StoreError(
-            f"{output}: has no checksums by which it could be mended: its end is lost, or another "
-            "program made or changed it; --force replaces it"
-        )
+    if resume and not replace and output.is_file():
+        raise not_gone_on_with(output, spec, known)
     check_output(output, replace, source)
     if parts_of(output).is_dir():
         check_move(parts_of(output), output)

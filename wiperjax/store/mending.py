@@ -17,6 +17,7 @@ from . import checksums
 from .blocks import BlockStore
 from .checksums import REST, Piece
 from .levels import Level, is_refined, read_levels
+from .swept import check_swept, otherwise
 from .whole import borders, damages, listed, open_map
 
 
@@ -27,9 +28,9 @@ class Finished(NamedTuple):
     damaged: list[Piece]
 
 
-def finished(output: Path, stated: Mapping[str, str]) -> Finished | None:
-    """The map at `output`, None if its attributes are not those `stated` or it has no checksums. A
-    damaged header is written anew from its copy before it is read.
+def finished(output: Path, spec: Any, known: Mapping[str, str]) -> Finished | None:
+    """The map at `output`, None if it is not of the sweep `spec` made as is `known`, or it has no
+    checksums. A damaged header is written anew from its copy before it is read.
 
     Raises: `StoreError` if the checksums themselves are damaged, or the header cannot be written.
     """
@@ -43,11 +44,23 @@ def finished(output: Path, stated: Mapping[str, str]) -> Finished | None:
         return None
     try:
         with open_map(output) as ds:
-            if any(ds.attrs.get(name) != value for name, value in stated.items()):
+            if otherwise(ds.attrs, spec, known):
                 return None
             return Finished(int(ds.attrs.get("block_cells", 0)), damaged)
     except StoreError:
         return None
+
+
+def not_gone_on_with(output: Path, spec: Any, known: Mapping[str, str]) -> StoreError:
+    """Why there is nothing to go on with in a file of which `finished` finds no map."""
+    if damages(output) is None:
+        why = "its end is lost, or another program made or changed it; --force replaces it"
+        return StoreError(f"{output}: has no checksums by which it could be mended: {why}")
+    with open_map(output) as ds:
+        check_swept(ds, output, read=False)
+        said = otherwise(ds.attrs, spec, known)
+    do = "use --force to replace it, or another name"
+    return StoreError(f"{output}: was made otherwise than this sweep ({said}); {do}")
 
 
 def salvage(output: Path, damaged: Sequence[Piece], store: BlockStore) -> None:
