@@ -8,7 +8,7 @@ import pytest
 from stub_sweep import evaluate
 
 from wiperjax.cli import main
-from wiperjax.explorer.explored import open_explored
+from wiperjax.explorer.explored import explored, open_explored
 from wiperjax.machine.files import StoreError
 from wiperjax.maps.driver import sweep
 from wiperjax.maps.refine.driver import refine
@@ -87,3 +87,5 @@ def test_no_motion_of_a_changed_law_is_shown_beside_a_map(law):
     found, file = open_explored("map.h5", trusted=True)
     file.close()
     assert found.spec is not None and not found.unable
+    for told in ("no JSON", "[" * 5000, "{}"):
+        assert explored(found.ds.assign_attrs(specification_canonical=told), trusted=True).unable

@@ -213,6 +213,7 @@ def _specification(
         if not trusted and (named := sorted(paths_in(data).values())):
             return None, plain(f"it names a module ({named[0]}), which only --trust imports")
         spec = parse_sweep(data, "the specification in the map")
+        differs = otherwise(ds.attrs, spec)
     except (SpecError, ValueError, RecursionError) as error:
         return None, plain(str(error))
     axes = spec.axes_values()
@@ -229,8 +230,8 @@ def _specification(
             return None, f"{name} is not the {made:g} that the map says it was made with"
     if spec.starts is not None and not _are_of(starts, spec.starts):
         return None, "the starts of the map are not those it was made from"
-    if said := otherwise(ds.attrs, spec):  # else motions are drawn that are not the map's
-        return None, plain(f"the map was made otherwise ({said})")
+    if differs:  # else motions are drawn that are not the map's
+        return None, plain(f"the map was made otherwise ({differs})")
     return spec, ""
 
 
