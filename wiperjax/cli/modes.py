@@ -67,15 +67,17 @@ def modes(
 
 def _found(file: Path, model: str | None) -> Any:
     """Modes of what a file is: a map, a sweep or a scene."""
-    from ..modes.over import beside, modes_over, spec_of
+    from ..modes.over import beside, modes_over
     from ..modes.table import modes as modes_at
 
     if file.suffix in MAP_SUFFIXES or file.is_dir():
-        from ..store.whole import check_swept, open_finished
+        from ..store.swept import sweep_of
+        from ..store.whole import open_finished
 
-        with open_finished(file) as simulated, told_of(file):
-            check_swept(simulated, file)
-            return beside(modes_over(spec_of(simulated)), simulated)
+        with open_finished(file) as simulated:
+            spec = sweep_of(simulated, file)  # names the file itself
+            with told_of(file):
+                return beside(modes_over(spec), simulated)
     from ..specs.load import load_scene, load_sweep
 
     if _is_sweep(file):
