@@ -102,15 +102,14 @@ def _stated(file: Path, settings: dict[str, Any]) -> dict[str, Any]:
     """
     import json
 
-    from ..specs.load import parse_sweep
     from ..specs.refine import parse_refine
-    from ..store.whole import check_swept, open_finished
+    from ..store.swept import sweep_of
+    from ..store.whole import open_finished
 
     with open_finished(file) as ds:
-        check_swept(ds, file)
-        document = json.loads(ds.attrs["specification"])
+        spec, document = sweep_of(ds, file), json.loads(ds.attrs["specification"])
     if "refine" not in document:
-        parse_refine({"levels": 1, **settings}, parse_sweep(document, str(file)))
+        parse_refine({"levels": 1, **settings}, spec)
         raise ValueError("--levels or --resolution must say how fine; the map's file does not")
     return document["refine"] | settings
 
