@@ -89,7 +89,8 @@ def jump(problem: Problem, state: State) -> State:
     end = jnp.minimum(problem.end, before.break_time(state.piece))
     after = keep(transition(problem, state, fires, breaks, piece, end))
 
-    # the first slots mean something else in another regime, a switch on its other side
+    # the first slots mean something else in another regime; a switch is the difference of the same
+    # numbers on its other side, as well known as on this one
     contact_slots = first_switch(problem.system)
     others = fires & (state.due < contact_slots)
     # what a flight only passes, a break or a switch, does not begin it anew
@@ -97,9 +98,7 @@ def jump(problem: Problem, state: State) -> State:
     if after.struck is not None:  # a blow does, and may end a regime
         passes = passes & ~after.struck
         others = others | (after.struck & (after.regime != state.regime))
-    anew = [others] * contact_slots
-    anew += [fires & (state.due == i) for i in range(contact_slots, len(state.reach))]
-    reach = tuple(map(jnp.where, anew, after.sizes, state.reach))
+    begun = where(others, after.sizes, state.reach[:contact_slots])
     memory, step = remember(state, after.regime, after.time, after.bounce, happens, fires)
     result = _result_after(problem, state, after, happens, fires)
     # the observer and the log see the event on the piece of the motion that it ends
@@ -131,7 +130,7 @@ def jump(problem: Problem, state: State) -> State:
         piece=piece,
         sides=where(happens, after.sides, state.sides),
         orders=where(happens, after.orders, state.orders),
-        reach=reach,
+        reach=(*begun, *state.reach[contact_slots:]),
         due=jnp.full_like(state.due, -1),
         rate=where(happens, after.rate, state.rate),
         guards=where(happens, after.guards, state.guards),
