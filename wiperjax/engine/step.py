@@ -108,10 +108,10 @@ def jump(problem: Problem, state: State) -> State:
         *(after.impulse, after.time - state.time, output),
     )
     observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
-    log = state.log
+    logs = happens & (state.time >= problem.log_start)
+    log = state.log._replace(count=state.log.count + logs.astype(jnp.int32))
     if problem.log_capacity:
-        logs = happens & (state.time >= problem.log_start)
-        row = jnp.where(logs, log.count, problem.log_capacity)
+        row = jnp.where(logs, state.log.count, problem.log_capacity)
         at = (row, *jnp.indices(row.shape, sparse=True))  # lanes last
         log = log._replace(
             time=put(log.time, at, after.time),
@@ -119,7 +119,6 @@ def jump(problem: Problem, state: State) -> State:
             before=put(log.before, at, state.regime),
             after=put(log.after, at, after.regime),
             impulse=put(log.impulse, at, after.impulse),
-            count=log.count + logs.astype(jnp.int32),
         )
     return state._replace(
         time=jnp.where(happens, after.time, state.time),
