@@ -220,6 +220,8 @@ def test_wrong_arguments_are_refused():
         trajectory(Ball(), 1.0, ((1.0,), (0.0, 0.0)))
     with pytest.raises(ValueError, match="no default start"):
         wiperjax.solve(Ball(), 1.0)
+    with pytest.raises(ValueError, match="^start must lie .* but was 1e\\+09 s"):
+        wiperjax.solve(Wiper(belt=WipingBelt(0.3, 100.0)), 0.02, start=1e9)
 
 
 @pytest.mark.slow
