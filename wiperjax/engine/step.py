@@ -11,7 +11,7 @@ from jax.lax import stop_gradient
 
 from ..contact.guards import first_switch, stop_slots
 from ..contact.projection import project
-from ..contact.regimes import pulls
+from ..contact.regimes import drives, pulls
 from ..contact.system import like, rates
 from ..numerics.arrays import put, where
 from ..numerics.fusion_barrier import keep
@@ -265,9 +265,10 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     why = jnp.where(trial.finite, why, int(Result.NON_FINITE))
     running = state.result == RUNNING
     result = jnp.where(running & too_small, why, state.result)
-    pulled = pulls(problem.system, [n.forces.normal for n in trial.nodes])
-    pulled = running & plan.accept & pulled
-    result = jnp.where(pulled, int(Result.NO_CONSISTENT_REGIME), result)
+    seen = [n.forces for n in trial.nodes]
+    unfit = pulls(problem.system, [f.normal for f in seen])
+    unfit = unfit | drives(problem.system, state.regime, seen)
+    result = jnp.where(running & plan.accept & unfit, int(Result.NO_CONSISTENT_REGIME), result)
     spent = (result == RUNNING) & (state.attempts >= problem.max_steps)
     result = jnp.where(spent, int(Result.STEP_BUDGET_SPENT), result)
     return state._replace(
