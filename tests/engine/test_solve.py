@@ -208,6 +208,8 @@ def test_event_log_overflow_is_flagged_and_counted():
     assert bool(s.event_overflow) and not bool(full.event_overflow)
     assert int(s.events.count) == int(full.events.count) > 4
     np.testing.assert_array_equal(s.events.time, full.events.time[:4])
+    none = trajectory(Ball(9.81, 0.5), 3.0, ((1.0,), (0.0,)), max_events=0)
+    assert bool(none.event_overflow) and int(none.events.count) == int(full.events.count)
     np.testing.assert_array_equal(s.final_position, full.final_position)
 
 
@@ -218,6 +220,8 @@ def test_wrong_arguments_are_refused():
         trajectory(Ball(), 1.0, ((1.0,), (0.0, 0.0)))
     with pytest.raises(ValueError, match="no default start"):
         wiperjax.solve(Ball(), 1.0)
+    with pytest.raises(ValueError, match="^start must lie .* but was 1e\\+09 s"):
+        wiperjax.solve(Wiper(belt=WipingBelt(0.3, 100.0)), 0.02, start=1e9)
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
+from ..numerics.fusion_barrier import keep
 from ..numerics.types import Scalar
 
 
@@ -96,6 +97,8 @@ def phased_impact(
     # of the three one holds, whatever the coupling
     forward, slides = slid(1.0)
     backward, turns = slid(-1.0)
+    # kept: at the border of two, each of their uses could round, and choose, on its own
+    slides, turns = keep((slides, turns))
     sticks = ~slides & ~turns
     normal = jnp.where(slides, forward, jnp.where(turns, backward, held))
     friction = jnp.where(slides, -mu * forward, mu * backward)
