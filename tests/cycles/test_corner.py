@@ -248,3 +248,27 @@ def test_branch_goes_on_beyond_a_grazing_impact():
     words = {c.word for c in branch.cycles[special.index + 1 :]}
     assert words == {"impact"} and branch.ends[1] == "the end of the range"
     assert no_gaps(branch, 0.1)
+
+
+@pytest.mark.slow
+def test_a_system_that_loses_nothing_has_no_tori_and_no_stable_cycles():
+    """Its multipliers lie on the unit circle but for rounding, whose sign made a dozen of points
+    at which a pair passes it, and cycles stable by turns.
+
+    From stop to stop x = cos(w t) / (1 - w^2) + A cos t, with x = 0 half a period from t = 0.
+    """
+    w = 2.5
+    free = 1 / (1 - w * w)
+    lowest = free + free / math.cos(math.pi / w)  # forced and free part, alike at the stop
+    cycle = find_cycle(
+        StopOscillator(amplitude=1.0, frequency=w, restitution=1.0, side=-1.0),
+        settle=2 * math.pi / w,
+        initial_state=((lowest,), (0.0,)),
+        period=turn,
+        over="amplitude",
+    )
+    assert cycle.found == Found.FOUND and cycle.word == "impact"
+    np.testing.assert_allclose(np.abs(cycle.multipliers), 1.0, rtol=1e-9)
+    branch = follow(cycle, 0.3, 3.0, step=0.1)
+    assert branch.special == []
+    assert not any(c.stable for c in branch.cycles)

@@ -12,13 +12,14 @@ from systems import Block, Ring
 
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb
+from wiperjax.blade import numbers
 from wiperjax.cycles.branch.bifurcations import change
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.chart import Turning, chart
 from wiperjax.cycles.cycle import Cycle, close
-from wiperjax.cycles.find import _closed, _dies, find_cycle, once
+from wiperjax.cycles.find import _closed, _dies, _near, find_cycle, once
 from wiperjax.cycles.first_guess import Guess, _middle
-from wiperjax.cycles.return_map import Found
+from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.cycles.shooting import Lost
 from wiperjax.systems.oscillator import Oscillator
 
@@ -148,12 +149,13 @@ def test_a_cycle_passed_several_times_is_passed_once(ring):
 
 
 class Bouncing(AbstractSystem):
-    """A ball on a table that goes up and down once a second; gravity 1, restitution 1/2.
+    """A ball on a table that goes up and down once a second; gravity 1.
 
-    Impacts once a period are stable from ``FOLD`` to ``DOUBLING`` (closed forms).
+    At restitution 1/2 one impact a period is stable from ``FOLD`` to ``DOUBLING`` (closed forms).
     """
 
     table: float = 0.03
+    restitution: float = 0.5
 
     def free_acceleration(self, t, q, v):
         return (-1.0 + 0.0 * q[0],)
@@ -169,7 +171,7 @@ class Bouncing(AbstractSystem):
 
     @property
     def bounce(self):
-        return 0.5
+        return self.restitution
 
 
 FOLD = math.pi / 3 / (2 * math.pi) ** 2
@@ -206,6 +208,54 @@ def test_on_either_side_of_a_doubling_the_cycle_is_that_settled_on(share, settle
         lift = 2.25 * table * (2 * math.pi) ** 2 * math.sqrt(1 - (FOLD / table) ** 2)
         pair = np.sort(np.roots([1.0, lift - 1.25, 0.25]))
         np.testing.assert_allclose(np.sort(np.real(cycle.multipliers)), pair, rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_a_ball_that_lies_on_the_table_leaves_no_coordinate_free():
+    """Newton's method had nothing to solve for: a traceback. It lies until the table falls faster
+    than it, from table (2 pi)^2 = 1 on."""
+    cycle = find_cycle(
+        Bouncing(0.02, 0.3),
+        settle=30.0,
+        initial_state=((0.1,), (0.0,)),
+        period=1.0,
+        over="table",
+    )
+    assert (cycle.found, cycle.word, cycle.stable) == (Found.FOUND, "", True)
+    assert np.all(cycle.multipliers == 0) and cycle.maximum == pytest.approx(0.02, rel=1e-9)
+    branch = follow(cycle, 0.015, 0.03, step=0.3)
+    assert branch.ends == ("the end of the range",) * 2
+    assert [(s.kind, s.detail) for s in branch.special] == [("grazing", "+lift_off +zeno")]
+    assert branch.special[0].parameter == pytest.approx((2 * math.pi) ** -2, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_motion_that_ends_in_the_air_closes_no_cycle_on_the_table():
+    """With no coordinate free its end was not looked at."""
+    system = numbers.traceable(Bouncing(0.055), "table")
+    shooting = Shooting(system, "table", lambda s: 1.0, None, 1, np.array([0.055, 0.35]), 1.0)
+    pressed = np.array([-0.055, 0.0])
+    cycle = close(shooting, pressed, int(wiperjax.Regime.SLIP_POS), 1.0, 0.75)
+    assert cycle.found == Found.NOT_CONVERGED
+
+
+@pytest.mark.slow
+def test_a_motion_that_passes_near_an_unstable_cycle_is_not_on_it():
+    """Two states a second apart were alike, of a motion that repeats every seven seconds: the
+    answer was a cycle with a multiplier 4.4."""
+    ball = Bouncing(0.045)
+    cycle = find_cycle(ball, settle=40.0, initial_state=((0.03,), (0.0,)), period=1.0)
+    assert (cycle.found, cycle.stable) == (Found.FOUND, True)
+    assert cycle.period == pytest.approx(7.0)
+
+
+def test_an_unstable_cycle_is_none_that_a_motion_settles_on(ring):
+    """It begins on the unstable circle, and has not left it yet."""
+    radius = math.sqrt(0.5 - math.sqrt(0.25 - ring.system.a))
+    guess = Guess(ring.shooting, np.array([radius, 0.0]), ring.regime, ring.period)
+    assert close(*guess).multipliers[0].real > 1
+    cycle = _near(guess, 1.0)
+    assert cycle.found == Found.NOT_PERIODIC and "unstable" in cycle.why
 
 
 class Beside(AbstractSystem):

@@ -1,5 +1,7 @@
 """What drives a system: whether anything does, and whether it comes again after a period."""
 
+from collections.abc import Callable, Iterable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +12,6 @@ from ..contact.system import AbstractSystem
 from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE
-from .return_map import Shooting
 
 INSTANTS = 64  # at which what drives is compared
 STATES = 8  # of a settled motion, in which it is
@@ -32,19 +33,17 @@ def refuse_a_clock(system: AbstractSystem, states, span: float) -> None:
         )
 
 
-def check_clock(shooting: Shooting, states) -> None:
-    """Raises ValueError unless what drives a system in ``states`` (k, 2n) comes again after its
-    period, also beside the values of what will be varied.
+def check_clock(system: AbstractSystem, clock: Callable, varied: Iterable[str], states) -> None:
+    """Raises ValueError unless what drives a system in ``states`` (k, 2n) comes again after the
+    period ``clock(system)``, also beside the values of what will be ``varied``.
     """
-    assert shooting.clock is not None
-    system = shooting.system
     tried = [(system, "")]
-    for name in shooting.varied:
+    for name in varied:
         own = numbers.value(system, name)
         aside = own + ASIDE * (abs(own) or 1.0)
         tried.append((numbers.replaced(system, name, aside), f" at {name} = {aside:g}"))
     for local, where in tried:
-        period = checks.number(f"period{where}", shooting.clock(local), POSITIVE)
+        period = checks.number(f"period{where}", clock(local), POSITIVE)
         times = period * (jnp.arange(INSTANTS) + 0.5**0.5) / INSTANTS  # no corner's own times
         now, then = (_seen(local, states, t) for t in (times, times + period))
         pairs = zip(now, then, strict=True)

@@ -20,6 +20,7 @@ from .return_map import Point, Shooting, correct
 from .shooting import Arc, Lost
 
 ISOLATED = 1e-6  # distance of a multiplier from 1
+NEUTRAL = 1e-9  # of a multiplier within the unit circle: less is rounding
 TOLD = 1e-6  # of the size of the motion: how closely a cycle is known that is isolated
 
 
@@ -63,8 +64,11 @@ class Cycle:
 
     @property
     def stable(self) -> bool:
-        """Whether all multipliers lie inside the unit circle."""
-        return self.multipliers is not None and bool(np.all(np.abs(self.multipliers) < 1))
+        """Whether all multipliers lie inside the unit circle, by more than rounding: those of a
+        system that loses nothing lie on it."""
+        if self.multipliers is None:
+            return False
+        return bool(np.all(np.abs(self.multipliers) < 1 - NEUTRAL))
 
 
 def close(shooting: Shooting, state, regime: int, period: float, phase: float = 0.0) -> Cycle:

@@ -20,6 +20,7 @@ from .shooting import Lost
 
 AGAIN = 1e-6  # of the size of the motion: how near a cycle that is passed twice comes to its start
 DYING = 0.5  # of its swing: what a motion that dies out has left of it after so long
+UNSTABLE = "it passes near an unstable cycle, on which nothing settles"
 GOES_ON = "it closed a state of rest, but the motion goes on"
 
 
@@ -77,7 +78,7 @@ def find_cycle(
     if clock is None:
         refuse_a_clock(system, beside, settle)
     else:
-        check_clock(shooting, beside)
+        check_clock(system, clock, varied, beside)
     guess = free_guesses if clock is None else driven_guesses
     return _closed(system, guess(shooting, state, settle), settle)
 
@@ -104,12 +105,15 @@ def _near(guess: Guess, settle: float) -> Cycle:
     if cycle.found == Found.AT_REST and not _dies(guess, settle):
         return replace(cycle, found=Found.NOT_CONVERGED, why=GOES_ON)
     values = cycle.multipliers
-    if values is None or not np.any(np.real(values) < -1 - ISOLATED):
+    if values is None or not np.any(np.abs(values) > 1 + ISOLATED):
         return cycle
     # nothing settles on this one; beside it there may be one of twice its period, too near to tell
-    twice = replace(shooting, repeats=2 * shooting.repeats)
-    other = once(close(twice, state, regime, 2 * period, 0.5 * phase))
-    return other if other.stable else cycle
+    if np.any(np.real(values) < -1 - ISOLATED):
+        twice = replace(shooting, repeats=2 * shooting.repeats)
+        other = once(close(twice, state, regime, 2 * period, 0.5 * phase))
+        if other.stable:
+            return other
+    return Cycle(shooting.system, Found.NOT_PERIODIC, why=UNSTABLE, shooting=shooting)
 
 
 def once(cycle: Cycle) -> Cycle:

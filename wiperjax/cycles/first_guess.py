@@ -106,20 +106,22 @@ def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess |
     parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
     one, _ = shooting.driven_period(parameter)
     motion = looked_at(shooting, state, -1, max(1.0, math.ceil(settle / one)) * one, 1e-8)
-    states, motions = [motion.state], []
+    ends, motions = [motion.state], []
     for _ in range(MOST_RETURNS):
         motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), one, shooting.rtol)
         motions.append(motion)
-        states.append(motion.state)
+        ends.append(motion.state)
     samples = np.concatenate([m.samples for m in motions])
-    check_clock(shooting, samples[:: len(samples) // STATES])
+    clock, seen = shooting.clock, samples[:: len(samples) // STATES]
+    assert clock is not None
+    check_clock(shooting.system, clock, shooting.varied, seen)
     if not np.any(moving(samples, shooting.scale)):
         yield Found.AT_REST
         return
     whole = motions[0]._replace(samples=samples)
-    scale = _sizes(whole, shooting.scale)
+    scale, states = _sizes(whole, shooting.scale), np.array(ends)
     for k in range(1, MOST_RETURNS + 1):
-        if np.all(np.abs(states[k] - states[0]) < ALIKE * scale):
+        if np.all(np.abs(states[k:] - states[:-k]) < ALIKE * scale):
             break
     else:
         yield Found.NOT_PERIODIC

@@ -23,6 +23,7 @@ from .shooting import Arc, Lost, shoot
 
 CLOSED = 1e-9  # of the return map, relative to the size of the motion: larger is no cycle
 ENOUGH = 1e-11  # closed to rounding
+HELD = 1e-6  # of the motion: how well its end is back on the contact that it began in
 MOST_MOTIONS = 10  # of one correction: a cycle that is there takes 3 to 6
 
 
@@ -167,9 +168,11 @@ def correct(
         pass
     except Lost:
         return None
-    size = float(np.max(np.abs(last["residual"])))
+    size = float(np.max(np.abs(last["residual"]), initial=0.0))  # contact may leave nothing free
     off = abs(float(pinned @ last["u"]) - target)
-    if not (size < CLOSED and off < CLOSED):
+    motion = last["motion"]
+    aside = np.max(np.abs(motion.state - motion.samples[0]) / where.scale)  # of the contact, too
+    if not (size < CLOSED and off < CLOSED and aside < HELD):
         return None
     return Point(
         where,
@@ -177,7 +180,7 @@ def correct(
         last["u"],
         last["jacobian"],
         size,
-        last["motion"],
+        motion,
         last["period"],
         last["parameter"],
     )

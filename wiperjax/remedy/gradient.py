@@ -117,7 +117,9 @@ def _family(cycle: Cycle, names) -> Shooting:
     every = tuple(dict.fromkeys((*shooting.varied, *names)))
     family = replace(shooting, system=numbers.traceable(cycle.system, *every), varied=every)
     if family.clock is not None:
-        check_clock(family, motion.samples[:: SAMPLES // STATES])
+        check_clock(
+            family.system, family.clock, family.varied, motion.samples[:: SAMPLES // STATES]
+        )
     return family
 
 

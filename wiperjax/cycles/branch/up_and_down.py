@@ -28,6 +28,8 @@ from ...numerics.kept import Kept
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import FAIR, RESULTS, RUNNING, Result
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
+from ..clock import STATES, check_clock, refuse_a_clock
+from ..cycle import typical
 from ..shooting import tidy
 
 WAYS = ("up", "down")
@@ -57,12 +59,12 @@ def up_and_down(
     [s] or, if it is periodic, as many whole periods as fit (in a second look, after as long).
 
     **Other arguments:** ``initial_state`` = (position, q') at either end (default: the system's
-    own); ``period(system)`` of what drives it [s]: settle and window are then rounded up to whole
-    periods, so that the clock goes on as it was, and there is one look; ``kick``, by which the
-    first coordinate is moved before each value, of its typical size: without it an equilibrium that
-    has become unstable is left only when rounding has grown (delayed loss of stability);
-    ``samples`` of a window: swings shorter than a few of them have no ``maximum`` of their own;
-    ``rtol`` and ``max_step`` [s] of the integration.
+    own); ``period(system)`` of what drives it [s], without which nothing may: settle and window are
+    then rounded up to whole periods, so that the clock goes on as it was, and there is one look;
+    ``kick``, by which the first coordinate is moved before each value, of its typical size: without
+    it an equilibrium that has become unstable is left only when rounding has grown (delayed loss of
+    stability); ``samples`` of a window: swings shorter than a few of them have no ``maximum`` of
+    their own; ``rtol`` and ``max_step`` [s] of the integration.
 
     **Returns** a dataset with the dimensions ``way`` (up, down), the parameter (in the unit of
     files) and ``peak``: ``maximum`` of the first coordinate (the largest first; NaN-padded; of a
@@ -72,7 +74,8 @@ def up_and_down(
 
     Both ways run side by side in one compiled program.
 
-    Raises ValueError for values that do not increase or a name that is not there.
+    Raises ValueError for values that do not increase, a name that is not there, and a system that
+    something drives, if there is no ``period`` or what drives it does not come again after it.
     """
     check_system(system)
     values = checks.increasing("values", values, 2)
@@ -91,16 +94,21 @@ def up_and_down(
     given, system = system, numbers.traceable(system, over)
     numbers.check_corners("values", given, {over: (values[0], values[-1])})
     state = _ends(system, over, values, initial_state)
+    sizes = typical(system, state.shape[1] // 2)
+    _check_drive(system, over, period, values, state[:, None] + 0.1 * sizes, settle + window)
     ways = jnp.stack([values, values[::-1]])
     spans = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))
     spans += (None if max_step is None else jnp.asarray(max_step, float),)
     found = _march(system, over, period, ways, state, spans, samples)
-    position, velocity, *columns = (np.array(x) for x in found)
-    for array in (position, velocity, *columns):
+    states, *columns = (np.array(x) for x in found)
+    # a shaken wall, say, is seen in states that it pushes
+    settled = states[:, 0, :: max(1, samples // STATES)]
+    _check_drive(system, over, period, values, settled, settle + window)
+    for array in (states, *columns):
         array[1] = array[1, ::-1]
-    stick, flight, rms, highest, result = columns
-    typical = float(np.asarray(system.scales(state.shape[1] // 2)[0][0]))
-    ds = _table(given, over, values, _peaks(position, velocity, highest, FLAT * typical), columns)
+    highest = columns[3]
+    first = states[..., [0, state.shape[1] // 2]]  # coordinate, and its rate
+    ds = _table(given, over, values, _peaks(first, highest, FLAT * sizes[0]), columns)
     return ds.assign_attrs(settle=settle, window=window)
 
 
@@ -114,11 +122,23 @@ def _ends(system: AbstractSystem, over: str, values, initial_state) -> jax.Array
     return jnp.stack([jnp.concatenate([jnp.stack(p) * 1.0 for p in end]) for end in ends])
 
 
-def _peaks(position, velocity, highest, flat: float) -> np.ndarray:
+def _check_drive(system: AbstractSystem, over: str, period, values, states, span: float) -> None:
+    """Raises ValueError if something drives the system at either end of ``values``, in ``states``
+    (2, k, 2n), within ``span`` [s] and there is no ``period``, or that is not its own.
+    """
+    for value, seen in zip((values[0], values[-1]), states, strict=True):
+        local = numbers.replaced(system, over, value)
+        if period is None:
+            refuse_a_clock(local, seen, span)
+        else:
+            check_clock(local, period, (), seen)
+
+
+def _peaks(first, highest, flat: float) -> np.ndarray:
     """Return `maxima` of every motion, (ways, values, PEAKS), NaN-padded."""
-    peaks = np.full((*position.shape[:2], PEAKS), np.nan)
-    for at in np.ndindex(position.shape[:2]):
-        highs = maxima(position[at], velocity[at], float(highest[at]), flat)
+    peaks = np.full((*highest.shape, PEAKS), np.nan)
+    for at in np.ndindex(highest.shape):
+        highs = maxima(*first[at].T, float(highest[at]), flat)
         if len(highs) > PEAKS:
             highs = highs[np.linspace(0, len(highs) - 1, PEAKS).round().astype(int)]
         peaks[at][: len(highs)] = highs
@@ -225,13 +245,14 @@ def _march(system, over, period, ways, states, spans, samples: int):
             rms = totals.deviation(after)
             shares = totals.stick_time / after, totals.flight_time / after
             q, v = s.samples.position, s.samples.velocity
-            found = q[0], v[0], *shares, rms, s.statistics.highest
+            states = jnp.stack([*q, *v], axis=-1)
+            found = states, *shares, rms, s.statistics.highest
             result = jnp.where(_fair(result), s.result, result)  # what went wrong first
             end = jnp.concatenate([s.final_position, s.final_velocity])
             end = jnp.where(_fair(result), end, initial)
             # x' = 0 in a slip that the kick has just begun is left to the engine to decide
             regime = jnp.where(_fair(result), s.final_regime, RUNNING)
-            again = repeat_time(jnp.stack([*q, *v], axis=-1), after)
+            again = repeat_time(states, after)
             return (end, regime, jnp.zeros_like(before), again, result), found
 
         state = state.at[0].add(kick * local.scales(n)[0][0])

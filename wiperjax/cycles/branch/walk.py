@@ -26,6 +26,7 @@ from .step import (
 STRAIGHT = 0.98  # cosine of a turn after which steps grow
 BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
 SAME = 1e-3  # of a chord: how near to each other two cycles are one
+ROUNDING = 1e-8  # of a test function: less has no sign
 VANISHED = 0.01  # of the largest amplitude: the cycle shrinks onto steady slip
 
 Located = list[tuple[float, str, str, BranchStep]]  # distance, kind, detail, step of special points
@@ -100,6 +101,8 @@ class Walk:
         found: Located = []
         for kind, detail, test in TESTS:
             for ends in pairwise(self._apart(here, ahead, length, test)):
+                if max(abs(test(step)) for _, step in ends) < ROUNDING:
+                    continue  # zero all along, as products of a system that loses nothing are
                 place = between(self.shooting, here, ends, test)
                 if place is None:
                     continue

@@ -59,7 +59,7 @@ class OfCycles(Equations):
 
     def cycle(self, u: np.ndarray, residual, jacobian, motion: Arc) -> Cycle:
         """Return the cycle of a solution."""
-        place, size = self.place(u), float(np.max(np.abs(residual)))
+        place, size = self.place(u), float(np.max(np.abs(residual), initial=0.0))
         period = float(motion.times[-1] - motion.times[0])
         point = Point(
             self.where, self.phase, u[:-1], jacobian[:, :-1], size, motion, period, place[0]
