@@ -70,7 +70,7 @@ def check_observation(
 def check_start(system: AbstractSystem, start: Any) -> None:
     """Raises ValueError for a ``start`` so far from 0 that its smooth piece of the prescribed
     motion has a number of more than 32 bits."""
-    if any(map(checks.is_traced, jax.tree.leaves((system, start)))):
+    if any(map(checks.is_traced, jax.tree.leaves((system, start)))) or not np.any(start):
         return
     piece = np.max(np.abs(np.asarray(system.first_piece(jnp.asarray(start, float)), float)))
     if piece > MOST_PIECES:
