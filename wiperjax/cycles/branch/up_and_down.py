@@ -138,7 +138,8 @@ def _peaks(first, highest, flat: float) -> np.ndarray:
     """Return `maxima` of every motion, (ways, values, PEAKS), NaN-padded."""
     peaks = np.full((*highest.shape, PEAKS), np.nan)
     for at in np.ndindex(highest.shape):
-        highs = maxima(*first[at].T, float(highest[at]), flat)
+        place, rate = first[at].T
+        highs = maxima(place, rate, float(highest[at]), flat)
         if len(highs) > PEAKS:
             highs = highs[np.linspace(0, len(highs) - 1, PEAKS).round().astype(int)]
         peaks[at][: len(highs)] = highs
