@@ -269,3 +269,16 @@ def test_stop_on_the_other_side_is_the_mirror_image():
     b = trajectory(StopOscillator(load=-0.1, restitution=0.7, side=-1.0), 9.0, ((-1.0,), (0.0,)))
     np.testing.assert_allclose(times(a), times(b), rtol=1e-12)
     np.testing.assert_allclose(a.final_position, -b.final_position, rtol=1e-9)
+
+
+def test_a_start_is_looked_at_inside_a_trace_of_something_else():
+    """The number of its piece was asked of jax there, and came as a tracer: a traceback."""
+    wiper = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 100.0, 0.4))
+
+    def run(x, start):
+        rest = (0.0, 0.0)
+        return wiperjax.solve(wiper, 1e-3, initial_state=((x, 0.0), rest), start=start).result
+
+    jax.eval_shape(lambda x: run(x, 5.0), 0.0)
+    with pytest.raises(ValueError, match="start must lie in one of the first 2147482648 pieces"):
+        jax.eval_shape(lambda x: run(x, 1e9), 0.0)

@@ -72,7 +72,9 @@ def check_start(system: AbstractSystem, start: Any) -> None:
     motion has a number of more than 32 bits."""
     if any(map(checks.is_traced, jax.tree.leaves((system, start)))) or not np.any(start):
         return
-    piece = np.max(np.abs(np.asarray(system.first_piece(jnp.asarray(start, float)), float)))
+    with jax.ensure_compile_time_eval():  # also inside a trace of something else
+        first = system.first_piece(jnp.asarray(start, float))
+    piece = np.max(np.abs(np.asarray(first, float)))
     if piece > MOST_PIECES:
         must = f"must lie in one of the first {MOST_PIECES} pieces of the prescribed motion"
         raise ValueError(f"start {must}, but was {float(start):g} s, in number {piece:g}")
