@@ -72,6 +72,7 @@ class Stubs:
             "maps.verify": {"verify": self.verify},
             "runs.scene": {"run_scene": self.simulate},
             "plots": {"plot_file": self.plot_file, "plot_all": self.plot_all},
+            "plots.files": {"usual_picture": lambda path: "overview"},
         }
         for name, contents in pieces.items():
             module = types.ModuleType(f"wiperjax.{name}")
@@ -166,6 +167,15 @@ def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
         r"^map      m\.h5: [\d.]+ MB, 0:00:\d\d, \d\.\d\d GB of memory", printed.out, re.M
     )
     assert "m.png" in printed.out
+
+
+def test_a_sweep_of_one_cell_says_that_it_draws_nothing(folder, stubs, capsys):
+    Path("s.toml").write_text(SWEEP.replace("[-30, 5]", "[5]"))
+    assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0
+    assert "plot_file" not in stubs.names
+    assert "picture  none: a map of one cell" in capsys.readouterr().out
+    assert main(["sweep", "s.toml", "-o", "n.h5", "--no-picture"]) == 0
+    assert "picture  none" not in capsys.readouterr().out
 
 
 def test_model_of_the_command_line_wins(folder, stubs, capsys):
@@ -290,6 +300,12 @@ def test_what_did_not_reach_its_end_is_said_by_all_that_write_it(folder, stubs, 
     assert main("simulate scene.toml -o s.h5".split()) == 0 and not capsys.readouterr().err
 
 
+def test_what_is_wrong_with_a_scene_names_its_file(folder, stubs, capsys):
+    stubs.error = ValueError("start.equilibrium must be left out: no steady slip exists")
+    said = failed(capsys, main(["simulate", "scene.toml", "-o", "r.h5"]))
+    assert said == f"wiperjax: scene.toml: {stubs.error}"
+
+
 def test_ctrl_c_in_simulate(folder, stubs, capsys):
     stubs.error = KeyboardInterrupt()
     line = failed(capsys, main(["simulate", "scene.toml", "-o", "r.h5"]), 130)
@@ -333,6 +349,9 @@ def test_help_of_plot_names_every_picture(capsys):
     for kind, pictures in PICTURES.items():
         told = re.split(f"Pictures of (?:a )?{kind}: ", printed)[1].split(".")[0]
         assert all(name in told for name in pictures)
+        for name, picture in pictures.items():
+            if "quantity" in picture.options:
+                assert name in re.split("Variable for ", printed)[1].split(".")[0]
 
 
 def test_plot_that_fails(folder, stubs, capsys):
@@ -432,13 +451,16 @@ def test_the_command_line_alone_imports_nothing_heavy():
             "s.toml: --target-error 0.001 does not go with derivatives: run.precision: must be",
         ),
         (
+            "sweep float32.toml -o m.h5 --sensitivities",
+            "float32.toml: run.precision: must be 'float64' with sensitivities, was 'float32'",
+        ),
+        (
             "sweep own.toml -o m.h5 --target-error 1e-3",
             "own.toml: --target-error must be left out with system = 'oscillator'",
         ),
         ("simulate s.toml -o r.h5", "s.toml: has [axes], so it is a sweep"),
         ("simulate scene.toml -o there.h5", "there.h5: exists already; use --force"),
         ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
-        ("plot there.h5 -o drawn.png", "drawn.png: exists already; use --force"),
         ("plot there.h5 -o p.h5", "p.h5: must end in .png or .pdf or .svg"),
         ("plot there.h5 -o p.gif --all", "p.gif: must end in .png or .pdf or .svg"),
         ("plot there.h5 -o p.png --all -p phase", "--all draws every picture and --picture one"),
@@ -467,6 +489,7 @@ def test_the_command_line_alone_imports_nothing_heavy():
 )
 def test_refused_before_any_work(words, line, folder, stubs, capsys):
     Path("typo.toml").write_text("[blade]\nmu_statik = 1\n" + SWEEP)
+    Path("float32.toml").write_text(SWEEP + "precision = 'float32'\n")
     Path("slopes.toml").write_text(SWEEP + "[sensitivities]\n")
     own = 'system = "oscillator"\n' + SWEEP.replace("attack_angle", "mass").replace("-30", "1")
     Path("own.toml").write_text(own)
@@ -488,12 +511,25 @@ def test_the_input_is_never_the_output(folder, stubs, capsys):
 
 
 @pytest.mark.parametrize(
-    "words",
-    ["sweep s.toml", "sweep s.toml -o m.h5 --nope", "bogus", "sweep s.toml -o m.h5 --block 0"],
+    ("words", "helps"),
+    [
+        ("sweep s.toml", "wiperjax sweep --help"),
+        ("sweep s.toml -o m.h5 --nope", "wiperjax sweep --help"),
+        ("sweep s.toml -o m.h5 --block 0", "wiperjax sweep --help"),
+        ("bogus", "wiperjax --help"),
+        ("--nope", "wiperjax --help"),
+    ],
 )
-def test_wrong_command_lines(words, folder, stubs, capsys):
-    assert failed(capsys, main(words.split()), 2).endswith("try 'wiperjax --help'")
+def test_wrong_command_lines_name_the_help_that_helps(words, helps, folder, stubs, capsys):
+    assert failed(capsys, main(words.split()), 2).endswith(f"; try '{helps}'")
     assert stubs.calls == []
+
+
+@pytest.mark.parametrize("command", ["plot r.h5", "listen r.h5"])
+@pytest.mark.parametrize("option", ["--from", "--to"])
+def test_a_time_that_is_none_is_named_by_its_option(command, option, folder, stubs, capsys):
+    said = failed(capsys, main([*command.split(), option, "nan"]), 2)
+    assert f"'{option}': must be a finite number, was nan" in said and stubs.calls == []
 
 
 def test_force_replaces(folder, stubs):

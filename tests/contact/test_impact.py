@@ -10,6 +10,7 @@ neither.
 import math
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -115,6 +116,18 @@ def test_impacts_of_two_phases_push_and_gain_nothing_whatever_the_coupling():
     assert not np.any(slides & drawn_in)
 
 
+def test_pfeiffer_and_glockers_law_is_one_branch_at_the_border_of_two():
+    """Vectorised, the uses of one comparison were computed apart, and rounded apart: half of the
+    numbers were those of stick, half of slip."""
+    w_tn, w_nn, mu, v_n = 0.7179148509222308, 0.17024528756945445, 0.2339526103657302, -1.36
+    case = (3.0686336425139213, w_tn, w_nn, mu, 1.0, 1e-14, v_n)
+    for e in (0.0, 1.0):
+        given = np.broadcast_to(np.array([*case[:4], e, *case[5:]])[:, None], (7, 8))
+        p_t, p_n, after_t, after_n = jax.jit(jax.vmap(phased_impact))(*given)
+        np.testing.assert_allclose(after_t, case[5] + case[0] * p_t + w_tn * p_n, atol=1e-9)
+        np.testing.assert_allclose(after_n, v_n + w_tn * p_t + w_nn * p_n, atol=1e-9)
+
+
 @settings(max_examples=60, deadline=None)
 @given(impacts())
 def test_agrees_with_integration_along_the_impulse(case):
@@ -157,3 +170,16 @@ def test_frictionless_contact(e):
     p_t, p_n, after_t, after_n = (float(x) for x in impact(0.0, 0.0, 2.0, 0.7, e, 0.0, -3.0))
     assert (p_t, after_t) == (0, 0)
     assert p_n == pytest.approx((1 + e) * 1.5) and after_n == pytest.approx(3 * e)
+
+
+@pytest.mark.parametrize("w_tn", [-0.3, 0.0, 0.4])
+def test_a_trace_of_slip_is_held_to_first_order(w_tn):
+    """Of a contact that lands without slip, and sticks: the derivative by slip was left out."""
+
+    def law(v_t):
+        return jnp.stack(poisson_impact(1.3, w_tn, 2.0, 0.5, 0.6, v_t, -1.0))
+
+    h = 1e-3
+    difference = (law(h) - law(-h)) / (2 * h)
+    np.testing.assert_allclose(jax.jacfwd(law)(0.0), difference, rtol=0, atol=1e-12)
+    assert abs(difference[0]) > 0.5

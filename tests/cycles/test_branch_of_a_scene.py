@@ -1,8 +1,12 @@
 """The command ``follow``: what of a scene's numbers it takes, and refuses."""
 
+from types import SimpleNamespace
+
 import pytest
+import xarray as xr
 
 from wiperjax.cycles.branch.from_scene import follow_scene
+from wiperjax.plots.style import caption
 from wiperjax.specs.load import load_scene, parse_scene
 
 SCENE = """
@@ -55,12 +59,26 @@ def test_a_range_in_which_the_law_is_none_is_refused_before_any_work(monkeypatch
     monkeypatch.delattr(from_scene, "find_cycle")
     law = {"friction": "coulomb", "mu_static": 0.5, "mu_minimum": 0.2}
     spec = parse_scene({"blade": law, "run": {"duration": 0.05}, "belt": {"speed": 0.3}})
-    said = "the range must stay within what Coulomb may be, but at mu_static = 0.05: dynamic must"
+    said = "range of mu_static must stay within what Coulomb may be, but at mu_static = 0.05: dyn"
     with pytest.raises(ValueError, match=said):
         follow_scene(spec, "mu_static", 0.05, 0.6)
     second = ("mu_minimum", 0.1, 0.4)
     with pytest.raises(ValueError, match=r"at mu_static = 0.3, mu_minimum = 0.4: dynamic must be"):
         follow_scene(spec, "mu_static", 0.3, 0.6, second=second)
+
+
+def test_a_branch_tells_its_law_as_a_run_does(monkeypatch):
+    """Headings named it of a run alone."""
+    from wiperjax.cycles.branch import from_scene
+
+    monkeypatch.setattr(from_scene, "find_cycle", lambda *_, **__: SimpleNamespace(found=0))
+    monkeypatch.setattr(from_scene, "follow", lambda *_, **__: None)
+    monkeypatch.setattr(from_scene, "branch_dataset", lambda branch: xr.Dataset())
+    law = {"friction": "coulomb", "mu_static": 0.5, "mu_minimum": 0.2}
+    belt = {"kind": "wiping", "amplitude": 0.3, "frequency": 2.0}
+    spec = parse_scene({"blade": law, "run": {"duration": 0.05}, "belt": belt})
+    found = follow_scene(spec, "mu_static", 0.4, 0.6)
+    assert caption.parameters_text(found).endswith("wiping belt, coulomb friction")
 
 
 @pytest.mark.parametrize("name", ["period", "amplitude"])

@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 import wiperjax
 from wiperjax import Event, Regime, TrapezoidBelt, Wiper
 from wiperjax.contact.regimes import vector_field
+from wiperjax_bench.scenes import hard_contact
 
 LENGTH, BOUNCE = 6e-3, 0.3
 BLADE = ("attack_angle", "support_stiffness")
@@ -178,3 +179,28 @@ def test_a_belt_of_ramps():
         worst = np.abs(found - change) / np.maximum(np.abs(change), 0.01 * scale)
         print(name, worst.max())
         assert worst.max() < 1e-5, name
+
+
+@pytest.mark.slow
+def test_a_jam_has_the_derivative_of_its_time():
+    """Slip is braked to D = 0. The time of that was taken for fixed: its derivative was 0, those
+    of all behind it were wrong, that of the integral of forces by seven orders."""
+    found = hard_contact.near_painleve()
+    blade = jax.tree.map(lambda x: x[0] if np.ndim(x) else x, found.wiper)
+
+    def run(speed):
+        lip = LENGTH * math.sin(math.atan(0.51427))
+        s = wiperjax.solve(
+            blade, 1e-3, initial_state=((lip, 0.0), (speed, 0.0)), rtol=1e-11, max_events=4
+        )
+        outcome = jnp.stack([*s.events.time[:2], s.final_position[0], s.statistics.slip_time])
+        return (outcome, s.statistics.normal_force_integral), s.events.kind
+
+    push = jax.jit(lambda speed: jax.jvp(run, (speed,), (1.0,), has_aux=True))
+    (before, _), *_ = push(0.6 - 1e-5)
+    (after, _), *_ = push(0.6 + 1e-5)
+    _, (slope, impulse), kinds = push(0.6)
+    assert list(np.asarray(kinds)) == [Event.JAM, *[Event.IMPACT] * 3]
+    difference = (after - before) / 2e-5
+    np.testing.assert_allclose(slope, difference, rtol=3e-3)
+    assert np.all(np.abs(difference) > 1e-4) and np.isnan(impulse)

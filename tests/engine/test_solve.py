@@ -208,6 +208,8 @@ def test_event_log_overflow_is_flagged_and_counted():
     assert bool(s.event_overflow) and not bool(full.event_overflow)
     assert int(s.events.count) == int(full.events.count) > 4
     np.testing.assert_array_equal(s.events.time, full.events.time[:4])
+    none = trajectory(Ball(9.81, 0.5), 3.0, ((1.0,), (0.0,)), max_events=0)
+    assert bool(none.event_overflow) and int(none.events.count) == int(full.events.count)
     np.testing.assert_array_equal(s.final_position, full.final_position)
 
 
@@ -218,6 +220,8 @@ def test_wrong_arguments_are_refused():
         trajectory(Ball(), 1.0, ((1.0,), (0.0, 0.0)))
     with pytest.raises(ValueError, match="no default start"):
         wiperjax.solve(Ball(), 1.0)
+    with pytest.raises(ValueError, match="^start must lie .* but was 1e\\+09 s"):
+        wiperjax.solve(Wiper(belt=WipingBelt(0.3, 100.0)), 0.02, start=1e9)
 
 
 @pytest.mark.slow
@@ -265,3 +269,16 @@ def test_stop_on_the_other_side_is_the_mirror_image():
     b = trajectory(StopOscillator(load=-0.1, restitution=0.7, side=-1.0), 9.0, ((-1.0,), (0.0,)))
     np.testing.assert_allclose(times(a), times(b), rtol=1e-12)
     np.testing.assert_allclose(a.final_position, -b.final_position, rtol=1e-9)
+
+
+def test_a_start_is_looked_at_inside_a_trace_of_something_else():
+    """The number of its piece was asked of jax there, and came as a tracer: a traceback."""
+    wiper = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 100.0, 0.4))
+
+    def run(x, start):
+        rest = (0.0, 0.0)
+        return wiperjax.solve(wiper, 1e-3, initial_state=((x, 0.0), rest), start=start).result
+
+    jax.eval_shape(lambda x: run(x, 5.0), 0.0)
+    with pytest.raises(ValueError, match="start must lie in one of the first 2147482648 pieces"):
+        jax.eval_shape(lambda x: run(x, 1e9), 0.0)

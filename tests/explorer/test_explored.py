@@ -53,7 +53,7 @@ def line():
 
 def test_a_map_of_one_axis_is_a_strip_with_its_borders_across(line):
     assert line.plane_axes() == ("belt_speed", "")
-    growth = np.linspace(1.0, -3.0, 11)  # 0 at two and a half cells
+    growth = np.exp(-0.8 * np.arange(11)) - np.exp(-2.0)  # 0 at two and a half cells
     points = {
         "border_axis": ("border", np.zeros(1, np.int8), {"flag_meanings": "belt_speed"}),
         "border_belt_speed": ("border", line.ds["belt_speed"].values[[4]]),
@@ -66,7 +66,7 @@ def test_a_map_of_one_axis_is_a_strip_with_its_borders_across(line):
         assert panel.overlay.axis.visible == axis and not panel.upright.visible
         assert panel.plane.data["image"][0].shape == (1, 11)
         (boundary,) = panel.overlay.lines["boundary"].data["x"]
-        np.testing.assert_allclose(boundary, 2.5)
+        np.testing.assert_allclose(boundary, 2.5, atol=0.02)  # a chord's zero: 2.6
     (border,) = panel.overlay.lines["border"].data["x"]
     np.testing.assert_allclose(border, 4.0, atol=1e-9)
     assert "steady slip loses stability" in panel.legend.text and "located" in panel.legend.text

@@ -75,7 +75,7 @@ def test_unsuitable_solvers_are_refused(solver):
 
 @pytest.mark.slow
 def test_the_compiled_program_does_not_repeat_itself():
-    # 20 350 lines; without the fusion barriers (see `fusion_barrier`) 66 000
+    # 20 480 lines; without the fusion barriers (see `fusion_barrier`) 66 000
     def run(angle):
         return wiperjax.solve(wiperjax.Wiper(attack_angle=angle), 0.01, rtol=1e-8, max_events=8)
 

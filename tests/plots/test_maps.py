@@ -2,6 +2,8 @@
 they cannot draw.
 """
 
+from types import SimpleNamespace
+
 import matplotlib
 import numpy as np
 import pytest
@@ -9,7 +11,10 @@ import xarray as xr
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from pictures import SIGHT, inside_the_page, lab, legends
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
 
+from wiperjax.cli.compute import usual_picture
 from wiperjax.noise import class_counts
 from wiperjax.vocabulary import cf, codes
 
@@ -19,7 +24,7 @@ from wiperjax import plots
 from wiperjax.datasets import map_dataset
 from wiperjax.noise import classes
 from wiperjax.plots import files
-from wiperjax.plots.maps import categories, numbers, planes
+from wiperjax.plots.maps import categories, numbers, planes, stability
 from wiperjax.plots.style import axes as plot_axes  # noqa: E402
 from wiperjax.plots.style import palette  # noqa: E402
 from wiperjax.specs.load import parse_sweep  # noqa: E402
@@ -241,18 +246,53 @@ def test_a_logarithmic_scale_has_marks_however_narrow(low, ratio):
     assert len(set(words)) == len(words)  # no two marks read the same
 
 
+def test_logarithmic_marks_do_not_touch_on_a_narrow_axis():
+    figure = Figure(figsize=(1.6, 1.6), layout="constrained")
+    ax = figure.subplots()
+    plot_axes.plain_log(ax, "x")
+    ax.set_xlim(25, 900)
+    figure.draw_without_rendering()
+    boxes = [
+        t.get_window_extent() for t in ax.get_xticklabels() if 25 <= t.get_position()[0] <= 900
+    ]
+    assert len(boxes) >= 2
+    assert all(a.x1 + 4 < b.x0 for a, b in zip(boxes, boxes[1:], strict=False))
+
+
+def exact_boundary(angle, load):
+    """Speed (m/s) below which steady slip at that angle (deg) and load (N/m) grows."""
+    return brentq(lambda v: steady_slip(np.radians([angle]), load, np.array([v]))[1][0], 0.05, 2)
+
+
 def test_boundary_is_where_the_growth_rate_vanishes(small_map):
+    """To a few per cent, where the speeds of the map are a factor of 1.6 apart."""
     ax = Figure().subplots()
-    plots.class_map(small_map.isel(normal_load=[1]), ax)
+    one = small_map.isel(normal_load=[1])
+    plots.class_map(one, ax)
     lines = [c for c in ax.collections if hasattr(c, "levels")]
     assert lines
     points = np.concatenate([path.vertices for path in lines[-1].get_paths()])
     load = float(small_map.normal_load[1])
-    inside = np.abs(points[:, 0]) < 30
-    _, growth, _ = steady_slip(np.radians(points[inside, 0]), load, points[inside, 1])
-    # On a coarse grid the line is within a tenth of a cell or so: its growth rate is small beside
-    # the range.
-    assert np.nanmedian(np.abs(growth)) < 0.02 * np.nanmax(np.abs(small_map.growth_rate))
+    for angle in (0.0, 10.0, 20.0, 30.0):
+        near = points[np.argmin(np.abs(points[:, 0] - angle))]
+        assert near[1] == pytest.approx(exact_boundary(near[0], load), rel=0.03)
+        rows = plots.along_axis(one.sel(attack_angle=[angle]))
+        (grey,) = [c for c in rows[0].collections if c.get_alpha() == 0.08]
+        edge = grey.get_paths()[0].vertices[:, 0].max()
+        assert edge == pytest.approx(exact_boundary(angle, load), rel=0.04)
+
+
+def test_a_curve_between_cells_runs_through_them_and_keeps_holes():
+    """It has no bulge that is not in the cells, and loses nothing but what lies beside a hole."""
+    values = np.array([5.0, 1.0, 0.9, -2.0, -2.1, np.nan, 3.0, 4.0])
+    curve = stability._finer(values)
+    place = stability.places(values.size, curve.size)
+    np.testing.assert_allclose(curve[:: (curve.size - 1) // 7], values)
+    scipys = PchipInterpolator(np.arange(5), values[:5])(place[place <= 3])
+    np.testing.assert_allclose(curve[place <= 3], scipys)
+    hole = (place > 4) & (place < 6)
+    assert np.isnan(curve[hole]).all() and np.isfinite(curve[~hole]).all()
+    assert (np.diff(curve[place <= 4]) <= 0).all()
 
 
 def test_failed_and_collapsed_cells_are_hatched(small_map):
@@ -446,6 +486,9 @@ def test_raster_shows_the_regime_over_time(small_map):
     assert values.mask[-1].all() and not values.mask[:-1].any()  # blank
     values = plots.regime_raster(ds, along="attack_angle").collections[0].get_array()
     assert values.shape == (17, 4) and (values[0] == 4).all()  # beside the four regimes: grey
+    ds["label"][0] = codes.LABELS["collapsed"]
+    figure = plots.regime_raster(ds, along="attack_angle").figure
+    assert "ended before (collapsed)" in _texts(figure)
     np.testing.assert_array_equal(values[1:], regimes[1:, 1, 4])
     assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
     with pytest.raises(ValueError, match="not one number a cell: it has one for each raster_time"):
@@ -475,6 +518,18 @@ def test_speckled_maps_are_not_hatched_cell_by_cell():
     assert not ax.collections
     categories._hatch(ax, np.arange(301.0), np.arange(301.0), ~speckle | True, "xxxx", "#000000")
     assert len(ax.collections[0].get_paths()) == 300
+
+
+def test_the_picture_that_suits_a_map_is_that_of_its_axes(small_map, tmp_path):
+    """Of one axis it was refused, where its sweep drew it."""
+    line = small_map.isel(attack_angle=[5], normal_load=[1])
+    for ds, name in ((small_map, "overview"), (line, "line")):
+        path = tmp_path / f"{name}.h5"
+        whole.write_dataset(ds, path)
+        assert files.usual_picture(path) == name
+        assert usual_picture(SimpleNamespace(shape=ds["label"].shape)) == name  # of its sweep
+    plots.plot_file(path, tmp_path / "line.png", dpi=30)
+    assert files.subject_of(tmp_path / "line.png").startswith("line of ")
 
 
 @pytest.mark.slow

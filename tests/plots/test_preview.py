@@ -38,6 +38,7 @@ def test_a_map_of_one_axis_is_a_line_also_one_of_several_starts():
     assert "map of 11 cells (11 belt_speed) of 2 starts each" in repr(preview(several))
     assert (0xD5, 0x5E, 0x00) in colours(preview(several).png)
     assert preview(line.isel(belt_speed=[0])).png == b""
+    assert repr(preview(line.isel(belt_speed=0))).endswith("map of 1 cell")
     drawn = line.expand_dims({"raster_time": 4}, axis=-1)["label"].rename("regime_raster")
     assert "map of 11 cells (11 belt_speed)" in repr(preview(line.assign(regime_raster=drawn)))
 

@@ -19,7 +19,7 @@ from wiperjax.plots import files
 from wiperjax.plots.runs import animation, bands, friction, history, levels, spectra
 from wiperjax.plots.style import caption, palette
 from wiperjax.sound import sound
-from wiperjax.store.whole import open_map, write_dataset  # noqa: E402
+from wiperjax.store.whole import write_dataset  # noqa: E402
 from wiperjax.vocabulary.codes import Event, Regime  # noqa: E402
 
 
@@ -151,13 +151,15 @@ def test_frames_follow_the_motion_that_they_show():
         **{name: ("event", values, run["regime"].attrs) for name, values in turns.items()},
     )
     turning["event_kind"].attrs = bouncing_run()["event_kind"].attrs
-    for one, ends in ((run, (1 - 6 / 800, 1)), (turning, (0.74, 0.77))):
+    for one, ends in ((run, (1 - 6 / 800, 1)), (turning, (0.745, 0.775))):
         part = animation.slow_part(one, 6)
         assert part.time.values[[0, -1]] == pytest.approx(ends, abs=1e-4)
         assert np.ptp(part.time.values) / frames < 1 / 800 / 6
     assert animation.slow_part(bouncing_run(), 6).sizes["time"] == 2001  # no period
     late = run_dataset.between(turning, 0.0, 0.755)  # it ends soon after the last V = 0
     assert animation.slow_part(late, 6).time.values[[0, -1]] == pytest.approx((0.725, 0.755))
+    slow = turning.assign_attrs(class_reversal_window=0.1)  # the lip takes so long to flip over
+    assert animation.slow_part(slow, 6).time.values[[0, -1]] == pytest.approx((0.73, 0.85))
     fast = tone(6000.0)  # two periods are fewer samples than a part has
     assert animation.slow_part(fast, 2).sizes["time"] == 9
 
@@ -403,6 +405,24 @@ def test_phase_portrait_has_the_orbit_and_the_angle_of_the_lip(squeal):
     plots.phase_portrait(bouncing_run().drop_dims("event"), component=1)
 
 
+def test_velocity_jumps_at_the_glass_in_a_phase_portrait():
+    """A ball falls from 1 mm and rebounds: its samples are 0.1 mm and more above the glass."""
+    g, e = 9.81, 0.6
+    hit = np.sqrt(2e-3 / g)
+    time = np.linspace(0, 1.4 * hit, 31)
+    since = np.maximum(time - hit, 0.0)
+    speed = np.where(time < hit, -g * time, e * g * hit - g * since)
+    height = np.where(time < hit, 1e-3 - g * time**2 / 2, e * g * hit * since - g * since**2 / 2)
+    run = bouncing_run().isel(time=slice(0, 31), event=[2]).assign_coords(time=time)
+    run["event_time"][:], run["regime"][:] = hit, int(Regime.FLIGHT)
+    run["position"][:, 1], run["velocity"][:, 1] = height, speed
+    ax = plots.phase_portrait(run, component=1)
+    (flight,) = [c for c in ax.collections if c.get_label() == "flight"]
+    jumps = [s for s in flight.get_segments() if s[0, 1] < -0.1 and s[1, 1] > 0.05]
+    assert len(jumps) == 1 and np.ptp(jumps[0][:, 0]) == 0  # upright, in mm
+    assert abs(jumps[0][0, 0]) < 0.01 < height.min() * 1e3 + 0.1
+
+
 def test_caption_names_the_parameters_in_degrees(squeal):
     text = caption.parameters_text(squeal)
     assert text == "attack angle 5°, normal load 15 N/m, belt speed 0.3 m/s"
@@ -465,7 +485,11 @@ def folder(tmp_path_factory):
         attrs={"flag_values": np.arange(2, dtype=np.int8), "flag_meanings": "quiet squeal"},
     )
     coords = {"attack_angle": [-30.0, 0.0, 5.0], "belt_speed": [0.1, 0.2]}
-    write_dataset(xr.Dataset({"label": label}, coords=coords), where / "map.h5")
+    made = xr.Dataset({"label": label}, coords=coords)
+    write_dataset(made, where / "map.h5")
+    write_dataset(made.isel(attack_angle=[0], belt_speed=[0]), where / "one.h5")
+    write_dataset(xr.Dataset({"real_part": ("mode", [1.0])}), where / "modes.h5")
+    write_dataset(xr.Dataset({"special_kind": ("special", ["fold"])}), where / "branch.h5")
     return where
 
 
@@ -482,6 +506,9 @@ def folder(tmp_path_factory):
         ("run.h5", "p.png", {"at": {"x": 1.0}}, "--at does not suit the picture 'overview' of a"),
         ("map.h5", "p.png", {"picture": "classes", "start": 0.1}, "--from does not suit the pict"),
         ("map.h5", "p.png", {"picture": "line"}, "has no dominant_frequency, which the picture"),
+        ("one.h5", "p.png", {}, "one.h5: has one cell; a map needs an axis of two values"),
+        ("modes.h5", "p.png", {}, "modes.h5: holds modes of one scene, which are a table"),
+        ("branch.h5", "p.png", {"picture": "curves"}, "branch.h5: was made without --second, or"),
         ("run.h5", "p.gif", {}, "has no belt_velocity, which the picture 'animation' needs"),
         ("run.h5", "p.png", {"start": 0.2}, "0 lie from 0.2 s on; the run has"),
         (
@@ -524,16 +551,19 @@ def test_all_pictures_of_a_file(folder, squeal, tmp_path, monkeypatch):
     }  # fmt: skip
     made = plots.plot_all(folder / "map.h5", tmp_path / "m.png", dpi=30)
     assert {path.stem for path in made} == {"m-classes"}
-    with open_map(folder / "map.h5") as ds:
-        write_dataset(ds.isel({dim: [0] for dim in ds["label"].dims}), tmp_path / "one.h5")
-    with pytest.raises(ValueError, match=r"one.h5: has nothing to draw: a map needs at least two"):
-        plots.plot_all(tmp_path / "one.h5", tmp_path / "o.png")
+    with pytest.raises(ValueError, match=r"one.h5: has one cell; a map needs an axis of two"):
+        plots.plot_all(folder / "one.h5", tmp_path / "o.png")
+    with pytest.raises(ValueError, match=r"modes.h5: has nothing to draw: holds modes of one sc"):
+        plots.plot_all(folder / "modes.h5", tmp_path / "o.png")
 
 
 def test_existing_pictures_are_kept(folder):
     (folder / "there.png").write_bytes(b"precious")
     with pytest.raises(StoreError, match="exists already"):
         plots.plot_file(folder / "run.h5", folder / "there.png")
+    with pytest.raises(ValueError, match="'velocty' is not in this run"):  # not about the picture
+        options = {"picture": "history", "quantity": "velocty"}
+        plots.plot_file(folder / "run.h5", folder / "there.png", **options)
     assert (folder / "there.png").read_bytes() == b"precious"
     plots.plot_file(folder / "run.h5", folder / "there.png", force=True, dpi=30)
     assert (folder / "there.png").read_bytes().startswith(b"\x89PNG")

@@ -530,6 +530,9 @@ def test_faults_of_scenes():
         SpecError, match=r"^s: run.duration: must lie inside \[1e-09, 100000\] s, was 0$"
     ):
         parse_scene({"run": {"duration": 0}}, "s")
+    said = r"^s: run.sample_interval: must be at most run.duration, 0.02 s, was 0.1$"
+    with pytest.raises(SpecError, match=said):
+        parse_scene({"run": {"duration": 0.02, "sample_interval": 0.1}}, "s")
     with pytest.raises(SpecError, match=r"^s: run: is missing; the table must be there$"):
         parse_scene({}, "s")
     with pytest.raises(

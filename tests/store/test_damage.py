@@ -11,11 +11,13 @@ import h5py
 import numpy as np
 import pytest
 import stub_sweep as stub
+import xarray as xr
 from stub_sweep import BLOCK, make_spec
 
 from wiperjax.cli import main
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import block as work
+from wiperjax.maps import computing
 from wiperjax.maps.verify import verify
 from wiperjax.store import checksums, manifest, map_file
 from wiperjax.store.checksums import REST
@@ -199,10 +201,34 @@ def test_a_map_that_lost_its_end_is_said_to_and_nothing_is_computed(path):
     assert path.read_bytes() == content and not parts_of(path).exists()
 
 
-def test_the_damaged_map_of_another_sweep_is_left_alone(path):
-    flip(path, places(path)["steps"][0] + 5)
-    with pytest.raises(StoreError, match="exists already"):
-        stub.run(make_spec(speeds=10), path, resume=True)
+@pytest.mark.parametrize("damaged", [True, False])
+def test_the_map_of_another_sweep_is_left_alone_and_what_differs_is_said(
+    path, damaged, monkeypatch
+):
+    if damaged:
+        flip(path, places(path)["steps"][0] + 5)
+    content = path.read_bytes()
+    for spec, differs in (
+        (make_spec(speeds=10), r"axes.belt_speed was 11 values .*, now 10 values from .*"),
+        (make_spec(rtol=1e-7), "run.rtol was 1e-06, now 1e-07"),
+    ):
+        said = (
+            rf"map.h5: was made otherwise than this sweep \({differs}\); use --force to replace it"
+        )
+        with pytest.raises(StoreError, match=said):
+            stub.run(spec, path, resume=True)
+    made = work.made_by(make_spec())
+    monkeypatch.setattr(computing, "made_by", lambda spec: made | {"jax": "0.1"})
+    with pytest.raises(StoreError, match=r"than this sweep \(jax was \S+, now 0.1\)"):
+        stub.run(make_spec(), path, resume=True)
+    assert path.read_bytes() == content and not parts_of(path).exists()
+
+
+def test_a_run_is_no_map_to_go_on_with(tmp_path):
+    path = tmp_path / "run.h5"
+    write_dataset(xr.Dataset({"position": ("time", np.zeros(3))}), path)
+    with pytest.raises(StoreError, match="run.h5: is not a map that a sweep made"):
+        stub.run(make_spec(), path, resume=True)
 
 
 def test_damaged_checksums_are_refused_and_replaced_by_force(path):

@@ -14,6 +14,16 @@ from wiperjax.store.whole import open_map
 from wiperjax.vocabulary import cf
 
 
+def test_a_name_that_no_map_has_is_refused_before_the_first_block(tmp_path):
+    spec, path = make_spec(), tmp_path / "map.h5"
+    with open_store(path, spec):
+        pass
+    with pytest.raises(StoreError, match="'labl' is not in this file; did you mean label"):
+        open_map(parts_of(path), ["labl"])
+    asked = ["label", "belt_speed", "d_velocity_rms_d_belt_speed"]
+    assert list(open_map(parts_of(path), asked).data_vars) == ["done"]
+
+
 def test_an_unfinished_store_opens_with_a_mask(tmp_path, capsys):
     spec, path = make_spec(), tmp_path / "map.h5"
     with open_store(path, spec) as store:

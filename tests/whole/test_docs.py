@@ -145,6 +145,7 @@ def test_python_runs(page, maps, monkeypatch):
     jobs, whose library is not installed here, are compiled and their imports checked, no more."""
     import matplotlib
     import matplotlib.pyplot as plt
+    from matplotlib.collections import QuadMesh
 
     matplotlib.use("Agg")
     plt.close("all")  # `.plot()` draws into the current figure: not into another test's
@@ -157,6 +158,9 @@ def test_python_runs(page, maps, monkeypatch):
     names = {"__name__": "page", "wiperjax": wiperjax, "np": np}
     for block in blocks(page, "python"):
         exec(compile(block, str(page), "exec"), names)
+    for mesh in (c for n in plt.get_fignums() for ax in plt.figure(n).axes for c in ax.collections):
+        if isinstance(mesh, QuadMesh) and (values := mesh.get_array()) is not None:
+            assert np.ptp(values) > 0, "a picture of one colour shows nothing"
 
 
 @pytest.mark.parametrize("page", those_with("toml"))

@@ -328,6 +328,43 @@ def test_a_belt_that_turns_round_at_the_start(phase, restitution):
 
 
 @pytest.mark.slow
+def test_a_stick_that_turns_round_at_a_shoulder():
+    """Carried 1e-16 m past it, and back a nanosecond later: the way back, 1e-14 of the lean, was
+    told from rounding by its own size, and the run was lost in 8192 steps."""
+    speed, ramp = 0.250971563970744, 0.0051494302510046415
+    belt = TrapezoidBelt(speed, 52.18340262394999, ramp, 4.944185864488672)
+    angles = dict(attack_angle=0.2339608832435558, shoulder_angle=0.3218014787279163)
+    blade = {**BLADE, **angles, "mu_static": 5.0}
+    for deeper in (0.0, 1e-16, 1e-15, 1e-14, 1e-13):
+        start = (0.00017547013229089127 - deeper, 0.0, -speed, 0.0)
+        solution = engine(blade, belt, start, 0.03, rtol=1e-8)
+        assert Result(int(solution.result)) == Result.FINISHED
+        found = logged(solution)
+        corners = [i for i, event in enumerate(found) if event[1] == "kink"]
+        assert len(corners) >= 2 and all(after == Regime.STICK for *_, after in found)
+        there = math.sqrt((2e-16 + 2 * deeper) * ramp / (2 * speed))
+        for before, behind in zip(corners[::2], corners[1::2], strict=True):
+            turn = found[before + 1][0]
+            assert found[before + 1][1] == "belt" and behind == before + 2
+            assert turn - 2 * there < found[before][0] < turn < found[behind][0] < turn + 2 * there
+
+
+@pytest.mark.slow
+def test_a_stick_begins_at_a_shoulder_and_turns_round():
+    """It is carried past it from 1e-18 m in front, and back."""
+    ramp, speed, lean = 4e-3, 0.3, 0.5
+    for ahead, off in ((1e-12, 5e-18), (6e-9, 4e-17), (6e-9, 1.4e-18), (7e-6, 1.4e-18), (0.0, 0.0)):
+        belt = TrapezoidBelt(speed, 50.0, ramp, math.pi - 2 * math.pi * 50.0 * ahead)
+        v = 2 * speed / ramp * ahead
+        place = LENGTH * math.sin(lean) - 0.5 * v * ahead + off
+        blade = {**BLADE, "attack_angle": 0.2, "shoulder_angle": lean - 0.2, "mu_static": 5.0}
+        solution = engine(blade, belt, (place, 0.0, v, 0.0), 5e-3, rtol=1e-8)
+        assert Result(int(solution.result)) == Result.FINISHED
+        found = [time for time, kind, *_ in logged(solution) if kind == "kink"]
+        assert all(time < 1e-7 + 2 * ahead for time in found)
+
+
+@pytest.mark.slow
 def test_an_inelastic_jam_leaves_the_contact_closed():
     """What the impulses leave of y' by rounding was a jump of the slip speed in the first step."""
     blade = {

@@ -61,7 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         usage = getattr(error, "format_message", None)  # only errors of the command line have it
         if usage is not None:
-            return _complain(f"{usage().rstrip('.')}; try 'wiperjax --help'", 2)
+            where = getattr(getattr(error, "ctx", None), "command_path", "wiperjax")
+            return _complain(f"{usage().rstrip('.')}; try '{where} --help'", 2)
         if not isinstance(error, OSError | ValueError | RuntimeError):
             raise  # a bug: its traceback is wanted
         if "WIPERJAX_TRACEBACK" in os.environ:

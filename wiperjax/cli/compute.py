@@ -20,6 +20,7 @@ from .options import (
     check_output,
     configure,
     interrupted,
+    told_of,
 )
 from .tables import cost, print_map, print_phases, print_plan
 from .who import Processes, Scheduler, Workers, check_who, who_computes
@@ -80,7 +81,8 @@ def sweep(
         configure(workers)  # before the file is read: a system of one's own may start jax's device
     spec = load_sweep(file, model)
     if sensitivities:
-        spec = spec.with_sensitivities()
+        with told_of(file):
+            spec = spec.with_sensitivities()
     if target_error is not None:
         spec = at_error(spec, target_error, file)
     if resume:
@@ -126,6 +128,8 @@ def sweep(
 
         plot_file(output, drawing, picture=name, force=redraw)
         print(f"picture  {drawing}")
+    elif picture:
+        print("picture  none: a map of one cell has no axis to draw it over")
 
 
 def chosen_model(spec: Any, workers: Any) -> Any:

@@ -1,6 +1,5 @@
 """The command `modes`: complex eigenvalues of steady sliding."""
 
-import contextlib
 import math
 import tomllib
 from pathlib import Path
@@ -8,7 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import MAP_SUFFIXES, STILL_SUFFIXES, Force, Model, check_output, configure
+from .options import (
+    MAP_SUFFIXES,
+    STILL_SUFFIXES,
+    Force,
+    Model,
+    check_output,
+    configure,
+    told_of,
+)
 
 VERDICT_WORDS = {
     "noisy": "unstable and noisy",
@@ -22,7 +29,12 @@ def modes(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Scene, sweep or finished map.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="MODES.h5", help="To make, with a picture."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="MODES.h5",
+            help="To make; of a sweep or a map with a picture.",
+        ),
     ] = None,
     force: Force = False,
     model: Model = None,
@@ -55,15 +67,17 @@ def modes(
 
 def _found(file: Path, model: str | None) -> Any:
     """Modes of what a file is: a map, a sweep or a scene."""
-    from ..modes.over import beside, modes_over, spec_of
+    from ..modes.over import beside, modes_over
     from ..modes.table import modes as modes_at
 
     if file.suffix in MAP_SUFFIXES or file.is_dir():
-        from ..store.whole import check_swept, open_finished
+        from ..store.swept import sweep_of
+        from ..store.whole import open_finished
 
-        with open_finished(file) as simulated, _told_of(file):
-            check_swept(simulated, file)
-            return beside(modes_over(spec_of(simulated)), simulated)
+        with open_finished(file) as simulated:
+            spec = sweep_of(simulated, file)  # names the file itself
+            with told_of(file):
+                return beside(modes_over(spec), simulated)
     from ..specs.load import load_scene, load_sweep
 
     if _is_sweep(file):
@@ -71,17 +85,8 @@ def _found(file: Path, model: str | None) -> Any:
     from ..systems.build import build
 
     spec = load_scene(file, model)
-    with _told_of(file):
+    with told_of(file):
         return modes_at(build(spec, spec.parameters()).system)
-
-
-@contextlib.contextmanager
-def _told_of(file: Path):
-    """Has what is wrong name the file."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from error
 
 
 def _is_sweep(file: Path) -> bool:

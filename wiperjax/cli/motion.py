@@ -16,6 +16,7 @@ from .options import (
     check_output,
     command_line,
     configure,
+    told_of,
 )
 from .tables import print_curves, print_end, print_notes, print_special
 
@@ -38,7 +39,8 @@ def simulate(
     from ..store.whole import write_dataset
 
     try:
-        dataset = run_scene(spec)
+        with told_of(file):
+            dataset = run_scene(spec)
     except KeyboardInterrupt:
         print("wiperjax: interrupted, nothing was written", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None

@@ -1,8 +1,10 @@
 """What the commands share: options, and checks of paths before any work."""
 
+import contextlib
+import math
 import shlex
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -43,8 +45,22 @@ SweptModel = Annotated[
         show_default="the file's, or lip",
     ),
 ]
-Begin = Annotated[float | None, typer.Option("--from", metavar="S", help="Run: begin here (s).")]
-End = Annotated[float | None, typer.Option("--to", metavar="S", help="Run: end here (s).")]
+
+
+def _finite(number: float | None) -> float | None:
+    """Has a time that is none refused by the name of its option."""
+    if number is not None and not math.isfinite(number):
+        raise typer.BadParameter(f"must be a finite number, was {number}")
+    return number
+
+
+Begin = Annotated[
+    float | None,
+    typer.Option("--from", metavar="S", callback=_finite, help="Run: begin here (s)."),
+]
+End = Annotated[
+    float | None, typer.Option("--to", metavar="S", callback=_finite, help="Run: end here (s).")
+]
 Component = Annotated[
     int | None,
     typer.Option(
@@ -73,6 +89,15 @@ def check_input(path: Path) -> None:
             raise StoreError(f"{path}: is not finished; name {parts} to look at what there is")
     with path.open("rb"):
         pass
+
+
+@contextlib.contextmanager
+def told_of(file: Path) -> Iterator[None]:
+    """Has what is wrong name the file."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
 
 
 def beside(path: Path, ending: str) -> Path:

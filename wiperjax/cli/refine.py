@@ -12,9 +12,10 @@ from .options import check_input, check_once, configure, interrupted
 from .tables import cost, print_borders
 from .who import Processes, Scheduler, Workers, check_who, who_computes
 
+STATED = "as --resolution needs, or [refine] of the map's file says"
 Levels = Annotated[
     int | None,
-    typer.Option(min=1, help="How often the spacing of the map is halved.", show_default="auto"),
+    typer.Option(min=1, help="How often the spacing of the map is halved.", show_default=STATED),
 ]
 
 
@@ -26,6 +27,7 @@ def refine(
         typer.Option(
             metavar="SHARE",
             help="Bracket of border points, as a share of each axis (geometric: of its logarithm).",
+            show_default="a step of the finest level",
         ),
     ] = None,
     on: Annotated[
@@ -61,7 +63,7 @@ def refine(
     }  # fmt: skip
     settings = {name: value for name, value in given.items() if value is not None}
     if levels is None and resolution is None:
-        settings = _stated(file) | settings
+        settings = _stated(file, settings)
     check_who(workers, scheduler, local_cluster)
     run(file, settings, workers, scheduler, local_cluster, sys.argv[1:])
 
@@ -92,17 +94,24 @@ def run(
     print(f"borders  {file}: {cost(file, begun)}")
 
 
-def _stated(file: Path) -> dict[str, Any]:
-    """What the sweep file of a map says in [refine], if it says how fine."""
+def _stated(file: Path, settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings that do not say how fine, with what the sweep file of the map says in [refine].
+
+    Raises: StoreError for what is no finished map, SpecError for settings that cannot be meant,
+        ValueError if that file does not say how fine.
+    """
     import json
 
-    from ..store.whole import open_map
+    from ..specs.refine import parse_refine
+    from ..store.swept import sweep_of
+    from ..store.whole import open_finished
 
-    with open_map(file) as ds:
-        document = json.loads(ds.attrs.get("specification", "{}"))
+    with open_finished(file) as ds:
+        spec, document = sweep_of(ds, file), json.loads(ds.attrs["specification"])
     if "refine" not in document:
+        parse_refine({"levels": 1, **settings}, spec)
         raise ValueError("--levels or --resolution must say how fine; the map's file does not")
-    return dict(document["refine"])
+    return document["refine"] | settings
 
 
 def boxes(texts: list[str] | None) -> dict[str, tuple[float, float]] | None:

@@ -33,6 +33,7 @@ from .tables import (
     print_special,
 )
 
+USUAL = "overview; of a map along one axis line"
 PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map, a run or a branch.\n\n"
     "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
@@ -66,22 +67,24 @@ def plot(
             "--output",
             metavar="FILE.png",
             help="Picture to make: .png, .pdf, .svg; .gif or .mp4 for an animation.",
-            show_default="FILE-NAME.png",
+            show_default="FILE-PICTURE.png",
         ),
     ] = None,
     force: Force = False,
     picture: Annotated[
         str | None,
-        typer.Option("-p", "--picture", metavar="NAME", help="Which one.", show_default="overview"),
+        typer.Option("-p", "--picture", metavar="NAME", help="Which one.", show_default=USUAL),
     ] = None,
     every: Annotated[
-        bool, typer.Option("--all", help="All that FILE allows, as FILE-NAME.png each.")
+        bool, typer.Option("--all", help="All that FILE allows, as FILE-PICTURE.png each.")
     ] = False,
     start: Begin = None,
     stop: End = None,
     quantity: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Variable for history, spectrum, spectrogram, value."),
+        typer.Option(
+            metavar="NAME", help="Variable for history, spectrum, spectrogram, value, cycles."
+        ),
     ] = None,
     component: Component = None,
     seconds: Annotated[
@@ -101,8 +104,8 @@ def plot(
     curves: Curves = None,
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
 ) -> None:
-    output = output or _picture_of(file, picture, every)
-    check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, force or every, file)
+    if output is not None:  # whether it exists is said last: after what is wrong with the picture
+        check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, True, file)
     check_input(file)
     if every and picture is not None:
         raise ValueError("--all draws every picture and --picture one: give one of them")
@@ -122,6 +125,7 @@ def plot(
     chosen = {name: value for name, value in options.items() if value is not None}
     from ..plots import plot_all, plot_file
 
+    output = output or _picture_of(file, picture, every)
     if every:
         for path in plot_all(file, output, force=force, dpi=dpi, **chosen):
             print(f"picture  {path}")
@@ -131,8 +135,10 @@ def plot(
 
 
 def _picture_of(file: Path, picture: str | None, every: bool) -> Path:
-    """The name of a picture where none is given: FILE-NAME.png; `--all` adds the names itself."""
-    name = "" if every else f"-{picture or 'overview'}"
+    """The name of a picture where none is given: FILE-PICTURE.png; `--all` adds those itself."""
+    from ..plots.files import usual_picture
+
+    name = "" if every else f"-{picture or usual_picture(file)}"
     return beside(file, f"{name}{'.gif' if picture == 'animation' else '.png'}")
 
 

@@ -44,7 +44,8 @@ class AbstractFriction(eqx.Module):
 
     @abstractmethod
     def coefficient(self, speed) -> Any:
-        """mu at slip speed ``speed = sign * v_t`` [m/s].
+        """mu >= 0 at slip speed ``speed = sign * v_t`` [m/s]: a motion that it drives, being less,
+        ends with `NO_CONSISTENT_REGIME`.
 
         A step that runs past ``v_t = 0`` before the crossing is located evaluates it at slightly
         negative speeds: it must continue smoothly there.

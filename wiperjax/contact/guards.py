@@ -51,15 +51,24 @@ def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
     if not system.unilateral:
         return jnp.zeros_like(q[0])
 
-    def gap(t, *q):
-        return like(system.gap(t, q), q[0])
+    (size,) = parts(lambda t, *q: (system.gap(t, q),), t, *q)
+    return GAP_DIGITS * float(jnp.finfo(size.dtype).eps) * size
+
+
+def parts(function, *at) -> tuple[Scalar, ...]:
+    """Return the size of what each number of a tuple ``function(*at)`` is made of, however little
+    of it they leave of each other: its parts by each of ``at``; without derivative.
+    """
+
+    def found(*at):
+        return tuple(like(x, at[-1]) for x in function(*at))
 
     def part(i):
-        alone = tuple(x if k == i else jnp.zeros_like(x) for k, x in enumerate((t, *q)))
-        return jnp.abs(jax.jvp(gap, (t, *q), alone)[1])
+        alone = tuple(x if k == i else jnp.zeros_like(x) for k, x in enumerate(at))
+        return jax.jvp(found, at, alone)[1]
 
-    size = sum((part(i) for i in range(len(q) + 1)), jnp.zeros_like(q[0]))
-    return stop_gradient(GAP_DIGITS * float(jnp.finfo(size.dtype).eps) * size)
+    alone = zip(*[part(i) for i in range(len(at))], strict=True)
+    return tuple(stop_gradient(sum(map(jnp.abs, of), jnp.zeros_like(at[-1]))) for of in alone)
 
 
 def first_switch(system: AbstractSystem) -> int:

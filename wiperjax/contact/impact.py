@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
+from ..numerics.fusion_barrier import keep
 from ..numerics.types import Scalar
 
 
@@ -49,20 +50,23 @@ def poisson_impact(
     ratio = jnp.where(sticks, -w_tn / safe_tt, -jnp.sign(w_tn) * mu)  # dp_t / dp_n
     rate_t2 = jnp.where(sticks, 0.0, w_tn + w_tt * ratio)
     rate_n2 = w_nn + w_tn * ratio
+    # Of no slip at all that stays so the impulse holds what a trace of it would be: nothing, but
+    # not its derivative. (To first order the law is that of `held`, whichever way the trace goes.)
+    held = jnp.where((sign == 0) & frictional & sticks, slip_speed / safe_tt, 0.0)
 
     early = jnp.where(rate_n > 0, -normal_speed / jnp.where(rate_n > 0, rate_n, 1.0), jnp.inf)
     ends_early = early <= p_s
     p_s_finite = jnp.where(jnp.isfinite(p_s), p_s, 0.0)
-    late = p_s_finite - (normal_speed + rate_n * p_s_finite) / rate_n2
+    late = p_s_finite - (normal_speed + rate_n * p_s_finite - held * w_tn) / rate_n2
     compression = jnp.where(ends_early, early, late)
     normal = (1 + restitution) * compression
 
     first = jnp.minimum(normal, p_s)
     second = normal - first
     past = second > 0
-    tangential = -sign * mu * first + jnp.where(past, ratio * second, 0.0)
+    tangential = -sign * mu * first + jnp.where(past, ratio * second, 0.0) - held
     v_t = jnp.where(past | (first == p_s), rate_t2 * second, slip_speed + rate_t * first)
-    v_n = normal_speed + rate_n * first + jnp.where(past, rate_n2 * second, 0.0)
+    v_n = normal_speed + rate_n * first + jnp.where(past, rate_n2 * second, 0.0) - held * w_tn
     # exact where the law is: rounding must not leave a closed contact with a speed of 1e-17
     v_n = jnp.where(restitution > 0, jnp.maximum(v_n, 0.0), 0.0)
     return Impulse(tangential, normal, v_t, v_n)
@@ -93,6 +97,8 @@ def phased_impact(
     # of the three one holds, whatever the coupling
     forward, slides = slid(1.0)
     backward, turns = slid(-1.0)
+    # kept: at the border of two, each of their uses could round, and choose, on its own
+    slides, turns = keep((slides, turns))
     sticks = ~slides & ~turns
     normal = jnp.where(slides, forward, jnp.where(turns, backward, held))
     friction = jnp.where(slides, -mu * forward, mu * backward)

@@ -3,6 +3,7 @@
 All at acceleration level with the set-valued law: no velocity threshold stands in for stick.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ from ..numerics.known_zeros import absent, plus, times
 from ..numerics.tracing import traced_once
 from ..numerics.types import Scalar
 from ..vocabulary.codes import Regime
+from .friction import CLASSES
 from .space import Contact, contact
 from .system import AbstractSystem, rates
 
@@ -94,6 +96,19 @@ def pulls(system: AbstractSystem, loads):
     if system.unilateral or system.law is None:
         return jnp.zeros_like(loads[0], bool)
     return minimum(loads[1:]) < -1e-6 * largest(loads)
+
+
+def drives(system: AbstractSystem, regime, found: list[Forces]):
+    """Whether friction drives what slips, at one of the forces ``found`` along a step but for the
+    first: the coefficient of a law of one's own is below zero there, by more than rounding.
+    """
+    law, sign = system.law, slip_sign(regime)
+    if law is None or type(law) in CLASSES.values():  # whose numbers are >= 0
+        return jnp.zeros_like(sign, bool)
+    least = 1e-6 * law.static
+    # by the load, which near a lift-off is of either sign
+    driven = [(sign * f.tangential - least * f.normal) * f.normal > 0 for f in found[1:]]
+    return (sign != 0) & reduce(jnp.logical_or, driven)
 
 
 class Decision(NamedTuple):

@@ -6,6 +6,8 @@ Values that JAX will know only when it runs pass unseen (`checks`).
 import math
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..contact import fits
@@ -16,6 +18,7 @@ from ..vocabulary.ranges import COUNT, FINITE, NON_NEGATIVE, POSITIVE, RUN_SAMPL
 from .observers.base import AbstractObserver
 
 MOST_EVENTS = 10**7  # room for them
+MOST_PIECES = 2**31 - 1000  # smooth pieces of a motion, and some that it goes on for
 
 
 def check_system(system: Any) -> None:
@@ -62,6 +65,19 @@ def check_observation(
         if begin is not None and known and begin != statistics_start:
             must = f"must be where the observer begins ({float(begin):g} s), or left out"
             raise ValueError(f"statistics_start {must}, but was {statistics_start:g}")
+
+
+def check_start(system: AbstractSystem, start: Any) -> None:
+    """Raises ValueError for a ``start`` so far from 0 that its smooth piece of the prescribed
+    motion has a number of more than 32 bits."""
+    if any(map(checks.is_traced, jax.tree.leaves((system, start)))) or not np.any(start):
+        return
+    with jax.ensure_compile_time_eval():  # also inside a trace of something else
+        first = system.first_piece(jnp.asarray(start, float))
+    piece = np.max(np.abs(np.asarray(first, float)))
+    if piece > MOST_PIECES:
+        must = f"must lie in one of the first {MOST_PIECES} pieces of the prescribed motion"
+        raise ValueError(f"start {must}, but was {float(start):g} s, in number {piece:g}")
 
 
 def begun(start: Any) -> Any:

@@ -19,6 +19,7 @@ from .arguments import (
     begun,
     check_integration,
     check_observation,
+    check_start,
     check_state,
     check_system,
     check_tolerances,
@@ -142,6 +143,7 @@ def solve(
     check_observation(
         sample_times, max_events, max_step, observer, statistics_start, start, reverse
     )
+    check_start(system, start)
     if observer is None:
         observer = RegimeTotals(start if statistics_start is None else statistics_start)
     mark = statistics_start if observer.begin is None else observer.begin

@@ -11,7 +11,7 @@ from jax.lax import stop_gradient
 
 from ..contact.guards import first_switch, stop_slots
 from ..contact.projection import project
-from ..contact.regimes import pulls
+from ..contact.regimes import drives, pulls
 from ..contact.system import like, rates
 from ..numerics.arrays import put, where
 from ..numerics.fusion_barrier import keep
@@ -19,6 +19,7 @@ from ..vocabulary.codes import RUNNING, Regime, Result
 from .carry.problem import Problem
 from .carry.recall import remember
 from .carry.state import BREAK, State
+from .event.braked import at_jam
 from .event.event_time import drift, time_to_event
 from .event.plan import Plan, locate
 from .event.transition import Outcome, transition
@@ -81,6 +82,8 @@ def jump(problem: Problem, state: State) -> State:
 
     (A completed sequence of impacts does take its time.)
     """
+    if problem.system.coupled:
+        state = at_jam(problem, state)
     happens = state.due >= 0
     breaks = state.due == BREAK
     fires = happens & ~breaks
@@ -89,7 +92,8 @@ def jump(problem: Problem, state: State) -> State:
     end = jnp.minimum(problem.end, before.break_time(state.piece))
     after = keep(transition(problem, state, fires, breaks, piece, end))
 
-    # the first slots mean something else in another regime, a switch on its other side
+    # the first slots mean something else in another regime; a switch is the difference of the same
+    # numbers on its other side, as well known as on this one
     contact_slots = first_switch(problem.system)
     others = fires & (state.due < contact_slots)
     # what a flight only passes, a break or a switch, does not begin it anew
@@ -97,9 +101,7 @@ def jump(problem: Problem, state: State) -> State:
     if after.struck is not None:  # a blow does, and may end a regime
         passes = passes & ~after.struck
         others = others | (after.struck & (after.regime != state.regime))
-    anew = [others] * contact_slots
-    anew += [fires & (state.due == i) for i in range(contact_slots, len(state.reach))]
-    reach = tuple(map(jnp.where, anew, after.sizes, state.reach))
+    begun = where(others, after.sizes, state.reach[:contact_slots])
     memory, step = remember(state, after.regime, after.time, after.bounce, happens, fires)
     result = _result_after(problem, state, after, happens, fires)
     # the observer and the log see the event on the piece of the motion that it ends
@@ -109,10 +111,10 @@ def jump(problem: Problem, state: State) -> State:
         *(after.impulse, after.time - state.time, output),
     )
     observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
-    log = state.log
+    logs = happens & (state.time >= problem.log_start)
+    log = state.log._replace(count=state.log.count + logs.astype(jnp.int32))
     if problem.log_capacity:
-        logs = happens & (state.time >= problem.log_start)
-        row = jnp.where(logs, log.count, problem.log_capacity)
+        row = jnp.where(logs, state.log.count, problem.log_capacity)
         at = (row, *jnp.indices(row.shape, sparse=True))  # lanes last
         log = log._replace(
             time=put(log.time, at, after.time),
@@ -120,7 +122,6 @@ def jump(problem: Problem, state: State) -> State:
             before=put(log.before, at, state.regime),
             after=put(log.after, at, after.regime),
             impulse=put(log.impulse, at, after.impulse),
-            count=log.count + logs.astype(jnp.int32),
         )
     return state._replace(
         time=jnp.where(happens, after.time, state.time),
@@ -131,7 +132,7 @@ def jump(problem: Problem, state: State) -> State:
         piece=piece,
         sides=where(happens, after.sides, state.sides),
         orders=where(happens, after.orders, state.orders),
-        reach=reach,
+        reach=(*begun, *state.reach[contact_slots:]),
         due=jnp.full_like(state.due, -1),
         rate=where(happens, after.rate, state.rate),
         guards=where(happens, after.guards, state.guards),
@@ -267,9 +268,10 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
     why = jnp.where(trial.finite, why, int(Result.NON_FINITE))
     running = state.result == RUNNING
     result = jnp.where(running & too_small, why, state.result)
-    pulled = pulls(problem.system, [n.forces.normal for n in trial.nodes])
-    pulled = running & plan.accept & pulled
-    result = jnp.where(pulled, int(Result.NO_CONSISTENT_REGIME), result)
+    seen = [n.forces for n in trial.nodes]
+    unfit = pulls(problem.system, [f.normal for f in seen])
+    unfit = unfit | drives(problem.system, state.regime, seen)
+    result = jnp.where(running & plan.accept & unfit, int(Result.NO_CONSISTENT_REGIME), result)
     spent = (result == RUNNING) & (state.attempts >= problem.max_steps)
     result = jnp.where(spent, int(Result.STEP_BUDGET_SPENT), result)
     return state._replace(

@@ -18,9 +18,10 @@ from ..plots.maps.borders import PREFIX, with_borders
 from ..plots.maps.numbers import ENDED
 from ..plots.maps.planes import map_dims, usual_plane
 from ..plots.style.axes import axis_numbers, is_ordered, long_name, shown
-from ..specs.imported import findable, is_path
+from ..specs.imported import findable, paths_in
 from ..specs.load import SpecError, parse_sweep
 from ..store.levels import is_refined
+from ..store.swept import otherwise
 from ..store.whole import borders, open_finished
 from ..vocabulary.cf import flag_names
 from ..vocabulary.wording import shorten
@@ -209,9 +210,10 @@ def _specification(
         return None, "the map does not say what it was made from"
     try:
         data = json.loads(text)
-        if not trusted and (named := sorted(_modules(data))):
+        if not trusted and (named := sorted(paths_in(data).values())):
             return None, plain(f"it names a module ({named[0]}), which only --trust imports")
         spec = parse_sweep(data, "the specification in the map")
+        differs = otherwise(ds.attrs, spec)
     except (SpecError, ValueError, RecursionError) as error:
         return None, plain(str(error))
     axes = spec.axes_values()
@@ -228,21 +230,14 @@ def _specification(
             return None, f"{name} is not the {made:g} that the map says it was made with"
     if spec.starts is not None and not _are_of(starts, spec.starts):
         return None, "the starts of the map are not those it was made from"
+    if differs:  # else motions are drawn that are not the map's
+        return None, plain(f"the map was made otherwise ({differs})")
     return spec, ""
 
 
 def _are_of(starts: tuple[Any, ...], made: Any) -> bool:
     """Whether a map has starts, and only such as the table `[starts]` names or draws."""
     return bool(starts) and set(starts) <= set(made.names or range(made.count))
-
-
-def _modules(data: Any) -> set[str]:
-    """Import paths that a specification names."""
-    blade = data.get("blade", {}) if isinstance(data, dict) else {}
-    given = data.get("parameters", {}) if isinstance(data, dict) else {}
-    names = [data.get("system")] if isinstance(data, dict) else []
-    names += [table.get("friction") for table in (blade, given) if isinstance(table, dict)]
-    return {name for name in names if isinstance(name, str) and is_path(name)}
 
 
 def plain(text: str, length: int = 200) -> str:

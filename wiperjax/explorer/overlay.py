@@ -1,5 +1,6 @@
 """What is drawn over the cells of a map: borders and patterns; over one axis, a number's curve."""
 
+from html import escape
 from typing import Any
 
 import contourpy
@@ -7,9 +8,9 @@ import numpy as np
 from bokeh.models import LinearAxis
 
 from ..datasets.map_starts import hangs_on_start
-from ..plots.maps.borders import border_pieces, border_places
+from ..plots.maps.borders import PREFIX, border_pieces, border_places, border_words
 from ..plots.maps.categories import row_runs
-from ..plots.maps.planes import bent_growth
+from ..plots.maps.stability import WORDS, growth_between, places
 from ..plots.style.palette import BORDER, BOUNDARY, HATCHES, SEVERAL
 from ..vocabulary.cf import flag_names
 from .content import with_room
@@ -90,7 +91,7 @@ class Overlay:
             _fill(self.lines["boundary"], x=[c[:, 0] for c in found], y=[c[:, 1] for c in found])
         keys = ""
         if len(self.lines["boundary"].data["x"]):
-            keys += _line(BOUNDARY, "steady slip loses stability (linear)")
+            keys += _line(BOUNDARY, WORDS)
         pieces, dots = _borders(plane, x, y, variable)
         _fill(
             self.lines["border"],
@@ -99,7 +100,10 @@ class Overlay:
         )
         _fill(self.lines["dots"], x=dots[:, 0], y=dots[:, 1])
         if pieces:
-            keys += _line("#ffffff;outline:1px solid #000", "border (located)")
+            keys += _line(
+                "#ffffff;outline:1px solid #000",
+                escape(border_words(str(plane.attrs.get(PREFIX + "on", "")))),
+            )
         return f'<div class="keys">{keys}</div>' if keys else ""
 
     def _hatch(self, plane: Any, variable: str) -> None:
@@ -120,14 +124,17 @@ class Overlay:
 
 def _boundary(plane: Any, x: str, y: str) -> list[Any]:
     """Where the growth rate changes its sign: curves, (points, 2), in cells."""
-    if "growth_rate" not in plane:
+    growth = growth_between(plane, y, x) if y else growth_between(plane.isel({y: 0}), x)
+    if growth is None:
         return []
-    if not y:
-        growth = plane["growth_rate"].values[0]
-        first = np.flatnonzero(growth[:-1] * growth[1:] < 0)
-        return _upright(first + growth[first] / (growth[first] - growth[first + 1]))
-    bent: Any = bent_growth(plane, x, y)
-    return [] if bent is None else list(contourpy.contour_generator(z=bent).lines(0.0))
+    across = places(plane.sizes[x], growth.shape[-1])
+    if y:
+        up, masked = places(plane.sizes[y], len(growth)), np.ma.masked_invalid(growth)
+        return list(contourpy.contour_generator(across, up, masked).lines(0.0))
+    grows, known = growth > 0, np.isfinite(growth)
+    first = np.flatnonzero((grows[:-1] != grows[1:]) & known[:-1] & known[1:])
+    share = growth[first] / (growth[first] - growth[first + 1])
+    return _upright(across[first] + share * across[1])
 
 
 def _borders(plane: Any, x: str, y: str, variable: str) -> tuple[list, np.ndarray]:

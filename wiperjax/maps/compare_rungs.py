@@ -118,7 +118,8 @@ with `--model` (or `model = "bar"` in the file); `wiperjax sweep --model auto` h
 cells choose ([maps](maps.md#which-model), also for what a rung costs in a batch).
 
 Amplitude: standard deviation of the tip velocity (of the strokes on a wiping belt; for a
-reversal, the vibration just after it). A scene is the middle of a small map, as
+reversal, the vibration in the scene's own `reversal_window` after it: [twice the time of the
+flip](classes.md#on-a-belt-that-reverses)). A scene is the middle of a small map, as
 `wiperjax sweep` makes it: {around_scene.SIDE**2} blades, load and speed within
 {around_scene.SPREAD:.0%} of its own, with the settings that its `[run]` states (`rtol`, say).
 Steps are those of the scene, tried ones. CPU time is that

@@ -21,11 +21,13 @@ from ..machine.files import StoreError, check_move, check_output, log
 from ..machine.interrupt import heeded
 from ..machine.phases import Account, account, during
 from ..specs.load import load_sweep, parse_sweep
+from ..store import checksums
 from ..store.blocks import BlockStore
-from ..store.manifest import parts_of
+from ..store.levels import write_levels
+from ..store.manifest import parts_of, unlike
 from ..store.map_file import finalize
-from ..store.mending import finished, salvage
-from ..store.whole import damages, listed, open_map
+from ..store.mending import finished, kept_levels, not_gone_on_with, salvage
+from ..store.whole import listed, open_map
 from ..vocabulary import checks
 from ..vocabulary.ranges import MOST_CELLS, Range
 from .auto_model import as_chosen_for, on_chosen_model
@@ -118,8 +120,7 @@ def _onto_disk(
 ) -> xr.Dataset:
     """`sweep` into a file, block by block."""
     spec, block, known = task.spec, task.block, task.known
-    stated = {"specification_digest": spec.digest(), "identity": _made(known)["identity"]}
-    found = finished(output, stated) if resume and output.is_file() else None
+    found = finished(output, spec, known) if resume and output.is_file() else None
     if found and not found.damaged:
         # killed after the map was complete, before its parts were gone
         if parts_of(output).is_dir():
@@ -130,11 +131,8 @@ def _onto_disk(
         log.warning("%s: is damaged: %s; it is mended", output, listed(found.damaged))
         block = found.block or block
     replace = force or found is not None or (resume and BlockStore.may_replace(output))
-    if resume and not replace and output.is_file() and damages(output) is None:
-        raise StoreError(
-            f"{output}: has no checksums by which it could be mended: its end is lost, or another "
-            "program made or changed it; --force replaces it"
-        )
+    if resume and not replace and output.is_file():
+        raise not_gone_on_with(output, spec, known)
     check_output(output, replace, source)
     if parts_of(output).is_dir():
         check_move(parts_of(output), output)
@@ -142,8 +140,10 @@ def _onto_disk(
     with BlockStore.open(
         output, spec, block=block, identity=known, resume=resume, force=force
     ) as store:
+        levels = None
         if found:
             salvage(output, found.damaged, store)
+            levels = kept_levels(output, found.damaged)
         fill(task, store, lambda: _how_to_resume(store, output, task.command))
         if output.exists() and not replace:
             raise StoreError(
@@ -154,6 +154,8 @@ def _onto_disk(
         made = _made(known) | provenance.record(task.command, 0.0, host)
         times = partial(provenance.phase_times, task.spent)
         finalize(store, output, made | times(), times)
+        if levels is not None:
+            write_levels(output, checksums.mark(output), *levels)
     return open_map(output)
 
 
@@ -171,11 +173,8 @@ def _check(resume, force, progress, block, evaluate, output) -> None:
 
 def check_made_by(path: Path, attrs: Mapping[str, Any], known: Mapping[str, str]) -> None:
     """Raises `StoreError` unless the map at `path` was made as this process would make it."""
-    made = json.loads(attrs.get("identity", "{}"))
-    names = sorted(made.keys() | known.keys())
-    pairs = [(name, made.get(name, "none"), known.get(name, "none")) for name in names]
-    if said := [f"{name} was {was}, now {now}" for name, was, now in pairs if was != now]:
-        raise StoreError(f"{path}: was made otherwise ({'; '.join(said)}); sweep it anew")
+    if said := unlike(json.loads(attrs.get("identity", "{}")), known):
+        raise StoreError(f"{path}: was made otherwise ({said}); sweep it anew")
 
 
 def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:

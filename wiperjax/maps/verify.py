@@ -9,9 +9,8 @@ import h5py
 import numpy as np
 
 from ..machine import provenance
-from ..machine.files import StoreError
-from ..specs.load import parse_sweep
-from ..store.whole import check_swept, open_finished
+from ..store.swept import check_made_from, check_swept, sweep_of
+from ..store.whole import open_finished
 from ..vocabulary import checks
 from ..vocabulary.codes import NOT_COMPUTED
 from ..vocabulary.ranges import NON_NEGATIVE, Range
@@ -83,13 +82,11 @@ def verify(
     seed = checks.whole("seed", seed, Range(0, whole=True))
     tolerance = checks.number("tolerance", tolerance, NON_NEGATIVE)
     with open_finished(path, check=True) as ds:
-        check_swept(ds, path, read=spec is None)
         if spec is None:
-            spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
-        if spec.digest() != ds.attrs["specification_digest"]:
-            raise StoreError(
-                f"{path}: was not made from this specification by this version of wiperjax"
-            )
+            spec = sweep_of(ds, path)
+        else:
+            check_swept(ds, path, read=False)
+            check_made_from(spec, ds, path)
         same = json.loads(ds.attrs.get("versions", "{}")) == provenance.versions()
         index = np.sort(
             np.random.default_rng(seed).choice(spec.size, size=min(cells, spec.size), replace=False)

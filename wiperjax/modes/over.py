@@ -1,6 +1,5 @@
 """Modes over the parameters of a sweep, and what its simulated map says of them."""
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -110,13 +109,6 @@ def shares(found: xr.Dataset) -> dict[str, float]:
     verdict = np.asarray(found["verdict"])
     told = max(1, int((verdict >= 0).sum()))
     return {name: float((verdict == c).sum() / told) for name, c in VERDICTS.items() if c >= 0}
-
-
-def spec_of(simulated: xr.Dataset) -> SweepSpec:
-    """Return the sweep that a map was made by. Raises ValueError for a dataset without one."""
-    if "specification" not in simulated.attrs or "label" not in simulated:
-        raise ValueError("the map must be one that a sweep made, was none")
-    return parse_sweep(json.loads(str(simulated.attrs["specification"])), "the map's sweep")
 
 
 def _block(spec: SweepSpec, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

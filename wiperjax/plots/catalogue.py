@@ -31,6 +31,7 @@ class Picture:
         options: names of the options it takes.
         needs: variables that the dataset must hold.
         part: the part of a run that is drawn if no times are given.
+        without: what a file is that lacks what it needs, where the names of that say little.
     """
 
     shows: str
@@ -38,6 +39,7 @@ class Picture:
     options: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     part: Callable[[xr.Dataset], xr.Dataset] = field(default=lambda run: run)
+    without: str = ""
 
 
 def _phase(part: xr.Dataset, whole: xr.Dataset, component: int | None = None):
@@ -124,6 +126,7 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             curves.curve_page,
             (),
             ("curve_row_size",),
+            without="was made without --second, or has no fold and no Hopf point: no curves",
         ),
     },
     "modes": {
@@ -132,6 +135,8 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             modes.modes_page,
             (),
             ("growth_rate", "real_part"),
+            without="holds modes of one scene, which are a table ('wiperjax modes SCENE.toml'); "
+            "those of a sweep or a map can be drawn",
         )
     },
     "run": {
@@ -181,12 +186,25 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
         ),
     },
 }
-"""Pictures of maps, branches and runs by name; the first of each is the default."""
+"""Pictures of maps, branches and runs by name; the first of each is the default (`usual`)."""
 
 FLAGS = {  # option -> how the command line calls it, where not by its own name
     "start": "--from",
     "stop": "--to",
 }
+
+
+def usual(ds: xr.Dataset, kind: str, path: str | Path) -> str:
+    """Name of the page that suits a dataset: the first of its kind, of a map along one axis `line`.
+
+    Raises: `ValueError` for a map of one cell.
+    """
+    if kind != "map":
+        return next(iter(PICTURES[kind]))
+    long = sum(ds.sizes[dim] > 1 for dim in planes.map_dims(ds))
+    if not long:
+        raise ValueError(f"{path}: has one cell; a map needs an axis of two values to be drawn")
+    return "overview" if long > 1 else "line"
 
 
 def find(kind: str, name: str, path: str | Path) -> Picture:
@@ -197,6 +215,14 @@ def find(kind: str, name: str, path: str | Path) -> Picture:
         if name in pictures:
             raise ValueError(f"{name!r} is a picture of a {other}, and {path} is a {kind}; {there}")
     raise ValueError(f"{name!r} is no picture; {there}")
+
+
+def lacks(ds: xr.Dataset, name: str, picture: Picture) -> str:
+    """What a dataset has not, or is not, that a picture is drawn from; empty if it has all."""
+    missing = [variable for variable in picture.needs if variable not in ds]
+    if not missing:
+        return ""
+    return picture.without or f"has no {missing[0]}, which the picture {name!r} needs"
 
 
 def draw(
@@ -212,8 +238,8 @@ def draw(
         if key not in picture.options:
             flag = FLAGS.get(key, f"--{key}")
             raise ValueError(f"{flag} does not suit the picture {name!r} of a {kind}")
-    if missing := [variable for variable in picture.needs if variable not in ds]:
-        raise StoreError(f"{path}: has no {missing[0]}, which the picture {name!r} needs")
+    if lack := lacks(ds, name, picture):
+        raise StoreError(f"{path}: {lack}")
     if kind == "map":
         ds, at = at_start(ds, given.pop("at", None))
         given |= {} if at is None else {"at": at}

@@ -16,7 +16,7 @@ from ..store.levels import is_refined
 from ..store.partial import open_partial
 from ..store.whole import borders, open_map
 from ..vocabulary import checks
-from .catalogue import PICTURES, Drawn, draw, find
+from .catalogue import PICTURES, Drawn, draw, find, lacks, usual
 from .curves import with_curves
 from .door import check_options
 from .maps.borders import with_borders
@@ -42,7 +42,8 @@ def plot_file(
 
     - `path`: a map, a run, a branch, or the folder `MAP.h5.parts` of an unfinished sweep.
     - `output`: .png, .pdf, .svg; for an animation .gif, or .mp4 where ffmpeg is installed.
-    - `picture`: a name in `PICTURES`; `overview` if None, `animation` for its endings.
+    - `picture`: a name in `PICTURES`; if None the one that suits the file (`usual_picture`),
+        for the endings of an animation that.
     - `curves`: a branch file with curves in two axes of the map, drawn over its classes.
     - `force`: replace `output`.
     - `dpi`: dots per inch.
@@ -58,13 +59,20 @@ def plot_file(
     if picture is None and ending in animation.WRITERS:
         picture = "animation"
     with opened(path, raster=picture == "raster") as (ds, kind):
-        chosen = find(kind, picture or "overview", path)
-        _check_ending(output, picture == "animation")
-        check_output(output, force, path)
+        name = picture or usual(ds, kind, path)
+        chosen = find(kind, name, path)
+        _check_ending(output, name == "animation")
         if curves is not None:
             ds = _with_curves(ds, kind, path, curves)
-        drawn = draw(ds, kind, picture or "overview", chosen, path, options)
-        _write(drawn, output, dpi, subject(picture or "overview", ds))
+        drawn = draw(ds, kind, name, chosen, path, options)
+        check_output(output, force, path)  # after what is wrong with the picture itself
+        _write(drawn, output, dpi, subject(name, ds))
+
+
+def usual_picture(path: str | Path) -> str:
+    """Name of the picture that suits a file. Raises: as `plot_file`."""
+    with opened(path) as (ds, kind):
+        return usual(ds, kind, path)
 
 
 def plot_all(
@@ -91,6 +99,7 @@ def plot_all(
     _check_ending(output, False)
     made, why = [], ""
     with opened(path) as (ds, kind):
+        usual(ds, kind, path)  # refuses a map of one cell
         targets = {
             name: output.with_name(
                 f"{output.stem}-{name}{'.gif' if name == 'animation' else output.suffix}"
@@ -103,7 +112,8 @@ def plot_all(
             ds = _with_curves(ds, kind, path, curves)
         for name, target in targets.items():
             chosen = PICTURES[kind][name]
-            if any(variable not in ds for variable in chosen.needs):
+            if lack := lacks(ds, name, chosen):
+                why = why or f": {lack}"
                 continue
             taken = {key: value for key, value in options.items() if key in chosen.options}
             try:

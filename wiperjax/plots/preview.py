@@ -74,7 +74,9 @@ def preview(ds: xr.Dataset) -> Preview:
         return Preview(f"{title}: {_sizes(ds, ds.sizes)}", b"")
     starts = ds.sizes.get("start", 1)
     ds = from_start(ds)
-    text = f"{title}: map of {ds['label'].size:,} cells ({_sizes(ds, map_dims(ds))})"
+    size, sizes = ds["label"].size, _sizes(ds, map_dims(ds))
+    text = f"{title}: map of {size:,} cell{'' if size == 1 else 's'}"
+    text += f" ({sizes})" if sizes else ""
     text += f" of {starts} starts each" if starts > 1 else ""
     try:
         x, y = choose_plane(ds, None, None)

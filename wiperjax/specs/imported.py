@@ -45,27 +45,67 @@ def findable(folder: Path) -> None:
             sys.path.append(place)
 
 
+def paths_in(data: Any) -> dict[str, str]:
+    """Key -> import path, of those that a mapping shaped like a sweep or scene file names."""
+    found = {}
+    for table, key in (("", "system"), ("blade", "friction"), ("parameters", "friction")):
+        held = data.get(table) if table and isinstance(data, dict) else data
+        path = held.get(key) if isinstance(held, dict) else None
+        if isinstance(path, str) and is_path(path):
+            found[f"{table}.{key}".lstrip(".")] = path
+    return found
+
+
+def check_beside(key: str, path: str, folder: Path) -> None:
+    """Raises: Fault, of the key, where the module of an import path, or one with a class that its
+    class inherits from, lies in the folder of the file, and Python has another of that name: of
+    its library, of the working directory, or imported for a file elsewhere.
+    """
+    module_name, class_name = _parts(key, path)
+    found = getattr(_module(key, module_name), class_name, None)
+    names = [module_name, *(each.__module__ for each in getattr(found, "__mro__", ()))]
+    for name in dict.fromkeys(name for name in names if name.split(".")[0] not in _KNOWN):
+        place = folder.resolve().joinpath(*name.split("."))
+        own = next(filter(Path.is_file, (place / "__init__.py", Path(f"{place}.py"))), None)
+        has = getattr(sys.modules.get(name), "__file__", None)
+        if own is not None and (has is None or Path(has).resolve() != own.resolve()):
+            must = f"module {show(name)} must be that beside the file, {own}"
+            why = "rename one of them, for a process has one module of a name"
+            raise Fault(key, f"{must}, was {has or 'one built into Python'}: {why}")
+
+
 def imported(key: str, path: str) -> type:
     """The class of an import path. Raises: Fault, of the key, one line, where there is none."""
-    module_name, _, class_name = path.partition(":")
-    must = "must be an import path such as 'my_module:MyClass'"
-    if not module_name or not class_name.isidentifier():
-        raise Fault(key, f"{must} of a class at the top of its module, was {show(path)}")
-    try:
-        module = importlib.import_module(module_name)
-    except ModuleNotFoundError as error:
-        if error.name and (module_name + ".").startswith(error.name + "."):
-            where = "beside the file or in the working directory"
-            raise Fault(key, f"module {show(module_name)} is not found, {where} either") from None
-        raise Fault(key, f"module {show(module_name)} cannot be imported: {error}") from None
-    except Exception as error:  # whatever the module does wrong
-        what = f"{type(error).__name__}: {error}"
-        raise Fault(key, f"module {show(module_name)} cannot be imported: {what}") from None
+    module_name, class_name = _parts(key, path)
+    module = _module(key, module_name)
     found = getattr(module, class_name, None)
     if not isinstance(found, type):
         had = "has no class" if found is None else "has no class but something else named"
-        raise Fault(key, f"module {show(module_name)} {had} {show(class_name)}")
+        where = f" (in {module.__file__})" if getattr(module, "__file__", None) else ""
+        raise Fault(key, f"module {show(module_name)} {had} {show(class_name)}{where}")
     return found
+
+
+def _parts(key: str, path: str) -> tuple[str, str]:
+    """Names of module and class."""
+    module_name, _, class_name = path.partition(":")
+    if not module_name or not class_name.isidentifier():
+        must = "must be an import path such as 'my_module:MyClass'"
+        raise Fault(key, f"{must} of a class at the top of its module, was {show(path)}")
+    return module_name, class_name
+
+
+def _module(key: str, name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name and (name + ".").startswith(error.name + "."):
+            where = "beside the file or in the working directory"
+            raise Fault(key, f"module {show(name)} is not found, {where} either") from None
+        raise Fault(key, f"module {show(name)} cannot be imported: {error}") from None
+    except Exception as error:  # whatever the module does wrong
+        what = f"{type(error).__name__}: {error}"
+        raise Fault(key, f"module {show(name)} cannot be imported: {what}") from None
 
 
 def needs(key: str, found: type, methods: tuple[str, ...], what: str) -> None:

@@ -15,8 +15,8 @@ from pydantic import ValidationError
 from ..machine.paths import oddity
 from ..vocabulary import checks
 from ..vocabulary.wording import shorten
-from .errors import SpecError, sentence, show
-from .imported import findable
+from .errors import Fault, SpecError, sentence, show
+from .imported import check_beside, findable, paths_in
 from .scene import SceneSpec
 from .sweep import MOST_BYTES, SweepSpec
 
@@ -67,7 +67,13 @@ def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
         raise SpecError(f"{path}: has [axes], so it is a sweep; what is needed here is a scene")
     if model is not None:
         data["model"] = model
-    findable(Path(path).parent)
+    folder = Path(path).parent
+    findable(folder)
+    try:
+        for key, named in paths_in(data).items():
+            check_beside(key, named, folder)
+    except Fault as fault:
+        raise SpecError(f"{path}: {fault}") from None
     spec = _parse(kind, data, str(path))
     spec._text = text
     return spec

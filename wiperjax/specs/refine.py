@@ -77,7 +77,9 @@ class Refine(Table):
         if name not in known:
             if near := difflib.get_close_matches(name, known, n=3):
                 raise Fault("on", f"unknown name {show(name)}; did you mean {' or '.join(near)}?")
-            raise Fault("on", f"must be one of {', '.join(known)}; was {show(name)}")
+            of_words = ", ".join(n for n in known if SCHEMA[n].flags is not None)
+            must = f"must be {of_words}, or NAME=NUMBER of a number that the map has"
+            raise Fault("on", f"{must}; was {show(name)}")
         if not equals:
             if SCHEMA[name].flags is None:
                 raise Fault("on", f"must be {name}=NUMBER, for {name} is a number; was {self.on}")
@@ -95,7 +97,7 @@ class Refine(Table):
         """Raises Fault for a box of other axes, or outside them; `axes` in edge units."""
         for name, (low, high) in self.box.items():
             if name not in axes:
-                raise Fault(f"box.{name}", unknown(name, list(axes)))
+                raise Fault(f"box.{name}", unknown(name, list(axes), elsewhere={}))
             least, most = axes[name].min(), axes[name].max()
             if not least <= low < high <= most:
                 must = f"must be [low, high] inside [{least:g}, {most:g}], low < high"

@@ -195,6 +195,9 @@ class SceneRun(Table):
 
     @model_validator(mode="after")
     def _leaves_something(self) -> "SceneRun":
+        if self.sample_interval is not None and self.sample_interval > self.duration:
+            must = f"must be at most run.duration, {self.duration:g} s"
+            raise Fault("sample_interval", f"{must}, was {self.sample_interval:g}")
         if self.transient is None:
             return self
         if not self.transient < self.duration:

@@ -88,22 +88,10 @@ def resumed(
 
     Raises: `StoreError` that says what differs if it is not that of `spec` and `identity`.
     """
-    stored, canonical = manifest["identity"], spec.canonical()
-    differences = []
-    for name in sorted(stored.keys() | identity.keys()):
-        was, now = stored.get(name, "none"), identity.get(name, "none")
-        if was == now:
-            continue
-        if name == "specification":
-            differences.append(
-                "specification: " + _first_difference(manifest["specification"], canonical)
-            )
-        else:
-            differences.append(f"{name} was {was}, now {now}")
-    if differences:
+    stored = manifest["identity"] | {"specification": manifest["specification"]}
+    if said := unlike(stored, dict(identity) | {"specification": spec.canonical()}):
         raise StoreError(
-            f"{parts}: was made otherwise, its blocks do not belong to this sweep "
-            f"({'; '.join(differences)}); {anew}"
+            f"{parts}: was made otherwise, its blocks do not belong to this sweep ({said}); {anew}"
         )
     content = _content(spec, manifest["block"], manifest["replace"], identity)
     return content | {"sha256": manifest["sha256"]}
@@ -116,11 +104,31 @@ def place(manifest: Mapping[str, Any], span: tuple[int, int]) -> dict[str, Any]:
     return {"start": span[0], "stop": span[1], "manifest": manifest["sha256"]}
 
 
+def unlike(was: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """What differs of that which must agree between parts of one map, text -> text, in words for a
+    person; empty if nothing does. A `specification` is a canonical one.
+    """
+    said = []
+    for name in sorted(was.keys() | now.keys()):
+        old, new = was.get(name, "none"), now.get(name, "none")
+        if old != new and name == "specification":
+            said.append(_first_difference(old, new))
+        elif old != new:
+            said.append(f"{name} was {old}, now {new}")
+    return "; ".join(said)
+
+
 def _first_difference(was: str, now: str) -> str:
     """First few keys that differ between two canonical specifications, with both values."""
     old, new = _flatten(json.loads(was)), _flatten(json.loads(now))
     keys = [key for key in sorted(old.keys() | new.keys()) if old.get(key) != new.get(key)]
-    shown = [f"{key} was {_short(old.get(key))}, now {_short(new.get(key))}" for key in keys[:3]]
+    shown = []
+    for key in keys[:3]:
+        owner = new.get(key.removesuffix("_source"))
+        if key.endswith("_source") and owner == old.get(key.removesuffix("_source")):
+            shown.append(f"{owner} has another source than it had")
+        else:
+            shown.append(f"{key} was {_short(old.get(key))}, now {_short(new.get(key))}")
     return ", ".join(shown) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")
 
 

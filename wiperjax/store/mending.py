@@ -9,13 +9,16 @@ from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
+import xarray as xr
 
 from ..machine.files import StoreError, log, naming
 from ..vocabulary.columns import ordered
 from . import checksums
 from .blocks import BlockStore
 from .checksums import REST, Piece
-from .whole import damages, listed, open_map
+from .levels import Level, is_refined, read_levels
+from .swept import check_swept, otherwise
+from .whole import borders, damages, listed, open_map
 
 
 class Finished(NamedTuple):
@@ -25,9 +28,9 @@ class Finished(NamedTuple):
     damaged: list[Piece]
 
 
-def finished(output: Path, stated: Mapping[str, str]) -> Finished | None:
-    """The map at `output`, None if its attributes are not those `stated` or it has no checksums. A
-    damaged header is written anew from its copy before it is read.
+def finished(output: Path, spec: Any, known: Mapping[str, str]) -> Finished | None:
+    """The map at `output`, None if it is not of the sweep `spec` made as is `known`, or it has no
+    checksums. A damaged header is written anew from its copy before it is read.
 
     Raises: `StoreError` if the checksums themselves are damaged, or the header cannot be written.
     """
@@ -41,11 +44,23 @@ def finished(output: Path, stated: Mapping[str, str]) -> Finished | None:
         return None
     try:
         with open_map(output) as ds:
-            if any(ds.attrs.get(name) != value for name, value in stated.items()):
+            if otherwise(ds.attrs, spec, known):
                 return None
             return Finished(int(ds.attrs.get("block_cells", 0)), damaged)
     except StoreError:
         return None
+
+
+def not_gone_on_with(output: Path, spec: Any, known: Mapping[str, str]) -> StoreError:
+    """Why there is nothing to go on with in a file of which `finished` finds no map."""
+    if damages(output) is None:
+        why = "its end is lost, or another program made or changed it; --force replaces it"
+        return StoreError(f"{output}: has no checksums by which it could be mended: {why}")
+    with open_map(output) as ds:
+        check_swept(ds, output, read=False)
+        said = otherwise(ds.attrs, spec, known)
+    do = "use --force to replace it, or another name"
+    return StoreError(f"{output}: was made otherwise than this sweep ({said}); {do}")
 
 
 def salvage(output: Path, damaged: Sequence[Piece], store: BlockStore) -> None:
@@ -66,6 +81,19 @@ def salvage(output: Path, damaged: Sequence[Piece], store: BlockStore) -> None:
             if not done[number] and number not in lost:
                 span = store.span(number)
                 store.write(number, {n: _cells(file[n], span, store) for n in names}, seconds)
+
+
+def kept_levels(output: Path, damaged: Sequence[Piece]) -> tuple[list[Level], xr.Dataset] | None:
+    """Levels and borders of a refined map, as `write_levels` puts them into the mended one; None of
+    a map that is not refined. Those that are damaged themselves are lost, with a warning.
+    """
+    if not is_refined(output):
+        return None
+    if any("/" in piece.variable for piece in damaged):  # in a group
+        lost = "its borders and finer points are damaged, and are not kept: refine it again"
+        log.warning("%s: %s", output, lost)
+        return None
+    return read_levels(output), borders(output)
 
 
 def _touched(variable: Any, starts: set[int], store: BlockStore) -> set[int]:

@@ -9,7 +9,8 @@ import xarray as xr
 from ..datasets import map_dataset
 from ..machine.files import StoreError
 from ..vocabulary import cf, codes
-from ..vocabulary.columns import column_of, ordered
+from ..vocabulary.columns import column_of, derivative, ordered
+from ..vocabulary.schema import SCHEMA
 from .blocks import BlockStore
 from .levels import check_held
 
@@ -80,7 +81,8 @@ def open_partial(
     - `variables`: names of those to read, all of them if None.
     - `wide`: also those with a dimension beside those of the map.
 
-    Raises: `StoreError` if there is no such store, or what is done lacks one of `variables`.
+    Raises: `StoreError` if there is no such store, or what is done lacks one of `variables` (where
+        nothing is: if no map can have it).
     """
     store = BlockStore.peek(parts)
     described = store.manifest["map"]
@@ -88,8 +90,11 @@ def open_partial(
     done = np.zeros(store.cells, dtype=np.int8)
     columns: dict[str, np.ndarray] = {}
     there = np.flatnonzero(store.done())
-    if variables is not None and there.size and (found := store.read(int(there[0]))) is not None:
-        check_held(Path(parts), variables, [*found[0], "done", *described["coords"]])
+    if variables is not None:
+        first = store.read(int(there[0])) if there.size else None
+        # before the first block no one knows what there will be, but what no map has
+        held = [*SCHEMA, *filter(derivative, variables)] if first is None else first[0]
+        check_held(Path(parts), variables, [*held, "done", *described["coords"]])
     for number in there:
         found = store.read(int(number), variables)
         if found is None:

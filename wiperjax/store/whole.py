@@ -104,15 +104,6 @@ def open_finished(path: str | Path, *, check: bool = False) -> xr.Dataset:
     return open_map(path, check=check)
 
 
-def check_swept(ds: xr.Dataset, path: str | Path, read: bool = True) -> None:
-    """Raises `StoreError` unless the dataset of a file is a map that a sweep made; `read`: whose
-    specification can be read again.
-    """
-    wanted = {"specification_digest"} | ({"specification"} if read else set())
-    if not wanted <= ds.attrs.keys() or "label" not in ds:
-        raise StoreError(f"{path}: is not a map that a sweep made")
-
-
 def borders(path: str | Path) -> xr.Dataset:
     """Points on the borders of a refined map, in memory, one along `border`: its place along each
     axis, the axis along which it is enclosed, the bracket, the answers on both sides, the kind of

@@ -89,8 +89,9 @@ ADVICE = {
     "be rested against)",
     Result.PAINLEVE_INDETERMINATE: "at some instant several motions were possible (D <= 0 with a "
     "separating free acceleration); the one that lifts off was followed",
-    Result.NO_CONSISTENT_REGIME: "many events at one instant without a regime that lasts, or a "
-    "prescribed load below zero: mend the load, else please report the parameters",
+    Result.NO_CONSISTENT_REGIME: "many events at one instant without a regime that lasts; or the "
+    "load, or the friction coefficient, of a system of one's own is below zero: mend these, else "
+    "please report the parameters",
     Result.INCONSISTENT_START: "the initial state is impossible (tip inside the glass, beyond a "
     "stop, or at rest where no contact force can hold it): choose another one",
     Result.TOO_FEW_DIGITS: "the motion cannot be told in single precision (steps shrink to "

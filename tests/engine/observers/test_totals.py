@@ -88,6 +88,19 @@ def test_the_steepest_place_of_a_step_is_found_wherever_it_lies():
 
 
 @pytest.mark.slow
+def test_the_largest_acceleration_knows_no_unit():
+    """Of a system with periods of nanoseconds it was 0: shorter steps were left out by seconds."""
+
+    def largest(unit):
+        block = Block(0.3 / unit, 0.2 / unit, stiffness=1 / unit**2, belt=100.0)
+        run = trajectory(block, 20 * unit, ((0.0,), (1.0,)), 1e-8, atol=(1e-8 * unit, 1e-8))
+        return unit * float(run.statistics.acceleration_max)
+
+    for unit in (2.0**-30, 2.0**30):
+        assert largest(unit) == pytest.approx(largest(1.0), rel=1e-6)
+
+
+@pytest.mark.slow
 def test_a_largest_force_at_an_event_has_the_derivative_of_the_force_there():
     """The slip that ends in a capture presses hardest as it ends. The slope of a step's quartic,
     times that of the event's time, made 8 % of it (rtol 1e-9), and more the finer the tolerance."""

@@ -25,8 +25,9 @@ from wiperjax.maps.verify import verify
 from wiperjax.specs.errors import Fault, SpecError
 from wiperjax.specs.load import load_sweep
 from wiperjax.specs.refine import BESIDE_AXES, Refine, check
-from wiperjax.store.levels import read_levels
-from wiperjax.store.whole import borders, open_map
+from wiperjax.store import checksums
+from wiperjax.store.levels import is_refined, read_levels
+from wiperjax.store.whole import borders, open_map, write_dataset
 from wiperjax.vocabulary import cf
 from wiperjax.vocabulary.schema import SCHEMA
 
@@ -217,21 +218,46 @@ def test_points_are_those_of_a_sweep_that_has_them(tmp_path):
     assert spec.digest() != fine.digest()
 
 
-def test_other_columns_than_names_survive_a_damaged_level(tmp_path):
-    path = tmp_path / "map.h5"
-    coarse_map(path, DISC)
-    refined(path, DISC, levels=3)
-    with h5py.File(path, "r") as file:
-        place = file["level_3/velocity_rms"].id.get_offset()
-        if place is None:
-            found = []
-            file["level_3/velocity_rms"].id.chunk_iter(found.append)
-            place = found[0].byte_offset
+def damage(path, name):
+    """One byte of the numbers of a variable."""
+    with open(path, "rb") as file:
+        pieces = checksums._read(file).pieces
+    place = next(piece.start for piece in pieces if piece.variable == name)
     content = bytearray(path.read_bytes())
     content[place] ^= 1
     path.write_bytes(content)
-    with pytest.raises(StoreError, match="is damaged: level_3/velocity_rms"):
+    with pytest.raises(StoreError, match=f"is damaged: {name}"):
         open_map(path, check=True)
+
+
+@pytest.mark.parametrize("name", ["velocity_rms", "belt_speed"])
+def test_a_map_is_mended_with_its_borders_and_its_levels(tmp_path, name):
+    path, other = tmp_path / "map.h5", tmp_path / "other.h5"
+    spec = coarse_map(path, DISC)
+    refined(path, DISC, levels=3)
+    shutil.copy(path, other)
+    damage(path, name)
+    driver.sweep(spec, path, evaluate=DISC, resume=True, progress=False).close()
+    with open_map(path, check=True) as ds, open_map(other) as whole:
+        assert ds.equals(whole)
+    xr.testing.assert_identical(borders(path), borders(other))
+    for level in range(4):
+        xr.testing.assert_equal(open_map(path, level=level), open_map(other, level=level))
+    found = refined(path, None, levels=3)  # done already
+    assert found.sizes["border"] > 0
+
+
+@pytest.mark.parametrize("name", ["level_3/velocity_rms", "borders/kind"])
+def test_borders_that_are_damaged_are_lost_with_a_word(tmp_path, caplog, name):
+    path = tmp_path / "map.h5"
+    spec = coarse_map(path, DISC)
+    refined(path, DISC, levels=3)
+    damage(path, name)
+    driver.sweep(spec, path, evaluate=DISC, resume=True, progress=False).close()
+    with open_map(path, check=True) as ds, driver.sweep(spec, evaluate=DISC) as whole:
+        assert ds.equals(whole)
+    assert not is_refined(path)
+    assert "borders and finer points are damaged, and are not kept: refine it again" in caplog.text
 
 
 def test_verify_computes_points_of_the_levels_again(tmp_path):
@@ -251,7 +277,7 @@ BAD = {
     "refine.levels: must be given, or resolution": {},
     "refine.on: unknown name 'lable'; did you mean label": {"levels": 2, "on": "lable"},
     # of what every map may hold: neither events nor several starts
-    r"refine.on: must be one of label, .*(?<!event_count), (?!.*class_set).*; was 'nothing'$": {
+    "refine.on: must be label, mechanism, band, settled, result, frequency_told, or NAME=NUMBER": {
         "levels": 2,
         "on": "nothing",
     },
@@ -290,6 +316,25 @@ def test_what_cannot_be_meant_is_one_clear_line(tmp_path, line):
         refined(path, DISC, **BAD[line])
     assert "\n" not in str(error.value)
     assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("map.h5", "--levels or --resolution must say how fine; the map's file does not"),
+        ("map.h5 --on lable", "refine.on: unknown name 'lable'; did you mean label?"),
+        ("map.h5 --box mass=1:2", "refine.box.mass: unknown key; must be one of attack_angle, "),
+        ("run.h5", "run.h5: is not a map that a sweep made"),
+    ],
+)
+def test_what_is_wrong_is_told_before_that_it_says_not_how_fine(
+    words, line, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    coarse_map(tmp_path / "map.h5", DISC)
+    write_dataset(xr.Dataset({"position": ("time", np.zeros(3))}), "run.h5")
+    assert main(["refine", *words.split()]) == 1
+    assert capsys.readouterr().err.startswith(f"wiperjax: {line}")
 
 
 def test_an_axis_that_is_called_as_a_variable_of_borders_is_refused(tmp_path):

@@ -255,6 +255,18 @@ def test_answers_that_are_not_settled_are_asked_with_a_longer_window(tmp_path):
     assert np.abs(to_unit(short)[1] - 0.6).max() < 1 / (8 * 2**5)
 
 
+def test_points_are_counted_as_unsettled_also_where_no_window_is_lengthened(tmp_path):
+    evaluate = engine(disc, lambda window, x, y: y < 0.3)
+    for name, box in (("whole", {}), ("part", {"attack_angle": (-30, -10)})):
+        path = tmp_path / f"{name}.h5"
+        coarse_map(path, evaluate)
+        found = refined(path, evaluate, levels=2, lengthen=1, box=box)
+        fine = open_map(path, level=2)
+        fine = fine.sel(attack_angle=slice(*box.get("attack_angle", (None, None))))
+        lost = int(((fine.settled == 0) & (fine.computed == 1)).sum())
+        assert found.attrs["unsettled_points"] == lost > 0 == found.attrs["lengthened_points"]
+
+
 @pytest.mark.slow
 def test_counts_are_compared_in_windows_of_one_length(tmp_path):
     """Of a motion that never settles: a window four times as long has four times the count."""

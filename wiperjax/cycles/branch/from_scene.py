@@ -103,9 +103,11 @@ def follow_scene(
             max_step=spec.run.max_step,
         )
         found = with_simulations(found, brute)
+    law = spec.family.law(spec)
     attrs = {
         "title": spec.title or f"cycles over {table[over].long_name}",
         "belt_kind": spec.belt_kind or "",
+        **({} if law is None else {"friction": law.name}),
         "parameter_units": units_text({name: table[name].edge_unit for name in stated}),
         **stated,
         "specification_text": spec.text,
@@ -144,7 +146,7 @@ def _ranges(
         if second[0] == first[0]:
             raise ValueError(f"--second must not be that of --over, but both were {first[0]}")
         ranges[second[0]] = along
-    numbers.check_corners("the range", system, ranges)
+    numbers.check_corners(f"the range of {' and '.join(ranges)}", system, ranges)
     return ranges
 
 

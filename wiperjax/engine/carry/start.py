@@ -12,6 +12,7 @@ from ...contact.guards import (
     first_switch,
     gap_rounding,
     guard_values,
+    parts,
     start_of_slip_order,
     starting_sides,
     stop_slots,
@@ -171,6 +172,15 @@ def _is_finite(problem: Problem, start, motion, rate) -> Scalar:
     return finite
 
 
+def _reach(system, start, position: tuple, velocity: tuple, guards: list) -> tuple[Scalar, ...]:
+    """Return what rounding errors of the guards scale with: of a switch that all but vanishes with
+    what it is the difference of."""
+    n, first = len(position), first_switch(system)
+    sizes = parts(lambda t, *y: system.switches(t, y[:n], y[n:]), start, *position, *velocity)
+    own = tuple(map(jnp.abs, guards))
+    return (*own[:first], *map(larger, own[first:], sizes))
+
+
 def _empty_log(capacity: int, start, dtype) -> EventLog:
     shape = (capacity, *start.shape)
     return EventLog(
@@ -236,7 +246,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         piece=piece,
         sides=sides,
         orders=(entry.order, *[jnp.zeros_like(entry.order)] * switches),
-        reach=tuple(jnp.abs(g) for g in guards),
+        reach=_reach(local, start, position, velocity, guards),
         due=z - 1,
         rate=rate,
         guards=tuple(guards),

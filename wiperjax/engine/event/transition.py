@@ -33,7 +33,7 @@ class Outcome(NamedTuple):
     regime: Scalar
     sides: tuple
     orders: tuple
-    sizes: tuple  # of the guards, see `contact_sizes`
+    sizes: tuple  # of the contact's guards, see `contact_sizes`
     rate: tuple
     guards: tuple
     reactions: Forces
@@ -111,7 +111,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         regime=after,
         sides=sides,
         orders=tuple(orders),
-        sizes=_sizes(problem, system, c, after, time, q, len(sides)),
+        sizes=_sizes(problem, system, c, after, time, q),
         rate=rate,
         guards=guard_values(system, c, time, q, v, after, sides),
         reactions=reactions,
@@ -136,17 +136,15 @@ def _bounce(before: Contact, after: Contact, leaving):
     return jnp.where(top < 0, -2 * leaving / top * (1 - slope * leaving / (3 * top)), 0.0)
 
 
-def _sizes(
-    problem: Problem, system, c: Contact, regime, time, q, switches: int
-) -> tuple[Scalar, ...]:
-    """Return the sizes that rounding errors of the guards scale with, as a regime begins."""
+def _sizes(problem: Problem, system, c: Contact, regime, time, q) -> tuple[Scalar, ...]:
+    """Return what rounding errors of the contact's guards scale with, as a regime begins."""
     speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
     sizes = contact_sizes(system, c, regime, jnp.broadcast_to(speed, c.b_t.shape))
     if system.unilateral:
         digits = NOISE[c.b_t.dtype.name] * float(jnp.finfo(c.b_t.dtype).eps)
         gap = gap_rounding(system, time, q) / digits
         sizes[FIRST] = jnp.where(regime == Regime.FLIGHT, gap, sizes[FIRST])
-    return (*sizes, *[jnp.zeros_like(c.b_t)] * switches)
+    return tuple(sizes)
 
 
 def _switches(problem: Problem, state: State, fires):

@@ -3,11 +3,13 @@
 from functools import reduce
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from ...contact.regimes import slip_sign
 from ...contact.system import like
+from ...numerics.bernstein import largest
 from ...numerics.elementary import larger, smaller, within
 from ...numerics.types import Scalar
 from ...vocabulary import checks
@@ -15,7 +17,7 @@ from ...vocabulary.codes import Event, Regime
 from ...vocabulary.ranges import FINITE
 from .base import AbstractObserver, extremes, is_hit, outputs
 
-SHORTEST = 1e-9  # s: of a shorter step differences of velocities are rounding
+DIGITS = 1e3  # last digits of a change over a step, and of the step by the clock, that tell a slope
 
 
 class Totals(NamedTuple):
@@ -134,7 +136,11 @@ class RegimeTotals(AbstractObserver):
             return (on & condition).astype(jnp.int32)
 
         flown = self.flown(e).astype(record.flight_time.dtype)
+        jams = e.kind == Event.JAM  # forces in front of it have no bound
         return record._replace(
+            normal_force_integral=unknown(record.normal_force_integral, jams),
+            normal_force_max=unknown(record.normal_force_max, jams),
+            friction_work=unknown(record.friction_work, jams),
             flight_time=record.flight_time + flown,
             output_integral=record.output_integral + flown * e.output,
             output_square_integral=record.output_square_integral + flown * e.output * e.output,
@@ -150,6 +156,18 @@ class RegimeTotals(AbstractObserver):
         )
 
 
+@jax.custom_jvp
+def unknown(value, where):
+    """Return ``value``; where so, its derivative is NaN."""
+    return value
+
+
+@unknown.defjvp
+def _not_a_number(given, tangents):
+    (value, where), (change, _) = given, tangents
+    return value, change * jnp.where(where, jnp.nan, 1.0).astype(change.dtype)
+
+
 def _powers(stretch) -> list[Scalar]:
     """Power that friction takes at the nodes of a stretch; none where there is no slip speed."""
     nodes = stretch.nodes
@@ -162,11 +180,13 @@ def _powers(stretch) -> list[Scalar]:
 
 def _steepest(stretch, out) -> Scalar:
     """Largest slope of the output in a step, by the quartic through its nodes; steps too short to
-    tell are left out."""
+    tell, by `DIGITS` of the speeds that it is made of and of the clock, are left out."""
     rise = steepest([stop_gradient(x) for x in out])
-    step = stop_gradient(stretch.step).astype(rise.dtype)
-    long = step > SHORTEST
-    return jnp.where(long, rise / jnp.where(long, step, 1.0), 0.0)
+    step, last = stop_gradient(stretch.step), stretch.nodes[-1]
+    speed = stop_gradient(largest([out[-1], *last.velocity]))
+    digit, tick = (DIGITS * float(jnp.finfo(x.dtype).eps) for x in (rise, step))
+    long = (rise > digit * speed) & (step > tick * jnp.abs(stretch.start))
+    return jnp.where(long, rise / jnp.where(long, step, 1.0).astype(rise.dtype), 0.0)
 
 
 def steepest(values) -> Scalar:

@@ -22,14 +22,14 @@ from ...machine.files import StoreError, log, naming
 from ...machine.interrupt import heeded
 from ...machine.lock import acquire, release
 from ...machine.phases import account, during
-from ...specs.load import parse_sweep
 from ...specs.refine import parse_refine
 from ...store import checksums
 from ...store.blocks import BlockStore
 from ...store.folder import LOCK, clear
 from ...store.levels import is_refined, write_levels
 from ...store.partial import Reader
-from ...store.whole import borders, check_swept, open_finished
+from ...store.swept import sweep_of
+from ...store.whole import borders, open_finished
 from ...vocabulary import checks
 from ...vocabulary.wording import not_there
 from ..block import Evaluate, block_size
@@ -121,13 +121,7 @@ def _opened(path: Path) -> tuple[Any, xr.Dataset, bytes]:
         mark = checksums.mark(path) if path.is_file() else b""
     ds = open_finished(path, check=True)
     try:
-        check_swept(ds, path)
-        spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
-        if spec.digest() != ds.attrs["specification_digest"]:
-            raise StoreError(
-                f"{path}: was not made from this specification by this version of wiperjax"
-            )
-        return spec, ds, mark
+        return sweep_of(ds, path), ds, mark
     except BaseException:
         ds.close()
         raise

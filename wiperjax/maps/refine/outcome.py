@@ -86,6 +86,16 @@ def _steep(search: Any, pairs: Any, edges: Any) -> np.ndarray:
         return (inside > STEEP * across) & (8 * pairs.gap <= length)
 
 
+def _in_longest_window(search: Any) -> np.ndarray:
+    """Which known points had the longest window that the search asks for, (points,): all in its box
+    where it asks for the map's alone."""
+    if search.settings.lengthen > 1:
+        return search.known.facts.longer
+    places, cubes = search.grid.places(search.known.index), search.cubes
+    low, high = cubes.origin.min(axis=0), (cubes.origin + cubes.size[:, None]).max(axis=0)
+    return ((low <= places) & (places <= high)).all(axis=1)
+
+
 def share_of(wrong: np.ndarray) -> tuple[int, int, float]:
     """How many were looked at, how many were wrong, and the share of wrong ones that is exceeded
     with a probability of 5 % at most (Clopper and Pearson, Biometrika 26 (1934) 404).
@@ -107,7 +117,7 @@ def _report(search: Any, kind: np.ndarray, wide_points: int) -> dict[str, Any]:
         "map_cells": int(np.prod([len(steps) + 1 for steps in search.box])),
         "full_grid_cells": float(np.prod(np.ceil(across / search.wanted) + 1)),
         "budget_spent": int(search.spent),
-        "unsettled_points": int((~known.facts.settled & known.facts.longer).sum()),
+        "unsettled_points": int((~known.facts.settled & _in_longest_window(search)).sum()),
         "lengthened_points": int(known.facts.longer.sum()),
         "cubes": len(search.cubes),
         "cubes_with_border": int((~search.now.pure).sum()),

@@ -1,6 +1,5 @@
 """A refined map asked: the search done again with the answers in the file, for no simulation."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ...machine.files import StoreError
-from ...specs.load import parse_sweep
 from ...specs.refine import Refine
+from ...store.swept import sweep_of
 from ...store.whole import borders, open_map
 from .answers import Answers
 from .bank import Bank
@@ -21,11 +20,12 @@ from .search import Search
 def replay(path: str | Path) -> tuple[Search, Criterion]:
     """The finished search of a refined map.
 
-    Raises: `StoreError` if `path` is no such map, or its borders are of what has no simulations.
+    Raises: `StoreError` if `path` is no such map or was made otherwise, or its borders are of what
+    has no simulations.
     """
     settings = Refine.model_validate_json(borders(path).attrs["refine_settings"])
     with open_map(path) as ds:
-        spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
+        spec = sweep_of(ds, path)
         criterion = Criterion(settings, spec.classes)
         if criterion.linear:
             raise StoreError(f"{path}: has borders of {settings.on}, of which no point is stored")

@@ -79,11 +79,16 @@ def _has_borders(ds: xr.Dataset, variable: str) -> bool:
     return PREFIX + "axis" in ds and ("=" in on or on == variable)
 
 
-def border_legend() -> Line2D:
-    """The entry of the curves in a legend."""
+def border_legend(on: str) -> Line2D:
+    """The entry of the curves in a legend; `on`: what they are borders of."""
     outline = withStroke(linewidth=2.0, foreground=BOUNDARY)
-    words = "border (located)"
-    return Line2D([], [], color=BORDER, linewidth=1.0, path_effects=[outline], label=words)
+    label = border_words(on)
+    return Line2D([], [], color=BORDER, linewidth=1.0, path_effects=[outline], label=label)
+
+
+def border_words(on: str) -> str:
+    """What the curves are, in a few words: of a threshold it is named."""
+    return f"{on} (located)" if "=" in on else "border (located)"
 
 
 def _in_plane(ds: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

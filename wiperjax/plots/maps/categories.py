@@ -31,7 +31,8 @@ from ..style.palette import (
     readable,
 )
 from .borders import PREFIX, border_legend, draw_borders
-from .planes import At, check_dim, choose_plane, cut, map_dims, stability_boundary
+from .planes import At, check_dim, choose_plane, cut, map_dims
+from .stability import NOTE, WORDS, stability_boundary
 
 COLOURS = MOTIONS | MECHANISMS | CLASSES
 MOST_HATCHED = 20_000  # pieces; beyond, cells are finer than the pattern, and colour must do
@@ -81,6 +82,7 @@ def category_map(
     words, computed = footnote(ds), int((np.asarray(cells["label"]) != NOT_COMPUTED).sum())
     if cells["label"].size < ds["label"].size:
         words = f"shares of the {computed:,} cells shown, of {ds['label'].size:,}; {words}"
+    words += f"; {NOTE}" if boundary else ""
     legend_below(
         figure,
         category_legend(cells, variable, boundary),
@@ -229,11 +231,10 @@ def category_legend(
             Patch(facecolor="none", edgecolor=edge, linewidth=0.0, hatch=hatch, label=text)
         )
     if boundary:
-        words = "steady slip loses stability (linear)"
-        handles.append(Line2D([], [], color=BOUNDARY, linewidth=1.4, label=words))
+        handles.append(Line2D([], [], color=BOUNDARY, linewidth=1.4, label=WORDS))
     on = str(cells.attrs.get(PREFIX + "on", ""))
     if on == variable or "=" in on:
-        handles.append(border_legend())
+        handles.append(border_legend(on))
     return handles + curve_legend(cells)
 
 

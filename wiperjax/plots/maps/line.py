@@ -14,6 +14,7 @@ from ..style.palette import BOUNDARY, CLASSES, HATCHES, REGIMES, UNKNOWN, readab
 from .numbers import TONE, told
 from .planes import At, check_dim, check_order, class_names, cut, map_dims
 from .shares import regime_shares, stacked
+from .stability import between, growth_between, places
 
 
 def along_axis(
@@ -51,11 +52,13 @@ def along_axis(
     for ax in rows:
         set_axis(ax, "x", line[along])
         ax.label_outer()
-    unstable = _unstable(line, rows, across)
+    unstable = _unstable(line, along, rows, across)
     if whole:
         figure = rows[0].figure
         if unstable:
-            handles.append(Patch(color="#000000", alpha=0.08, label="steady slip unstable"))
+            handles.append(
+                Patch(color="#000000", alpha=0.08, label="steady slip unstable (interpolated)")
+            )
         legend_below(figure, handles + shares)
         set_caption(figure, ds, where, start_text(ds))
     return rows
@@ -139,23 +142,18 @@ def _amplitudes(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarra
     ax.set_ylim(0, 1.08 * np.nanmax(speed, initial=0.0) or 1.0)
 
 
-def _unstable(line: xr.Dataset, axes: np.ndarray, across: np.ndarray) -> bool:
-    """Shades where the growth rate of steady slip is positive, borders interpolated."""
-    if "growth_rate" not in line:
-        return False
-    growth = np.asarray(line["growth_rate"], dtype=float)
-    scale = np.nanmedian(np.abs(growth)) if np.isfinite(growth).any() else 1.0
-    known = np.isfinite(growth)
-    bent = np.arcsinh(growth / (scale or 1.0))
-    cells = np.arange(across.size)
-    fine = np.linspace(0, across.size - 1, 20 * across.size)  # the border is between two cells
-    bent, place = np.interp(fine, cells, bent), np.interp(fine, cells, across)
+def _unstable(line: xr.Dataset, along: str, axes: np.ndarray, across: np.ndarray) -> bool:
+    """Shades where the growth rate of steady slip is positive; returns whether it is anywhere."""
+    growth = growth_between(line, along)
+    if growth is None:  # of one sign, if there are any
+        growth = np.asarray(line.get("growth_rate", np.full(across.size, np.nan)), dtype=float)
+    place = between(across, places(across.size, growth.size))
     for ax in axes[:2]:
         ax.fill_between(
-            place, 0, 1, where=bent > 0, alpha=0.08,
+            place, 0, 1, where=growth > 0, alpha=0.08,
             color="#000000", linewidth=0, transform=ax.get_xaxis_transform(),
         )  # fmt: skip
-    return bool((growth[known] > 0).any())
+    return bool((growth > 0).any())
 
 
 def class_shares(
@@ -225,6 +223,10 @@ def regime_raster(
     if whole:
         seen = [code for code in order if (codes == code).any()]
         handles = [Patch(color=REGIMES[names[c]], label=readable(names[c])) for c in seen]
+        ended = dict.fromkeys(class_names(line)[(values == len(order)).any(axis=1)])
+        if ended:
+            words = f"ended before ({', '.join(map(readable, ended))})"
+            handles.append(Patch(color=UNKNOWN, label=words))
         legend_below(ax.figure, handles)
         coarse = _coarse(line, float(np.diff(time).mean()))
         set_caption(ax.figure, ds, where, start_text(ds), coarse)

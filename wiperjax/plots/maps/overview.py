@@ -10,6 +10,7 @@ from ..style.caption import footnote, moving, set_caption
 from .categories import category_legend, category_panels, shown_cells
 from .classes import class_bars
 from .planes import At, choose_plane, cut, fraction_map, frequency_map, map_dims, value_map
+from .stability import NOTE
 
 
 def map_overview(
@@ -59,5 +60,6 @@ def map_overview(
         ax.set_ylabel("")
     free = tuple(dim for dim in map_dims(ds) if dim not in (at or {}))
     class_bars(*cut(ds, free, at), axes[3])
-    lower.supxlabel(footnote(ds), fontsize="small", color="#555555")
+    words = f"{footnote(ds)}\n{NOTE}" if boundary else footnote(ds)
+    lower.supxlabel(words, fontsize="small", color="#555555")
     return figure

@@ -24,8 +24,9 @@ from ..style.axes import (
     value_text,
 )
 from ..style.caption import set_caption, start_text
-from ..style.palette import BOUNDARY, UNKNOWN
+from ..style.palette import UNKNOWN
 from .numbers import TONE, suited, told, tones, why_untold
+from .stability import stability_boundary
 
 PANEL = 36  # letters across a picture among others
 At = Mapping[str, float]  # where a dimension that is not drawn is cut, in the units of the map
@@ -116,29 +117,6 @@ def cut(ds: xr.Dataset, keep: tuple[str, ...], at: At | None = None) -> tuple[xr
         check_dim(ds, name)
         raise ValueError(f"{name!r} is an axis of the picture and cannot be cut at one value")
     return ds.isel(chosen), ", ".join(value_text(ds[dim], i) for dim, i in chosen.items())
-
-
-def stability_boundary(ds: xr.Dataset, ax: Axes, x: str, y: str) -> bool:
-    """Draws the line growth_rate = 0 over a plane; returns whether there is one."""
-    lines = bent_growth(ds, x, y)
-    if lines is None:
-        return False
-    across, up = shown(ds[x])[0], shown(ds[y])[0]
-    ax.contour(across, up, lines, levels=[0.0], colors="white", linewidths=3.2)
-    ax.contour(across, up, lines, levels=[0.0], colors=BOUNDARY, linewidths=1.4)
-    return True
-
-
-def bent_growth(ds: xr.Dataset, x: str, y: str) -> np.ma.MaskedArray | None:
-    """Growth rates of a plane, (y, x), compressed so that their zero line is interpolated smoothly
-    (they span decades; an odd function keeps it in place); None where nothing crosses zero.
-    """
-    if "growth_rate" not in ds or min(ds.sizes[x], ds.sizes[y]) < 2:
-        return None
-    growth = np.ma.masked_invalid(ds["growth_rate"].transpose(y, x).values.astype(float))
-    if growth.count() == 0 or not (growth.min() < 0 < growth.max()):
-        return None
-    return np.ma.arcsinh(growth / (np.median(np.abs(growth.compressed())) or 1.0))
 
 
 def value_map(

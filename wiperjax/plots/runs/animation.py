@@ -10,12 +10,12 @@ from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.ticker import FuncFormatter
 
 from ...datasets.run_dataset import between, event_times, is_steady, last_periods, sample_interval
+from ...noise.classes import stored
 from ...vocabulary.cf import flag_names
 from ..style.axes import page
 from ..style.caption import set_caption
 from ..style.palette import BELT, REGIMES, readable
 from .bands import regime_bands
-from .levels import TURNING
 
 FRAMES_PER_SECOND = 25
 ARROW = 0.6  # length of the largest force, in lengths of the lip
@@ -100,17 +100,17 @@ def has_lip(ds: xr.Dataset) -> bool:
 
 def slow_part(ds: xr.Dataset, periods: float) -> xr.Dataset:
     """The part of a run that a few seconds of frames can follow: its last `periods`, on a belt that
-    turns the last V = 0 with what leads to it and the flip of the lip that follows. All of it where
-    there is none of these.
+    turns the last V = 0 to the end of its `reversal_window`, in which the lip flips over, and a
+    fifth of that before it. All of it where there is none of these.
     """
     if is_steady(ds):
         return last_periods(ds, periods, always=True)
     turns = event_times(ds).get("belt_reversal", np.zeros(0))
     if not turns.size:
         return ds
-    after = max(TURNING, 8 * sample_interval(ds))
+    after = max(stored(ds.attrs).reversal_window, 8 * sample_interval(ds))
     end = min(turns[-1] + after, float(ds["time"][-1]))
-    return between(ds, max(end - 1.5 * after, float(ds["time"][0])), end)
+    return between(ds, max(end - 1.2 * after, float(ds["time"][0])), end)
 
 
 class LipScene(NamedTuple):

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.ticker import MaxNLocator
 
-from ...datasets.run_dataset import contact_axis, is_steady, signal, usual_axis
+from ...datasets.run_dataset import contact_axis, event_times, is_steady, signal, usual_axis
 from ...vocabulary.cf import flag_names
 from ..style.axes import label, legend_below, page, shown, shown_unit
 from ..style.caption import direction, partner, set_caption
@@ -31,7 +31,7 @@ def phase_portrait(
     transient: xr.Dataset | None = None,
     legend: bool = True,
 ) -> Axes:
-    """Velocity over position of one coordinate, coloured by regime.
+    """Velocity over position of one coordinate, coloured by regime; at an impact it jumps.
 
     Arguments:
 
@@ -51,12 +51,12 @@ def phase_portrait(
     component = usual_axis(ds) if component is None else component
     if transient is not None:
         ax.plot(*orbit(transient, component), color="#AAAAAA", linewidth=0.5, zorder=1)
-    x, v = orbit(ds, component)
+    x, v, sample = _with_jumps(ds, component)
     points = np.column_stack([x, v])
     pieces = np.stack([points[:-1], points[1:]], axis=1)
     for name, mask in regime_masks(ds):
         lines = LineCollection(
-            list(pieces[mask[:-1]]),
+            list(pieces[mask[sample[:-1]]]),
             colors=REGIMES.get(name, UNKNOWN),
             linewidths=1.5,
             label=readable(name),
@@ -92,6 +92,29 @@ def orbit(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray]:
     """Position and velocity of one coordinate in the units of pictures."""
     x, v = (shown(signal(ds, name, component))[0] for name in ("position", "velocity"))
     return x, v
+
+
+def _with_jumps(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The `orbit` with two more points for the first impact between two samples, so that velocity
+    jumps where the tip is then; and which sample each point goes on from.
+    """
+    place, speed = (
+        np.asarray(signal(ds, name, component), dtype=float) for name in ("position", "velocity")
+    )
+    sample, time = np.arange(place.size), np.asarray(ds["time"], dtype=float)
+    moments = event_times(ds).get("impact", np.zeros(0))
+    before = np.searchsorted(time, moments, side="right") - 1
+    before, first = np.unique(before[before < time.size - 1], return_index=True)
+    there = place[before] + speed[before] * (moments[first] - time[before])
+    twice, after = np.repeat(before, 2), np.repeat(before + 1, 2)
+    place = np.insert(place, after, np.repeat(there, 2))
+    jumps = np.column_stack([speed[before], speed[before + 1]]).ravel()
+    speed, sample = np.insert(speed, after, jumps), np.insert(sample, after, twice)
+    x, v = (
+        shown_unit(ds[name])[0] * values
+        for name, values in (("position", place), ("velocity", speed))
+    )
+    return x, v, sample
 
 
 def _angle_axis(ax: Axes, length: float) -> None:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.axis import XAxis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -129,11 +130,16 @@ def log_marks(axis) -> None:
 
 
 class LogMarks(LogLocator):
-    """Marks of a logarithmic axis; even ones where fewer than three of them lie on it."""
+    """Marks of a logarithmic axis; 1, 3, 10 where 1 and 2 would touch on the axis across, and even
+    ones where fewer than three of these lie on it.
+    """
 
     def tick_values(self, vmin, vmax):
-        marks = np.asarray(super().tick_values(vmin, vmax))
         low, high = sorted((vmin, vmax))
+        if isinstance(self.axis, XAxis):
+            close = np.log10(2) * self.axis.get_tick_space() < np.log10(high / low)
+            self.set_params(subs=(1, 3) if close else (1, 2, 5))
+        marks = np.asarray(super().tick_values(vmin, vmax))
         if np.count_nonzero((marks >= low) & (marks <= high)) >= 3:
             return marks
         marks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))

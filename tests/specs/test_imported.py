@@ -1,0 +1,94 @@
+"""Modules of one's own: which one a file means, where Python has several of that name."""
+
+import sys
+
+import pytest
+
+from wiperjax.specs.errors import SpecError
+from wiperjax.specs.load import load_scene, load_sweep
+
+LAW = """
+import wiperjax
+from wiperjax import parameter
+
+class Falling(wiperjax.AbstractFriction):
+    static: float = parameter(1.0, low=0)
+
+    def coefficient(self, speed):
+        return self.static / (1 + {} * speed)
+"""
+
+SWEEP = """
+blade.friction = "{}:Falling"
+axes.static = {{ values = [0.5, 1.0] }}
+run = {{ transient = 0, window = 0.1 }}
+"""
+
+
+@pytest.fixture
+def folders(tmp_path, monkeypatch):
+    """Two folders, each with a sweep and its law; the laws are of one name and of unlike physics.
+    Python forgets them afterwards."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    before = set(sys.modules)
+    for name, steepness in (("a", 3), ("b", 9)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "twin_law.py").write_text(LAW.format(steepness))
+        (tmp_path / name / "sweep.toml").write_text(SWEEP.format("twin_law"))
+    yield tmp_path
+    for module in set(sys.modules) - before:
+        sys.modules.pop(module)
+
+
+def test_a_law_of_another_folder_is_not_taken_for_that_beside_the_file(folders):
+    first = load_sweep(folders / "a/sweep.toml").canonical()
+    must = f"must be that beside the file, {folders}/b/twin_law.py, was {folders}/a/twin_law.py: "
+    with pytest.raises(SpecError, match=rf"^{folders}/b/.* blade.friction: module .* {must}"):
+        load_sweep(folders / "b/sweep.toml")
+    (folders / "b/scene.toml").write_text('blade.friction = "twin_law:Falling"\n')
+    with pytest.raises(SpecError, match=must):
+        load_scene(folders / "b/scene.toml")
+    (folders / "b/twin_law.py").unlink()  # nothing of that name lies beside: any that Python finds
+    assert load_sweep(folders / "b/sweep.toml").canonical() == first
+    assert load_sweep(folders / "a/sweep.toml").canonical() == first
+
+
+def test_the_file_comes_before_a_working_directory_that_is_on_the_path(folders, monkeypatch):
+    monkeypatch.syspath_prepend(folders / "a")
+    monkeypatch.chdir(folders / "a")
+    with pytest.raises(SpecError, match=rf"{folders}/b/twin_law.py, was {folders}/a/twin_law.py"):
+        load_sweep(folders / "b/sweep.toml")
+
+
+@pytest.mark.parametrize(("name", "other"), [("wave", r"/\S+/wave.py"), ("time", "one built in")])
+def test_a_module_of_the_library_is_not_taken_for_that_beside_the_file(folders, name, other):
+    (folders / "a" / f"{name}.py").write_text(LAW.format(3))
+    (folders / "a/sweep.toml").write_text(SWEEP.format(name))
+    with pytest.raises(SpecError, match=rf"module '{name}' must be .*/a/{name}.py, was {other}"):
+        load_sweep(folders / "a/sweep.toml")
+
+
+def test_a_base_of_another_folder_is_not_taken(folders):
+    """The class itself is the one beside the file; what it inherits is not."""
+    load_sweep(folders / "a/sweep.toml")
+    text = "import twin_law\nclass Falling(twin_law.Falling):\n    pass\n"
+    (folders / "b/heir.py").write_text(text)
+    (folders / "b/sweep.toml").write_text(SWEEP.format("heir"))
+    with pytest.raises(SpecError, match="module 'twin_law' must be that beside the file"):
+        load_sweep(folders / "b/sweep.toml")
+
+
+def test_a_package_beside_the_file_is_found(folders):
+    (folders / "a/laws").mkdir()
+    for name in ("__init__", "dry"):
+        (folders / "a/laws" / f"{name}.py").write_text(LAW.format(3))
+    for name in ("laws", "laws.dry"):
+        (folders / "a/sweep.toml").write_text(SWEEP.format(name))
+        assert f'"{name}:Falling"' in load_sweep(folders / "a/sweep.toml").canonical()
+
+
+def test_a_module_without_the_class_is_named_with_its_file(folders):
+    (folders / "a/sweep.toml").write_text(SWEEP.format("twin_law").replace("Falling", "Rising"))
+    named = rf"module 'twin_law' has no class 'Rising' \(in {folders}/a/twin_law.py\)$"
+    with pytest.raises(SpecError, match=named):
+        load_sweep(folders / "a/sweep.toml")

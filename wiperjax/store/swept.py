@@ -1,0 +1,55 @@
+"""The sweep that a map was made by, read from the map: what computes more of it asks here, so that
+nothing of another system is put beside what the map holds.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from ..machine.files import StoreError
+from ..specs.load import parse_sweep
+from ..specs.sweep import SweepSpec
+from .manifest import unlike
+
+
+def sweep_of(ds: xr.Dataset, path: str | Path) -> SweepSpec:
+    """The sweep that the map at `path`, opened as `ds`, was made by.
+
+    Raises: `StoreError` for what is no such map, and where its sweep means something else by now (a
+    class of one's own has another source, or a version of wiperjax reads it otherwise);
+    `SpecError` where it cannot be read any more.
+    """
+    check_swept(ds, path)
+    spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
+    check_made_from(spec, ds, path)
+    return spec
+
+
+def check_swept(ds: xr.Dataset, path: str | Path, read: bool = True) -> None:
+    """Raises `StoreError` unless the dataset of a file is a map that a sweep made; `read`: whose
+    specification can be read again.
+    """
+    wanted = {"specification_digest"} | ({"specification"} if read else set())
+    if not wanted <= ds.attrs.keys() or "label" not in ds:
+        raise StoreError(f"{path}: is not a map that a sweep made")
+
+
+def check_made_from(spec: Any, ds: xr.Dataset, path: str | Path) -> None:
+    """Raises `StoreError` that says what differs unless a map was made from the sweep `spec`."""
+    if said := otherwise(ds.attrs, spec):
+        raise StoreError(f"{path}: was made otherwise ({said}); sweep it anew")
+
+
+def otherwise(
+    attrs: Mapping[str, Any], spec: Any, identity: Mapping[str, str] | None = None
+) -> str:
+    """What differs between that which a map with these attributes was made from and a sweep, in
+    words for a person; empty if nothing does. `identity`: what else must agree, if it must.
+    """
+    was = {"specification": str(attrs.get("specification_canonical", "{}"))}
+    if identity is not None:
+        was |= json.loads(attrs.get("identity", "{}"))
+    return unlike(was, {"specification": spec.canonical()} | dict(identity or {}))
