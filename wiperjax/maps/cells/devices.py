@@ -104,7 +104,7 @@ BRIEF = 100.0  # s of motion, within a second on two cores
 def unrolls(motion: float) -> bool:
     """Return whether a sweep of so much ``motion`` [s] is worth a step whose stages are unrolled.
 
-    As a loop they are compiled in two seconds less (Dopri8), and a turn takes a third longer.
+    As a loop they are compiled in a fifth less time (Dopri8), and a turn takes a third longer.
     """
     return on_accelerator() or motion > BRIEF
 
