@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from itertools import permutations
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,10 +13,10 @@ import scipy.integrate
 import scipy.optimize
 import xarray as xr
 from scipy.interpolate import CubicSpline
-from systems import STRIBECK_FOLD, STRIBECK_HOPF, Ring, StribeckOscillator
+from systems import STRIBECK_FOLD, STRIBECK_HOPF, FirstOnBelt, Ring, StribeckOscillator
 
 import wiperjax
-from wiperjax import AbstractSystem, SteadyBelt, Stribeck, Wiper
+from wiperjax import SteadyBelt, Stribeck, Wiper
 from wiperjax.cycles import curves_dataset, find_cycle, follow, follow_curves
 from wiperjax.cycles.branch.follow import Branch
 from wiperjax.cycles.chart import chart
@@ -260,28 +260,17 @@ def _slope(law: Stribeck, speed: float):
     return jax.grad(lambda s: law.coefficient(s))(jnp.asarray(speed))
 
 
-class Chain(AbstractSystem):
+class Chain(FirstOnBelt):
     """Two masses on springs, the first on a belt with friction F0 - b s + c s^2 of slip s < 0."""
 
-    unilateral: ClassVar[bool] = False
     falling: float = 0.3
     damping: float = 0.1
     coupling: float = 0.7
-    belt: float = 1.0
 
     def free_acceleration(self, t, q, v):
         link = self.coupling * (q[1] - q[0]) + self.damping * (v[1] - v[0])
         push = self.falling * v[0] * (1 - v[0] ** 2)
         return (-q[0] + link + push, -2 * q[1] - link)
-
-    def directions(self, t, q):
-        return (1.0, 0.0), (0.0, 0.0)
-
-    def normal_force(self, t, q, v):
-        return 1.0
-
-    def slip_speed(self, t, q, v):
-        return v[0] - self.belt
 
     def matrix(self, falling, coupling):
         k, c, f = coupling, self.damping, falling

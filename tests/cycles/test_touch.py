@@ -1,15 +1,14 @@
 """The curve of grazing-sliding folds where places and cycles change fast along it."""
 
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 import pytest
 import scipy.integrate
 import scipy.optimize
+from systems import FirstOnBelt
 
 import wiperjax
-from wiperjax import AbstractSystem
 from wiperjax.cycles import find_cycle, follow, follow_curves
 from wiperjax.vocabulary.codes import CurveEnd
 
@@ -23,10 +22,9 @@ class Falling(wiperjax.AbstractFriction):
         return self.static / (1 + 3 * speed)
 
 
-class Row(AbstractSystem):
+class Row(FirstOnBelt):
     """A block on a spring of stiffness 1 and on a belt; a second one, of mass 2, linked to it."""
 
-    unilateral: ClassVar[bool] = False
     belt: float = 0.3
     link: float = 1.0
     friction: wiperjax.AbstractFriction = Falling()
@@ -34,15 +32,6 @@ class Row(AbstractSystem):
     def free_acceleration(self, t, q, v):
         pull = self.link * (q[1] - q[0]) + 0.2 * (v[1] - v[0])
         return pull - q[0] - 0.3 * v[0], -pull / 2.0
-
-    def directions(self, t, q):
-        return (1.0, 0.0), (0.0, 0.0)
-
-    def normal_force(self, t, q, v):
-        return 1.0
-
-    def slip_speed(self, t, q, v):
-        return v[0] - self.belt
 
     def default_state(self):
         return (0.0, 0.0), (0.0, 0.0)

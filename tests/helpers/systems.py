@@ -123,6 +123,22 @@ class Block(AbstractSystem):
         return Coulomb(self.static, self.dynamic)
 
 
+class FirstOnBelt(AbstractSystem):
+    """Two coordinates, the first of them on a belt, pressed onto it by 1."""
+
+    unilateral: ClassVar[bool] = False
+    belt: float = 1.0
+
+    def directions(self, t, q):
+        return (1.0, 0.0), (0.0, 0.0)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0] - self.belt
+
+
 class Rod(AbstractSystem):
     """Painleve's rod: q = (x, y, phi) of the centre, tip at (x + s cos phi, y - s sin phi)."""
 
