@@ -59,8 +59,9 @@ def test_cells_clicked_moved_to_and_slid_to_are_those_of_the_map(window, cells):
     window.click(2, 1, 4, 2)
     place = {"attack_angle": 2, "belt_speed": 1, "normal_load": 1}
     assert told(cells, place)[0] == "squeal"
-    window.until(lambda: agrees(window, cells, place))
-    assert "attack angle 5°" in window.text(".where")
+    window.until(
+        lambda: agrees(window, cells, place) and "attack angle 5°" in window.text(".where")
+    )
     for key, change in (("ArrowDown", {"belt_speed": 0}), ("ArrowLeft", {"attack_angle": 1})):
         window.page.keyboard.press(key)
         place |= change
@@ -115,8 +116,7 @@ def test_the_sound_is_that_of_the_motion(window):
         _, samples = scipy.io.wavfile.read(io.BytesIO(base64.b64decode(now)))
         return np.isclose(np.abs(samples).max(), 10 * before[1], rtol=1e-3)
 
-    window.until(louder)
-    assert "full scale = 0.1 m/s" in window.text(".audio p")
+    window.until(lambda: louder() and "full scale = 0.1 m/s" in window.text(".audio p"))
 
 
 @pytest.mark.parametrize("kind", ["CSV", "WAV", "UFF 55 (its modes)"])
@@ -154,8 +154,7 @@ def test_a_box_is_computed_again_finer_and_left_again(window):
     window.click(47, 47, 48, 48)
     window.until(lambda: "attack angle 5°" in window.text(".where"))
     back.click()
-    window.until(lambda: window.says("sixteen.h5"))
-    assert not back.is_visible()
+    window.until(lambda: window.says("sixteen.h5") and not back.is_visible())
 
 
 def test_two_windows_do_not_disturb_each_other_and_cells_are_held(window, browser, address, cells):  # noqa: F811
@@ -191,7 +190,8 @@ def test_one_file_holds_the_map_and_motions(browser, cells, tmp_path):  # noqa: 
     window.until(lambda: window.says("normal load: 12 N/m"))
     window.click(2, 1, 4, 2)
     window.until(lambda: agrees(window, cells, place))
-    assert window.page.locator("audio").first.evaluate("audio => audio.duration") > 0.9
+    sound = window.page.locator("audio").first
+    window.until(lambda: sound.evaluate("audio => audio.duration > 0.9"))
     window.page.mouse.move(*window.point(3, 0, 4, 2))
     name, _ = told(cells, {"attack_angle": 3, "normal_load": 0, "belt_speed": 0})
     said = f"attack angle 20 deg, belt speed 0.2 m/s: {name}"
