@@ -1,6 +1,7 @@
 """The rivals of a refined map, where the truth is a formula."""
 
 import numpy as np
+import pytest
 from border_maps import coarse_map, engine, refined
 
 from wiperjax.maps.refine.replay import replay
@@ -11,6 +12,7 @@ def disc(x, y):
     return np.where((x - 0.45) ** 2 + (y - 0.5) ** 2 < 0.3**2, 700.0, 300.0)
 
 
+@pytest.mark.slow
 def test_an_octree_tells_what_a_full_grid_tells_for_fewer_simulations(tmp_path):
     path = tmp_path / "map.h5"
     coarse_map(path, engine(disc))

@@ -11,6 +11,7 @@ from wiperjax.engine.sampling.means import Signal, flush, take_means
 from wiperjax.vocabulary.codes import Regime
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", np.linspace(0.01, 0.9, 8))
 def test_a_step_of_few_digits_ends_when_the_clock_says(window, monkeypatch):
     """In the digits of a float32 step its end fell short of that of the last sample: 60 of 2048

@@ -370,6 +370,7 @@ def broken(ds, how):
     return ds.isel(belt_speed=[0, 2, 1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "says"),
     [

@@ -295,6 +295,7 @@ def test_a_sweep_by_other_software_is_refused(tmp_path, name, monkeypatch):
     assert len(block_files(path)) == 2
 
 
+@pytest.mark.slow
 def test_existing_output_and_unfinished_store_need_a_word(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
     path.write_text("precious")

@@ -164,6 +164,7 @@ def test_a_killed_sweep_goes_on_and_its_parts_can_be_read(tmp_path):
         run(several(kick=1e-3), half, **options(resume=True))
 
 
+@pytest.mark.slow
 def test_cells_are_verified_from_where_their_neighbours_ended(tmp_path):
     spec, path = several(), tmp_path / "map.h5"
     run(spec, path, **options())

@@ -235,6 +235,7 @@ def four_by_hand(system: HeadAndTip):
     return mass, damping, stiff, k * depth * (1 + h * depth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle, load", [(-20, 15.0), (-5, 30.0), (10, 15.0)])
 def test_head_and_tip_have_the_modes_of_matrices_written_out(angle, load):
     system = HeadAndTip(attack_angle=np.radians(angle), load=load)
@@ -250,6 +251,7 @@ def test_head_and_tip_have_the_modes_of_matrices_written_out(angle, load):
     assert (own.real.max() > 0) == (angle < 0)  # chatter of a blade that leans against the belt
 
 
+@pytest.mark.slow
 def test_a_clamped_head_leaves_the_lip_on_soft_glass():
     """K = [[k t^2 + k_b/cos^2, -k t + mu k_c], [-k t, k + k_c]], with errors of first order."""
     angle, mu, kc, k, kb = 0.9, 0.9, 4000.0, 2000.0, 1100.0

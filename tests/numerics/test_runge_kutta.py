@@ -18,6 +18,7 @@ def field(t, y, args):
     return (v,), (args * jnp.sin(3 * x) - 0.3 * v + jnp.cos(t),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unroll", [True, False])
 @pytest.mark.parametrize("solver", SOLVERS, ids=lambda s: type(s).__name__)
 def test_step_and_dense_output_equal_diffrax(solver, unroll):

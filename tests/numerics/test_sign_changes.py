@@ -33,6 +33,7 @@ def always(function):
     return lambda x: (function(x), jnp.asarray(True), jnp.asarray(1.0))
 
 
+@pytest.mark.slow
 def test_roots_of_a_polynomial():
     roots = np.array([0.91, 0.4, -0.013, -0.5])
     function = always(lambda x: jnp.prod(x - jnp.asarray(roots)))

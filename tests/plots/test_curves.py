@@ -120,6 +120,7 @@ def test_a_page_of_curves_is_not_headed_by_what_its_axes_run_through(curves):
     assert next(one for one in ax.lines if one.get_label() == "the branch").get_ydata()[0] == 10
 
 
+@pytest.mark.slow
 def test_commands_draw_and_tell_of_the_curves_in_a_file(curves, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ds = with_curves(a_map().drop_vars("label").drop_dims("belt_speed"), curves)

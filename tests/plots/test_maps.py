@@ -321,6 +321,7 @@ def test_class_map_draws_small_multiples_over_the_third_axis(small_map):
         plots.class_map(small_map.isel(normal_load=[0], attack_angle=[0]))
 
 
+@pytest.mark.slow
 def test_maps_without_a_number_anywhere_are_still_drawn(small_map):
     empty = small_map.copy(deep=True)
     for name in ("dominant_frequency", "velocity_rms", "growth_rate"):

@@ -557,6 +557,7 @@ def test_all_pictures_of_a_file(folder, squeal, tmp_path, monkeypatch):
         plots.plot_all(folder / "modes.h5", tmp_path / "o.png")
 
 
+@pytest.mark.slow
 def test_existing_pictures_are_kept(folder):
     (folder / "there.png").write_bytes(b"precious")
     with pytest.raises(StoreError, match="exists already"):

@@ -70,6 +70,7 @@ def whole_periods(run, after):
 # --- the contract ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_dataset_has_what_the_contract_names(squeal):
     assert squeal.sizes == {"time": 10001, "axis": 2, "event": squeal.event_time.size}
     assert list(squeal.axis.values) == ["x", "y"]

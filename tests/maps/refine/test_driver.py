@@ -69,6 +69,7 @@ def test_ctrl_c_that_python_drops_between_blocks_is_heard(tmp_path, monkeypatch)
         signal.signal(signal.SIGINT, handler)
 
 
+@pytest.mark.slow
 def test_the_root_stays_the_map_and_levels_are_grids(tmp_path):
     path = tmp_path / "map.h5"
     coarse_map(path, DISC)

@@ -81,6 +81,7 @@ def test_a_number_that_jumps_across_its_threshold_is_a_jump(tmp_path):
     assert np.abs(y + 0.2 * x - 0.53).max() < 1.2 / (8 * 2**6)
 
 
+@pytest.mark.slow
 def test_a_threshold_of_any_stored_number_and_another_name_are_borders_too(tmp_path):
     both = engine(lambda x, y: (wave(x, y), np.where(x > 0.3, 0.5, 0.0)))
     coarse_map(tmp_path / "map.h5", both)
@@ -121,6 +122,7 @@ def island(radius):
     return engine(pitch)
 
 
+@pytest.mark.slow
 def test_an_island_smaller_than_a_cell_is_found_by_probes(tmp_path):
     coarse_map(tmp_path / "map.h5", island(0.05))  # cells are 0.125 wide, and none is in it
     missed = refined(tmp_path / "map.h5", island(0.05), levels=5, probes=0)
@@ -142,6 +144,7 @@ def test_an_island_that_no_probe_meets_is_within_the_miss_rate_stated(tmp_path):
     assert np.pi * radius**2 < bound < 0.05
 
 
+@pytest.mark.slow
 def test_a_border_that_never_sharpens_is_called_irregular_and_ends(tmp_path):
     def noisy(x, y):
         noise = np.sin(1e4 * x + 3e4 * y) * np.cos(2.3e4 * x - 1e4 * y) > 0
@@ -167,6 +170,7 @@ def test_a_budget_ends_it_and_says_so(tmp_path):
     np.testing.assert_array_equal(found.kind == CROSSINGS["unresolved"], steps > 1.5)
 
 
+@pytest.mark.slow
 def test_a_resolution_is_held_along_every_axis(tmp_path):
     path = tmp_path / "map.h5"
     coarse_map(path, engine(disc), axes=("attack_angle", "normal_load"))

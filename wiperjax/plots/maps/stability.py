@@ -3,7 +3,7 @@
 The growth rate falls off with speed about as exp(-speed / stribeck_speed): a straight line from
 cell to cell puts its zero up to 40 % too far out where there are five speeds. A curve that leans on
 the next cells, too, halves that, and leaves less than 1 % where nine speeds are spaced by ratio
-(2 % at the ends of the map). `wiperjax refine --on growth_rate=0` computes it.
+(2 % at the ends of the map). `wiperjax refine --on growth_rate=0 --levels 6` computes it.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..style.axes import is_geometric, shown
 from ..style.palette import BOUNDARY
 
 WORDS = "steady slip loses stability (linear; interpolated)"
-NOTE = "black line: between cells; refine --on growth_rate=0 computes it"
+NOTE = "black line: between cells; refine --on growth_rate=0 --levels 6 computes it"
 PARTS, MOST = 20, 200  # numbers for each cell along an axis, and for the axis unless it has more
 
 
