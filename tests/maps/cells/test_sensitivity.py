@@ -20,6 +20,7 @@ from wiperjax.engine.observers.base import Stretch, highest
 from wiperjax.engine.observers.totals import RegimeTotals
 from wiperjax.maps import block, driver, estimate
 from wiperjax.maps.cells import batch
+from wiperjax.maps.cells import evaluate as cells
 from wiperjax.maps.cells.sensitivity import differences, evaluate, tangents, validity
 from wiperjax.maps.cluster import Workers
 from wiperjax.specs.load import SpecError, parse_sweep
@@ -102,6 +103,17 @@ def test_derivatives_agree_with_central_differences(found, columns):
         assert those.sum() >= fewest, name
         assert median < 1e-6, name
         assert largest < 1e-4, name
+
+
+@pytest.mark.slow
+def test_a_closer_look_is_at_the_same_motion_by_the_same_program(columns, monkeypatch):
+    """Two samples of half the length make up one."""
+    monkeypatch.setattr(batch, "compute", None)  # the plain program: seconds to compile
+    several = np.arange(0, BLOCK, 9)
+    closer = cells.evaluate(blades(), several, 2, BLOCK)
+    pairs = closer["signal"].reshape(len(several), -1, 2)
+    np.testing.assert_allclose(pairs.mean(axis=2), columns["signal"][several], atol=2e-7)
+    assert closer["sample_interval"] == 0.019 / 256 and "since_reversal" in closer
 
 
 def test_what_was_not_compared_does_not_agree():

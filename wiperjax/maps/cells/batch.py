@@ -27,7 +27,7 @@ from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
 from .devices import alike, capacity, deal, dearest_first, devices, lane_count, sample_room, unrolls
-from .linear import slips
+from .linear import growth, slips
 
 PARTS, MOST_PARTS = 40, 10_000  # see `longest_step`
 RING = 8  # samples of a lane between two flushes; with more a turn costs more, with fewer it waits
@@ -76,8 +76,8 @@ def evaluate(
         if finer > 1:
             return sampled(spec, signal, belt_of(built.system), len(index))
         with compiling.apart("naming"):
-            found = None if slip is None else slip.result()
-            return columns_of(spec, rows.tree(), signal, effort, built, found, len(index))
+            linear = {} if slip is None else growth(slip.result(), len(index))
+            return columns_of(spec, rows.tree(), signal, effort, built, linear, len(index))
 
 
 def program(spec, index: np.ndarray, room: int | None = None) -> Callable[[int], Any]:

@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...blade.steady_slip import SteadySlip
 from ...contact.belts import AbstractBelt, SteadyBelt
 from ...engine.carry.state import EventLog
 from ...engine.lanes import Outcome
@@ -16,14 +15,13 @@ from ...numerics.arrays import cellwise
 from ...systems.build import Built, belt_of
 from ...vocabulary.codes import Result
 from ...vocabulary.schema import EVENT_COLUMNS, SCHEMA
-from .linear import growth
 
 
 def columns_of(
-    spec, outcome: Outcome, signal, effort, built: Built, slip: SteadySlip | None, count: int
+    spec, outcome: Outcome, signal, effort, built: Built, linear: dict[str, Any], count: int
 ) -> dict[str, Any]:
-    """Return what `evaluate` returns, from the answers of the engine and the steady slip of the
-    blades, if they are blades.
+    """Return what `evaluate` returns, from the answers of the engine and of steady slip, `linear`
+    (nothing where cells are no blades).
     """
     run = spec.run
     useful, executed = effort
@@ -37,7 +35,7 @@ def columns_of(
     if outcome.log is not None:
         columns |= _events(outcome.log, run)
     columns["occupancy"] = float(useful / max(executed, 1))  # all may fail at the start
-    return columns if slip is None else columns | growth(slip, count)
+    return columns | linear
 
 
 def sampled(spec, signal, belt: AbstractBelt | None, count: int) -> dict[str, Any]:

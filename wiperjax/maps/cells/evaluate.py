@@ -24,8 +24,8 @@ def evaluate(
 ) -> dict[str, Any]:
     """Return the columns of the cells ``index`` of a `SweepSpec`, each of shape (len(index),).
 
-    ``finer``, ``room`` and ``ended`` as of `batch.evaluate`: a closer look has no derivatives.
+    ``finer``, ``room`` and ``ended`` as of `batch.evaluate`.
     """
-    if spec.sensitivities is not None and finer == 1:
-        return with_derivatives(spec, index)
+    if spec.sensitivities is not None:  # and so one start a cell: none has `ended`
+        return with_derivatives(spec, index, finer, room)
     return batch.evaluate(spec, index, finer, room, ended)

@@ -28,12 +28,13 @@ def _slip_of(wiper: Wiper) -> SteadySlip:
     return steady_slip(wiper, operating_speed(wiper.belt))
 
 
+GROWTH = ("growth_rate", "linear_frequency")
+
+
 def growth(slip: SteadySlip, count: int) -> dict[str, np.ndarray]:
     """Growth rate [1/s] and frequency [Hz] of steady slip, (count,) each."""
-    return {
-        "growth_rate": cellwise(slip.growth_rate, count),
-        "linear_frequency": cellwise(slip.frequency, count),
-    }
+    found = slip.growth_rate, slip.frequency
+    return {name: cellwise(x, count) for name, x in zip(GROWTH, found, strict=True)}
 
 
 def linear(spec: Any, index: np.ndarray) -> dict[str, np.ndarray]:

@@ -7,22 +7,25 @@ another one a finite-difference step away (checked cells); an event is near graz
 cells is checked by central differences of fourth order at a thousandth of the tolerance.
 """
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ....blade.numbers import at
+from ....contact.system import AbstractSystem
 from ....machine.phases import during
-from ....systems.build import routes
+from ....systems.build import Built, belt_of, routes
 from ....vocabulary.codes import VALIDITY, Result
 from ....vocabulary.columns import differentiable, sensitivity_name
 from ....vocabulary.kinds import WIPER
 from .. import batch, compiling
-from ..columns import columns_of
+from ..columns import columns_of, sampled
 from ..devices import alike, deal, dearest_first
-from ..linear import slips
+from ..linear import GROWTH
 from .differences import move
 from .tangents import (
     SECOND,
@@ -43,18 +46,56 @@ from .validity import (
 )
 
 
-def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
-    """Return the columns of `cells.evaluate`, and those of the sensitivities that ``spec`` asks."""
-    asked, run = spec.sensitivities, spec.run
-    names, count = asked.parameters, len(index)
-    outcomes = differentiable(spec.system == WIPER, spec.belt_kind is not None)
-    built, position, _ = batch.prepare(spec, index)
+class Lot(NamedTuple):
+    """Cells and their tangents, as `tangents_of` takes them."""
+
+    built: Built
+    ways: dict[str, tuple[str, ...]]  # to the parameters
+    base: AbstractSystem  # with an array for each number
+    theta: dict[str, jax.Array]  # the parameters, (cells of the block,) each
+    state: Any
+    seeds: Any  # changes of theta and of the state, (parameters, cells of the block) each
+    known: dict[str, jax.Array]  # what no motion is needed for, (cells of the block,) each,
+    dknown: dict[str, jax.Array]  # and its derivatives, (parameters, cells of the block)
+
+
+def evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = None) -> dict[str, Any]:
+    """Return the columns of `cells.evaluate`, and those of the sensitivities that ``spec`` asks.
+
+    A ``finer`` look gives samples alone, of the same motion, for its program is there: another one
+    would be compiled for some seconds.
+    """
+    count, lot = len(index), _lot(spec, index, room)
+    settings, motion = batch.Settings.of(spec, _size(lot)), batch.Run.of(spec, finer)
+    order = dearest_first(lot.built.wiper, count)
+
+    def compute(given, number):
+        base, theta, state, seeds = given
+        *found, samples, effort = tangents_of(
+            base, lot.ways, theta, state, seeds, number, motion, settings
+        )
+        return *found, motion.rows(samples, spec.run.raster), effort
+
+    def run():
+        return deal(compute, (lot.base, lot.theta, lot.state, lot.seeds), order)
+
+    if finer > 1:
+        (*_, signal), _ = run()
+        return sampled(spec, signal, belt_of(lot.built.system), count)
+    return _judged(spec, index, lot, run)
+
+
+def _size(lot: Lot) -> int:
+    return next(iter(lot.theta.values())).shape[-1]
+
+
+def _lot(spec, index, room: int | None) -> Lot:
+    names = spec.sensitivities.parameters
+    built, position, _ = batch.prepare(spec, index, room)
     size, ways = position[0].shape[-1], routes(spec, built)
-    base = alike(built.system, run.precision, size)
+    base = alike(built.system, spec.run.precision, size)
     theta = {name: whole(at(ways[name])(built.system), size) for name in names}
     check_fields(spec, ways, names)
-    settings, motion = batch.Settings.of(spec, size), batch.Run.of(spec)
-
     # per unit of files: an angle in degrees
     units = {name: float(spec.parameter_table[name].to_si(1.0)) for name in names}
     seeds = {
@@ -62,31 +103,27 @@ def evaluate(spec, index: np.ndarray) -> dict[str, Any]:
     }
     stated, coordinates = spec.start, spec.family.coordinates
     with compiling.apart("naming"):
-        state, (dstate, dknown) = start_with_tangents(base, ways, theta, seeds, stated, coordinates)
+        begun = start_with_tangents(base, ways, theta, seeds, stated, coordinates)
+    (state, known), (dstate, dknown) = begun
+    return Lot(built, ways, base, theta, state, (seeds, dstate), known, dknown)
 
-    def compute(given, number):
-        system, theta, state, seeds = given
-        *found, samples, effort = tangents_of(
-            system, ways, theta, state, seeds, number, motion, settings
-        )
-        return *found, motion.rows(samples, run.raster), effort
 
-    order, checked = dearest_first(built.wiper, count), np.flatnonzero(drawn(index, asked.check))
-    slip = moved = None
-    with ThreadPoolExecutor(2) as beside:  # other programs compile while that with tangents does
+def _judged(spec, index: np.ndarray, lot: Lot, run: Callable[[], Any]) -> dict[str, Any]:
+    """Columns of what ``run`` does of a lot, its derivatives checked and masked."""
+    asked, count = spec.sensitivities, len(index)
+    names, base, theta, ways = asked.parameters, lot.base, lot.theta, lot.ways
+    outcomes = differentiable(spec.system == WIPER, spec.belt_kind is not None)
+    checked, moved = np.flatnonzero(drawn(index, asked.check)), None
+    with ThreadPoolExecutor(1) as beside:  # another program compiles while that with tangents does
         if checked.size:
             moved = beside.submit(move, spec, ways, theta, base, checked)
-        if built.wiper is not None:
-            slip = beside.submit(slips, built.wiper, size)
-        (outcome, slopes, signal), effort = deal(
-            compute, (base, theta, state, (seeds, dstate)), order
-        )
+        (outcome, slopes, signal), effort = run()
         with compiling.apart("engine"), during("engine"):
-            slip = None if slip is None else slip.result()
             moved = None if moved is None else moved.result()
-    columns = columns_of(spec, outcome, signal, effort, built, slip, count)
+    linear = {name: np.asarray(lot.known[name])[:count] for name in GROWTH if name in lot.known}
+    columns = columns_of(spec, outcome, signal, effort, lot.built, linear, count)
     mask_first_bounces(slopes, starts_to_bounce(base, ways, theta))
-    slopes |= {name: np.asarray(x).T[:count] for name, x in dknown.items()}
+    slopes |= {name: np.asarray(x).T[:count] for name, x in lot.dknown.items()}
 
     watched = outcome.observed
     seconds = {SECOND[field]: x for field, x in watched.seconds._asdict().items()}

@@ -137,18 +137,18 @@ def start_of(system, ways, theta, stated: Start, names: tuple[str, ...]):
 
 @Kept
 def start_with_tangents(system, ways, theta, seeds, stated: Start, names: tuple[str, ...]):
-    """Return the initial state of `start_of`, and the tangents of all it returns, (parameters,
-    cells) each. ``seeds``: changes of ``theta``, of the same shape."""
+    """Return what `start_of` does, and the tangents of all of it, (parameters, cells) each.
+    ``seeds``: changes of ``theta``, of the same shape."""
 
     def begin(theta):
-        state, known = start_of.function(system, ways, theta, stated, names)
-        return (state, known), state
+        found = start_of.function(system, ways, theta, stated, names)
+        return found, found
 
     def push(seed):
         return jax.jvp(begin, (theta,), (seed,), has_aux=True)
 
-    _, tangents, state = jax.vmap(push, out_axes=(None, 0, None))(seeds)
-    return state, tangents
+    _, tangents, found = jax.vmap(push, out_axes=(None, 0, None))(seeds)
+    return found, tangents
 
 
 def whole(value, size) -> jax.Array:
