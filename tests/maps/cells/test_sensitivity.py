@@ -14,9 +14,10 @@ from processes import fork
 
 from wiperjax.blade.wiper import Wiper
 from wiperjax.contact.belts import TrapezoidBelt
+from wiperjax.contact.friction import Coulomb
 from wiperjax.datasets import map_dataset
 from wiperjax.engine.observers import margins
-from wiperjax.engine.observers.base import Stretch, highest
+from wiperjax.engine.observers.base import Stretch, higher, highest
 from wiperjax.engine.observers.totals import RegimeTotals
 from wiperjax.maps import block, driver, estimate
 from wiperjax.maps.cells import batch
@@ -233,6 +234,36 @@ def test_a_largest_value_about_to_be_overtaken_is_masked():
     validity.mask_contested(slopes, columns, theta, Wiper(), spec)
     assert np.isnan(slopes["normal_force_max"][:, 0]).tolist() == [True, False, False, False]
     assert np.all(slopes["normal_force_max"][:, 1] == 1) and np.all(slopes["gap_max"] == 0)
+
+
+def test_of_equal_peaks_the_first_counts_and_the_second_is_the_runner_up():
+    """A ball with e = 1 comes back to its height for ever: peaks e^2, e^4, e^6. The mean slope of
+    two, 5, was stored for the largest, and for the runner-up, too, so that nothing differed."""
+    zero = jnp.zeros(())
+    begun = RegimeTotals().init(jnp.float64), margins.Peaks(zero, zero, zero)
+
+    def largest(e):
+        totals, seconds = begun
+        for peak in (e**2, e**4, e**6, 0.5 * e):
+            seconds = margins._beaten(seconds, totals, "gap_max", peak, True)
+            totals = totals._replace(gap_max=higher(totals.gap_max, peak))
+        return totals.gap_max, seconds.gap_max
+
+    assert jax.jvp(largest, (1.0,), (1.0,)) == ((1.0, 1.0), (2.0, 4.0))
+    assert np.isnan(higher(1.0, np.nan)) and np.isnan(higher(np.nan, 1.0))
+
+
+def test_a_largest_force_beside_a_sharp_bend_of_friction_has_no_derivative():
+    """With a hinge mass it came out 17, 3.5 and -10 at rtol 1e-10 to 1e-12, for -2.9."""
+    shape = jnp.array([1.0, 1.2, 1.99, 2.0, 3.0])
+    for mass, bent in ((0.0, [False] * 5), (1e-3, [False, True, True, False, False])):
+        slopes = {name: np.ones((5, 2)) for name in ("normal_force_max", "gap_max")}
+        validity.mask_bent_peaks(slopes, Wiper(hinge_mass=mass, stribeck_shape=shape))
+        assert np.isnan(slopes["normal_force_max"]).any(axis=1).tolist() == bent
+        assert np.all(slopes["gap_max"] == 1)
+    slopes = {"normal_force_max": np.ones((5, 2))}
+    validity.mask_bent_peaks(slopes, Wiper(hinge_mass=1e-3, friction=Coulomb(0.5)))
+    assert np.all(slopes["normal_force_max"] == 1)
 
 
 @pytest.mark.parametrize("name, part", [("hinge_mass", "tip_mass"), ("hinge_damping", None)])

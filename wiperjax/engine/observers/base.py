@@ -169,6 +169,22 @@ def outputs(stretch: Stretch) -> list[Scalar]:
     ]
 
 
+def higher(best, new) -> Scalar:
+    """The larger of two values, with its derivative; of equal ones the first, NaN if either is.
+    (Of equal ones `jnp.maximum` has the mean of both derivatives, which is that of neither.)
+    """
+    return jnp.where(_is_higher(best, new), new, best)
+
+
+def lower(best, new) -> Scalar:
+    """The value that `higher` leaves."""
+    return jnp.where(_is_higher(best, new), best, new)
+
+
+def _is_higher(best, new) -> Scalar:
+    return (new > best) | (new != new)
+
+
 class Happening(NamedTuple):
     """An event as an observer sees it."""
 

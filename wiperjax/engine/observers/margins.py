@@ -20,7 +20,7 @@ from jax.lax import stop_gradient
 from ...contact.guards import first_switch, stop_slots
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
-from .base import END_SLOPE, AbstractObserver, extremes
+from .base import END_SLOPE, AbstractObserver, extremes, higher, lower
 from .reversal import ReversalTotals
 from .totals import RegimeTotals, Totals
 
@@ -125,8 +125,8 @@ def regime_totals(record) -> Totals:
 
 def _beaten(seconds: Peaks, best: Totals, name: str, peak, on) -> Peaks:
     """Return the runners-up after a new ``peak`` of the value ``name``, where ``on``."""
-    second, loser = getattr(seconds, name), jnp.minimum(getattr(best, name), peak)
-    return seconds._replace(**{name: jnp.where(on, jnp.maximum(second, loser), second)})
+    second, loser = getattr(seconds, name), lower(getattr(best, name), peak)
+    return seconds._replace(**{name: jnp.where(on, higher(second, loser), second)})
 
 
 def _ends(stretch) -> tuple:

@@ -15,7 +15,7 @@ from ...numerics.types import Scalar
 from ...vocabulary import checks
 from ...vocabulary.codes import Event, Regime
 from ...vocabulary.ranges import FINITE
-from .base import AbstractObserver, extremes, is_hit, outputs
+from .base import AbstractObserver, extremes, higher, is_hit, outputs
 
 DIGITS = 1e3  # last digits of a change over a step, and of the step by the clock, that tell a slope
 
@@ -103,9 +103,9 @@ class RegimeTotals(AbstractObserver):
             output_square_integral=record.output_square_integral + integral([x * x for x in out]),
             normal_force_integral=record.normal_force_integral + integral(force),
             normal_force_max=jnp.where(
-                counts, jnp.maximum(record.normal_force_max, highest), record.normal_force_max
+                counts, higher(record.normal_force_max, highest), record.normal_force_max
             ),
-            gap_max=jnp.where(counts, jnp.maximum(record.gap_max, widest), record.gap_max),
+            gap_max=jnp.where(counts, higher(record.gap_max, widest), record.gap_max),
             friction_work=record.friction_work + integral(_powers(s)),
             stick_force_max=jnp.where(
                 counts & sticks,
@@ -150,9 +150,7 @@ class RegimeTotals(AbstractObserver):
             lift_off_count=record.lift_off_count + count(e.kind == Event.LIFT_OFF),
             slip_count=record.slip_count
             + count((e.before == Regime.STICK) & (slip_sign(e.after) != 0)),
-            impulse_max=jnp.where(
-                hit, jnp.maximum(record.impulse_max, e.impulse), record.impulse_max
-            ),
+            impulse_max=jnp.where(hit, higher(record.impulse_max, e.impulse), record.impulse_max),
         )
 
 

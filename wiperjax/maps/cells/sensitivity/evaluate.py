@@ -40,6 +40,7 @@ from .validity import (
     check,
     drawn,
     is_settled,
+    mask_bent_peaks,
     mask_contested,
     mask_first_bounces,
     mask_rounding,
@@ -122,6 +123,7 @@ def _judged(spec, index: np.ndarray, lot: Lot, run: Callable[[], Any]) -> dict[s
             moved = None if moved is None else moved.result()
     linear = {name: np.asarray(lot.known[name])[:count] for name in GROWTH if name in lot.known}
     columns = columns_of(spec, outcome, signal, effort, lot.built, linear, count)
+    mask_bent_peaks(slopes, base)
     mask_first_bounces(slopes, starts_to_bounce(base, ways, theta))
     slopes |= {name: np.asarray(x).T[:count] for name, x in lot.dknown.items()}
 

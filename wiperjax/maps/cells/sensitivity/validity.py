@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from ....blade.wiper import Wiper
+from ....contact.friction import Stribeck
 from ....contact.system import AbstractSystem
 from ....noise.spectrum import dominant_frequency
 from ....numerics.arrays import cellwise
@@ -63,6 +64,19 @@ def mask_rounding(slopes, columns, spec) -> None:
         if name not in slopes:  # of another system than the wiper
             continue
         slopes[name] = np.where(where[:, None], np.nan, slopes[name])
+
+
+def mask_bent_peaks(slopes, system: AbstractSystem) -> None:
+    """Make NaN the derivatives, in ``slopes``, of the largest normal force where friction has a
+    part in it and Stribeck's law a shape between 1 and 2. Such a law bends without bound where slip
+    begins or ends: the quartic through a step beside that instant turns elsewhere than the force,
+    and its derivatives there were off by factors at any tolerance.
+    """
+    name, law = "normal_force_max", system.law
+    if system.coupled and isinstance(law, Stribeck):
+        shape = cellwise(law.shape, len(slopes[name]))
+        bent = (shape > 1) & (shape < 2)
+        slopes[name] = np.where(bent[:, None], np.nan, slopes[name])
 
 
 def mask_first_bounces(slopes, bounces: dict[str, np.ndarray]) -> None:
