@@ -1,8 +1,10 @@
 """Runs of systems of one's own."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import odd_systems
+import own_systems
 import pytest
 from scipy.optimize import brentq
 
@@ -32,6 +34,38 @@ def test_a_motion_that_ends_where_it_begins_is_a_run_that_says_so():
     run = wiperjax.simulate(odd_systems.Undefined(), 1.0)
     assert int(run.result) == Result.NON_FINITE and float(run.final_time) == 0.0
     assert "undefined" in run.attrs["result_message"] and run.sizes["event"] == 0
+
+
+class Started(wiperjax.AbstractBelt):
+    """It gathers speed for 0.1 s, and says in which piece a time lies by the ends before it."""
+
+    speed: float = 0.02
+    ends: tuple = (0.1, 0.15, 1.0)
+
+    def velocity(self, time, piece):
+        return self.speed * jnp.where(piece == 0, time / 0.1, 1.0)
+
+    def break_time(self, piece):
+        return jnp.where(piece < 3, jnp.asarray(self.ends)[jnp.minimum(piece, 2)], jnp.inf)
+
+    def first_piece(self, time):
+        return jnp.sum(jnp.asarray(self.ends) <= time)
+
+    def reverses(self, piece):
+        return False
+
+    peak = rms = property(lambda self: self.speed)
+
+
+@pytest.mark.parametrize("interval", [0.05, 0.2])
+def test_the_belt_of_a_run_is_asked_for_one_time_after_the_other(interval):
+    """All at once, the sum over its ends was that over all times, or the whole run ended in a
+    traceback; of three samples the sum went through."""
+    block = own_systems.Oscillator(belt=Started())
+    run = wiperjax.simulate(block, 0.4, sample_interval=interval)
+    exact = 0.02 * np.minimum(run.time / 0.1, 1.0)
+    np.testing.assert_allclose(run.belt_velocity, exact, atol=1e-12)
+    np.testing.assert_allclose(run.velocity[:, 0], exact, atol=1e-9)  # it sticks
 
 
 @pytest.mark.slow
