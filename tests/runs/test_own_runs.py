@@ -68,6 +68,22 @@ def test_the_belt_of_a_run_is_asked_for_one_time_after_the_other(interval):
     np.testing.assert_allclose(run.velocity[:, 0], exact, atol=1e-9)  # it sticks
 
 
+def test_a_motion_of_micrometres_whose_scales_are_not_stated_is_noted(caplog):
+    """Its events were seconds off, and nothing said so."""
+
+    def notes(size, system=own_systems.Oscillator, atol=None, speed=0.2):
+        caplog.clear()
+        block = system(load=size, belt=wiperjax.SteadyBelt(speed * size))
+        wiperjax.simulate(block, 20.0, atol=atol)
+        return [record.getMessage() for record in caplog.records]
+
+    (note,) = notes(1e-6)
+    assert note.startswith("note: Oscillator.scales must state the sizes of a motion")
+    assert not notes(1.0) and not notes(1e-6, atol=1e-14) and not notes(1.0, speed=0.0)
+    stated = {"scales": lambda system, n: ((system.load,),) * 2}
+    assert not notes(1e-6, type("Mine", (own_systems.Oscillator,), stated))
+
+
 @pytest.mark.slow
 def test_a_push_in_a_long_stick_is_seen_by_steps_as_short_as_it():
     """Between events a step is as long as guards are smooth: the push was stepped over."""

@@ -179,7 +179,9 @@ class AbstractSystem(eqx.Module):
         return self.default_state()[0]
 
     def scales(self, n: int) -> tuple[Coordinates, Coordinates]:
-        """Typical sizes of positions and velocities; absolute tolerances are rtol times these."""
+        """Typical sizes of positions and velocities; absolute tolerances are rtol times these. What
+        is far smaller than 1 m and 1 m/s has to say so.
+        """
         return (1.0,) * n, (1.0,) * n
 
     def output(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
