@@ -59,6 +59,13 @@ def test_a_method_that_says_something_else_than_asked_is_one_line(name, method, 
     assert "\n" not in str(caught.value)
 
 
+def test_a_magnitude_is_no_slip_speed():
+    """Friction drove what slipped the other way, up to many events at one instant."""
+    size = made(slip_speed=lambda s, t, q, v: jnp.abs(v[0] - s.belt_velocity(t)))
+    with pytest.raises(ValueError, match=r"^Mine.slip_speed must be a speed with its sign"):
+        wiperjax.simulate(size(), 1.0, initial_state=((0.0,), (1.0,)))
+
+
 def test_stops_and_what_is_behind_them():
     wall = {"switches": lambda s, t, q, v: (0.3 - q[0],)}
     for stops in (0, (3,)):

@@ -13,6 +13,7 @@ from systems import Ball, Puck, StopOscillator, events, times, trajectory
 
 import wiperjax
 from wiperjax import Event, Regime, Result, SteadyBelt, TrapezoidBelt, Wiper, WipingBelt
+from wiperjax.engine.arguments import from_start
 from wiperjax.engine.carry.problem import Integration, make_case
 from wiperjax.engine.solve import begin, run
 from wiperjax.systems.oscillator import Oscillator
@@ -112,6 +113,29 @@ def test_samples_outside_of_the_motion_are_not_known():
     np.testing.assert_array_equal(found.regime >= 0, known)
     fallen = np.array([0.0, 0.1, 0.4])
     np.testing.assert_allclose(found.position[0][2:5], 1.0 - 0.5 * 9.81 * fallen**2, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_sample_that_rounding_puts_before_the_start_is_one_at_the_start():
+    """It was flight without force, as of times within a sequence of impacts."""
+    rest = {"initial_state": ((0.0,), (0.0,)), "start": 0.1 * 3}
+    found = wiperjax.solve(Ball(9.81, 0.5), 1.0, sample_times=[0.3, 0.5], **rest).samples
+    assert 0.3 < rest["start"]
+    np.testing.assert_array_equal(found.regime, [Regime.SLIP_POS] * 2)  # without friction
+    np.testing.assert_allclose(found.normal_force, [9.81] * 2)
+
+
+def test_what_is_earlier_than_rounding_is_before_the_start():
+    """A thousandth of a second before 1e6 s was answered by the state at the start."""
+    rest = {"initial_state": ((0.0,), (0.0,))}
+    words = r"^sample_times must begin at start .1000000 s. or later, but began at 999999.999$"
+    with pytest.raises(ValueError, match=words):
+        wiperjax.solve(Ball(9.81, 0.5), 1.0, start=1e6, sample_times=[1e6 - 1e-3, 1e6], **rest)
+    single = np.float32(0.7)  # below 0.7, as a start or as a sample
+    np.testing.assert_array_equal(from_start(np.array([single]), 0.7), [0.7])
+    after = np.nextafter(single, np.float32(1))
+    np.testing.assert_array_equal(from_start(np.array([0.7]), after), [after])
+    np.testing.assert_array_equal(from_start(np.array([0.7 - 1e-9]), 0.7), [0.7 - 1e-9])
 
 
 @pytest.mark.slow

@@ -1,8 +1,10 @@
 """Runs of systems of one's own."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import odd_systems
+import own_systems
 import pytest
 from scipy.optimize import brentq
 
@@ -32,6 +34,54 @@ def test_a_motion_that_ends_where_it_begins_is_a_run_that_says_so():
     run = wiperjax.simulate(odd_systems.Undefined(), 1.0)
     assert int(run.result) == Result.NON_FINITE and float(run.final_time) == 0.0
     assert "undefined" in run.attrs["result_message"] and run.sizes["event"] == 0
+
+
+class Started(wiperjax.AbstractBelt):
+    """It gathers speed for 0.1 s, and says in which piece a time lies by the ends before it."""
+
+    speed: float = 0.02
+    ends: tuple = (0.1, 0.15, 1.0)
+
+    def velocity(self, time, piece):
+        return self.speed * jnp.where(piece == 0, time / 0.1, 1.0)
+
+    def break_time(self, piece):
+        return jnp.where(piece < 3, jnp.asarray(self.ends)[jnp.minimum(piece, 2)], jnp.inf)
+
+    def first_piece(self, time):
+        return jnp.sum(jnp.asarray(self.ends) <= time)
+
+    def reverses(self, piece):
+        return False
+
+    peak = rms = property(lambda self: self.speed)
+
+
+@pytest.mark.parametrize("interval", [0.05, 0.2])
+def test_the_belt_of_a_run_is_asked_for_one_time_after_the_other(interval):
+    """All at once, the sum over its ends was that over all times, or the whole run ended in a
+    traceback; of three samples the sum went through."""
+    block = own_systems.Oscillator(belt=Started())
+    run = wiperjax.simulate(block, 0.4, sample_interval=interval)
+    exact = 0.02 * np.minimum(run.time / 0.1, 1.0)
+    np.testing.assert_allclose(run.belt_velocity, exact, atol=1e-12)
+    np.testing.assert_allclose(run.velocity[:, 0], exact, atol=1e-9)  # it sticks
+
+
+def test_a_motion_of_micrometres_whose_scales_are_not_stated_is_noted(caplog):
+    """Its events were seconds off, and nothing said so."""
+
+    def notes(size, system=own_systems.Oscillator, atol=None, speed=0.2):
+        caplog.clear()
+        block = system(load=size, belt=wiperjax.SteadyBelt(speed * size))
+        wiperjax.simulate(block, 20.0, atol=atol)
+        return [record.getMessage() for record in caplog.records]
+
+    (note,) = notes(1e-6)
+    assert note.startswith("note: Oscillator.scales must state the sizes of a motion")
+    assert not notes(1.0) and not notes(1e-6, atol=1e-14) and not notes(1.0, speed=0.0)
+    stated = {"scales": lambda system, n: ((system.load,),) * 2}
+    assert not notes(1e-6, type("Mine", (own_systems.Oscillator,), stated))
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ import numpy as np
 from ..vocabulary import checks
 from ..vocabulary.declared import SET_BY_THE_ENGINE
 from ..vocabulary.parameters import PARAMETERS
+from . import joints
 from .belts import AbstractBelt
 from .friction import AbstractFriction
 from .on_belt import AbstractBeltSystem
@@ -24,7 +25,6 @@ from .system import AbstractSystem, cast
 
 SAME = 1e-6  # of W_tn and W_nt, relative
 SINGULAR = 1e-12  # relative: a W that is so near to singular is so but for rounding
-PIECES = 64  # of a prescribed motion that are looked at
 
 
 def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple = ()) -> None:
@@ -68,6 +68,7 @@ def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple
         raise ValueError(f"{kind}.ends {must}")
     _check_stops(system, switches, (t, q, v))
     _check_inertia(system, t, q, v)
+    joints.check_system(system, t, q, v)
 
 
 def check_law(law: Any, shape: tuple = ()) -> None:
@@ -101,38 +102,7 @@ def _check_partner(system: AbstractSystem, t) -> None:
     _number(f"{kind}.break_time", _asked(owner, "break_time", piece), shape)
     if isinstance(owner, AbstractBelt):
         _number(f"{kind}.velocity", _asked(owner, "velocity", t, piece), shape)
-    _check_pieces(owner, t)
-
-
-def _check_pieces(owner: Any, t) -> None:
-    """Raises ValueError unless the first `PIECES` of a motion end one after the other, for time
-    would stand still, and a belt's speed goes on from one to the next. Traced values pass."""
-    if any(map(checks.is_traced, jax.tree.leaves((owner, t)))):
-        return
-    pieces = owner.first_piece(t) + jnp.arange(PIECES).reshape(-1, *[1] * jnp.ndim(t))
-    ends = np.asarray(jax.vmap(lambda piece: owner.break_time(piece) + 0 * t)(pieces))
-    begins = np.concatenate([np.asarray(t)[None], ends[:-1]])
-    if np.any(early := ~(ends > begins) & np.isfinite(begins)):
-        must = "must be later for each piece, and than the time that it is the first piece of"
-        raise ValueError(f"{type(owner).__name__}.break_time {must}, but was {ends[early][0]:g}")
-    if isinstance(owner, AbstractBelt):
-        _check_joints(owner, pieces, ends)
-
-
-def _check_joints(belt: AbstractBelt, pieces, ends) -> None:
-    """Raises ValueError where a belt's speed jumps at the end of a piece: what sticks would too."""
-    there = np.isfinite(ends)
-
-    def speed(time, piece):
-        return belt.velocity(time, piece) + 0 * time
-
-    times = jnp.where(there, ends, 0.0)
-    old, new = (np.asarray(jax.vmap(speed)(times, of)) for of in (pieces, pieces + 1))
-    size = np.abs(belt.peak)  # where it turns round its speed is rounding
-    if np.any(jumps := there & (abs(new - old) > SAME * size)):
-        at, old, new = (x[jumps][0] for x in (ends, old, new))
-        must = f"must go on where a piece ends, but at {at:g} s was {old:g} and then {new:g}"
-        raise ValueError(f"{type(belt).__name__}.velocity {must}")
+        joints.check_belt(owner, t)
 
 
 def _is_ours(part: Any) -> bool:
@@ -180,12 +150,17 @@ def _check_inertia(system: AbstractSystem, t, q, v) -> None:
     c, kind = contact(system, t, q, v), type(system).__name__
     if checks.is_traced(c.w_tt):
         return
+    back = contact(system, t, q, tuple(-x for x in v)).w_tt
     asked = (("tangential", "slip_speed", c.w_tt, system.law is not None),)
     asked += (("normal", "the gap", c.w_nn, system.unilateral),)
     for which, of, w, counts in asked:
         if counts and np.any(np.asarray(w) <= 0):
             must = f"must have a unit {which} force accelerate {of} in its own direction"
             raise ValueError(f"{kind}.directions {must}, but it does by {np.min(w):g}")
+    if system.law is not None and np.any(np.asarray(back) <= 0):
+        must = "must be a speed with its sign, linear in the velocities"
+        was = f"a unit tangential force accelerated it by {np.max(c.w_tt):g} and, with these"
+        raise ValueError(f"{kind}.slip_speed {must}, but {was} reversed, by {np.min(back):g}")
     if not system.coupled:
         return
 

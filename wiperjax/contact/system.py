@@ -89,7 +89,9 @@ class AbstractSystem(eqx.Module):
         return self
 
     def gap(self, t: Scalar, q: Coordinates) -> Scalar:
-        """Distance of the contact points, >= 0 (unilateral contacts)."""
+        """Distance of the contact points, >= 0 (unilateral contacts). It and its rate are
+        continuous along a motion: a corner, in time or in space, has to be rounded.
+        """
         raise NotImplementedError("a unilateral system must define gap(t, q)")
 
     def normal_force(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
@@ -98,7 +100,9 @@ class AbstractSystem(eqx.Module):
         raise NotImplementedError("a bilateral system must define normal_force(t, q, v)")
 
     def slip_speed(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
-        """Tangential velocity of the contact point relative to its partner; friction opposes it."""
+        """Tangential velocity of the contact point relative to its partner, with its sign and
+        linear in v; friction opposes it. It is continuous, also where a piece of the motion ends.
+        """
         return 0.0 * v[0]
 
     def rates(self, t: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
@@ -175,7 +179,9 @@ class AbstractSystem(eqx.Module):
         return self.default_state()[0]
 
     def scales(self, n: int) -> tuple[Coordinates, Coordinates]:
-        """Typical sizes of positions and velocities; absolute tolerances are rtol times these."""
+        """Typical sizes of positions and velocities; absolute tolerances are rtol times these. What
+        is far smaller than 1 m and 1 m/s has to say so.
+        """
         return (1.0,) * n, (1.0,) * n
 
     def output(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:

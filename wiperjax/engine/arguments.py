@@ -17,6 +17,7 @@ from ..vocabulary import checks
 from ..vocabulary.ranges import COUNT, FINITE, NON_NEGATIVE, POSITIVE, RUN_SAMPLES, SETTINGS, Range
 from .observers.base import AbstractObserver
 
+LAST_DIGITS = 4  # that rounding may take a time off another which is meant to be the same
 MOST_EVENTS = 10**7  # room for them
 MOST_PIECES = 2**31 - 1000  # smooth pieces of a motion, and some that it goes on for
 
@@ -50,9 +51,9 @@ def check_observation(
     checks.numbers("start", start, FINITE, arrays=False)
     if sample_times is not None and not checks.is_traced(sample_times):
         first = checks.increasing("sample_times", sample_times)[0]
-        if not checks.is_traced(start) and first < begun(start):
-            begin = f"must begin at start ({float(start):g} s) or later"
-            raise ValueError(f"sample_times {begin}, but began at {first:g}")
+        if not checks.is_traced(start) and first < _begun(start, sample_times):
+            begin = f"must begin at start ({float(start):.16g} s) or later"
+            raise ValueError(f"sample_times {begin}, but began at {float(first):.16g}")
     checks.whole("max_events", max_events, Range(0, MOST_EVENTS, whole=True))
     if max_step is not None:
         checks.numbers("max_step", max_step, Range(0, low_open=True, infinite=True), arrays=False)
@@ -80,10 +81,20 @@ def check_start(system: AbstractSystem, start: Any) -> None:
         raise ValueError(f"start {must}, but was {float(start):g} s, in number {piece:g}")
 
 
-def begun(start: Any) -> Any:
-    """Return the time [s] from which a motion that begins at ``start`` is known, but for rounding
-    of a time in single precision."""
-    return start - 1e-7 * abs(start)
+def from_start(sample_times: Any, start: Any) -> jax.Array | None:
+    """Return the sample times [s], (m,); those that only rounding puts before ``start`` at it."""
+    if sample_times is None:
+        return None
+    times = jnp.asarray(sample_times, float)
+    early = (times < start) & (times >= _begun(start, sample_times))
+    return jnp.where(early, start, times)
+
+
+def _begun(start: Any, sample_times: Any) -> Any:
+    """Return the time [s] from which a motion that begins at ``start`` is known: `LAST_DIGITS`
+    before it, of the poorer of the two precisions."""
+    given = (jnp.result_type(getattr(x, "dtype", float), float) for x in (start, sample_times))
+    return start - LAST_DIGITS * max(float(jnp.finfo(kind).eps) for kind in given) * abs(start)
 
 
 def regular_times(duration: float, interval: float) -> np.ndarray:

@@ -16,13 +16,13 @@ from ..vocabulary import checks
 from ..vocabulary.codes import RUNNING
 from ..vocabulary.ranges import POSITIVE
 from .arguments import (
-    begun,
     check_integration,
     check_observation,
     check_start,
     check_state,
     check_system,
     check_tolerances,
+    from_start,
 )
 from .carry.problem import Case, Integration, Problem, Recording, make_case
 from .carry.start import initial_state
@@ -86,7 +86,7 @@ def begin(case: Case) -> State:
         ) from error
     times, index = case.problem.sample_times, state.sample_index
     if times is not None:  # no motion is known before it begins
-        index = index + jnp.sum(times < begun(state.time)).astype(index.dtype)
+        index = index + jnp.sum(times < state.time).astype(index.dtype)
     samples = empty_samples(case.problem, state)
     return state._replace(samples=samples, sample_index=index)
 
@@ -152,7 +152,9 @@ def solve(
         duration,
         initial_state,
         Integration(solver, rtol, atol, max_steps, max_step, zeno_time),
-        Recording(sample_times, max_events=max_events, observer=observer, mark=mark),
+        Recording(
+            from_start(sample_times, start), max_events=max_events, observer=observer, mark=mark
+        ),
         start,
     )
     state = run(case.problem, begin(case), int(max_steps) if reverse else None)

@@ -119,8 +119,8 @@ def beside(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 def _belt_velocity(belt: AbstractBelt, times: np.ndarray) -> np.ndarray:
     """Return V [m/s] at each of ``times``; it is continuous, so a corner may count to any piece."""
-    velocity = belt.velocity(jnp.asarray(times), belt.first_piece(jnp.asarray(times)))
-    return np.broadcast_to(np.asarray(velocity, float), times.shape).copy()
+    one = jax.vmap(lambda t: belt.velocity(t, belt.first_piece(t)) + 0.0 * t)  # as the engine asks
+    return np.asarray(one(jnp.asarray(times)))
 
 
 def _worked_out(system: AbstractSystem, samples: Any, times: np.ndarray) -> dict[str, Any]:

@@ -36,6 +36,7 @@ from ..engine.observers.totals import RegimeTotals
 from ..engine.solve import active, begin
 from ..engine.step import advance
 from ..machine import provenance
+from ..machine.files import log
 from ..numerics.kept import Kept
 from ..vocabulary import checks
 from ..vocabulary.codes import ADVICE, RUNNING, Result
@@ -44,6 +45,8 @@ from .dataset import labelled, with_statistics
 
 EVENTS_AT_ONCE = 1024  # capacity of the log on the device
 STEPS_AT_ONCE = 16384  # about a second: Ctrl-C is heard between
+TINY = 1e-4  # of scales that nobody has stated: a motion so small has lost four of its digits
+ROUNDING = 1e-14  # of these: a motion that is none
 FEWEST_SLOTS = 65536  # of the sample buffer: 4 MB
 
 
@@ -116,7 +119,7 @@ def simulate(
         pause_when_full=True,
     )
     case = make_case(system, duration, start, integration, recording)
-    state, log = _watched(case, lambda code: _check_start(system, start, code))
+    state, events = _watched(case, lambda code: _check_start(system, start, code))
     attributes = {
         "duration": duration,
         "sample_interval": sample_interval,
@@ -124,8 +127,20 @@ def simulate(
         "initial_velocity": np.asarray(start[1]),
         **_account(case, integration, state),
     }
-    run = labelled(given, case.problem, state, log, attributes)
+    run = labelled(given, case.problem, state, events, attributes)
+    _note_on_scales(given, atol, run)
     return run if begins is None else with_statistics(given, run, state.observed, begins)
+
+
+def _note_on_scales(system: AbstractSystem, atol: Any, run: xr.Dataset) -> None:
+    """Logs a note where a motion is far below the scales, 1, that nobody has stated for it."""
+    if atol is not None or type(system).scales is not AbstractSystem.scales:
+        return
+    q, v = (float(np.max(np.abs(run[name]))) for name in ("position", "velocity"))
+    if ROUNDING < max(q, v) < TINY:
+        must = f"{type(system).__name__}.scales must state the sizes of a motion that is so small"
+        was = f"its positions reached {q:.2g} and its velocities {v:.2g}, absolute tolerances"
+        log.warning("note: %s: %s were those of 1 and 1 (SI units)", must, was)
 
 
 def _begins(observer: Any, duration: float) -> float | None:
