@@ -82,6 +82,19 @@ def _signed(content):
     return json.dumps(found | {"sha256": manifest._checksum(found)}).encode()
 
 
+def test_what_a_kill_left_goes_when_its_borders_are_read_and_no_other_goes(path, left):
+    """Killed once the borders are in the map the folder stayed for ever."""
+    folder, kept = left(levels=2), path.with_name("kept")
+    shutil.copytree(folder, kept)
+    refined(path, DISC, levels=2)
+    kept.rename(folder)
+    refined(path, None, levels=2)
+    assert not folder.exists()
+    left(levels=2, on="mechanism")
+    refined(path, None, levels=2)
+    assert list(folder.glob("points-*"))  # hours of another refinement, to be gone on with
+
+
 def test_a_strange_file_there_stays_and_the_borders_are_stored(path, caplog):
     folder = path.with_name("map.h5.refine")
     folder.mkdir()
