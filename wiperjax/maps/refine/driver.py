@@ -84,9 +84,7 @@ def refine(
         found = parse_refine(settings, spec)
         stated = json.dumps(found.model_dump(mode="json"), sort_keys=True)
         if is_refined(path) and borders(path).attrs.get("refine_settings") == stated:
-            if _left_behind(path, stated):
-                with _folder(path, stated):
-                    pass
+            _clear_up(path, stated)
             return borders(path)
         blocks, known = computing(spec, evaluate, workers)
         known |= dict(identity or {})
@@ -144,14 +142,20 @@ def _folder_of(path: Path) -> Path:
     return Path(f"{path}.refine")
 
 
-def _left_behind(path: Path, stated: str) -> bool:
-    """Whether the folder of the refinement `stated`, which is done, is still there: its process was
-    killed before it removed it. What one of other settings keeps there is not touched.
+def _clear_up(path: Path, stated: str) -> None:
+    """Removes the folder of the refinement `stated`, which is done, where its process was killed
+    before it did. What one of other settings keeps there is not touched.
     """
     folder = _folder_of(path)
     said = folder / SETTINGS
-    with naming(said, "read"):
-        return folder.is_dir() and (not said.exists() or said.read_text() == stated)
+    try:
+        with naming(said, "read"):
+            left = folder.is_dir() and (not said.exists() or said.read_text() == stated)
+        if left:
+            with _folder(path, stated):
+                pass
+    except StoreError as error:  # as in a folder that is read-only
+        log.warning("%s (the borders are complete)", error)
 
 
 @contextmanager
