@@ -73,8 +73,7 @@ def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
 
 def seconds(spec: Any, cores: int) -> float:
     """Time [s] of a sweep on some cores, if its cells are like those of the reference map."""
-    motion = spec.size * (spec.run.transient + spec.run.window)
-    motion *= spec.starts.count if spec.starts else 1
+    motion = spec.motion * (spec.starts.count if spec.starts else 1)
     derivatives = 1 + len(spec.sensitivities.parameters) if spec.sensitivities else 1
     return COMPILATION + motion * derivatives / (RATE * cores)
 
