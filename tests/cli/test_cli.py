@@ -161,12 +161,22 @@ def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
     printed = capsys.readouterr()
     assert printed.err == ""
     assert "attack_angle      -30 ... 5 degrees (2 values)" in printed.out
-    assert re.search(r"^cells {13}2 of 0\.2 s, 0\.\d+ kB, about 15 s on ", printed.out, re.M)
+    assert re.search(r"^cells {13}2 of 0\.2 s, 1\d\d kB, about 15 s on ", printed.out, re.M)
     assert "squeal              1    50.0%" in printed.out
     assert re.search(
         r"^map      m\.h5: [\d.]+ MB, 0:00:\d\d, \d\.\d\d GB of memory", printed.out, re.M
     )
     assert "m.png" in printed.out
+    assert "borders" not in printed.out
+
+
+def test_what_a_sweep_will_take_names_its_borders(folder, stubs, capsys):
+    stubs.error = KeyboardInterrupt()
+    main(["sweep", "s.toml", "-o", "m.h5", "--refine", "2"])
+    Path("s.toml").write_text(SWEEP + "[refine]\nlevels = 2\nmax_cells = 300\n")
+    main(["sweep", "s.toml", "-o", "m.h5"])
+    found = re.findall(r"^borders {11}at most (\d+) points more$", capsys.readouterr().out, re.M)
+    assert found == ["1000000", "300"]
 
 
 def test_a_sweep_of_one_cell_says_that_it_draws_nothing(folder, stubs, capsys):

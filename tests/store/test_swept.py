@@ -58,6 +58,33 @@ def law(tmp_path, monkeypatch):
     sys.modules.pop("edited_law", None)
 
 
+def test_a_law_beside_its_map_is_found_from_any_folder(law, monkeypatch):
+    """It was looked for in the working directory alone, though the error said otherwise."""
+    path, elsewhere = law.parent / "map.h5", law.parent / "elsewhere"
+    elsewhere.mkdir()
+
+    def as_the_next_process():
+        monkeypatch.chdir(elsewhere)
+        sys.modules.pop("edited_law", None)
+        sys.path[:] = [place for place in sys.path if place != str(law.parent)]
+
+    for ask in (
+        lambda: verify(path, evaluate=evaluate),
+        lambda: refine(path, evaluate=evaluate, levels=3, progress=False),
+        lambda: replay(path),
+    ):
+        as_the_next_process()
+        ask()
+    as_the_next_process()
+    found, file = open_explored(path, trusted=True)
+    file.close()
+    assert found.spec is not None, found.unable
+    as_the_next_process()
+    found, file = open_explored(path)
+    file.close()
+    assert found.spec is None and "edited_law" not in sys.modules
+
+
 OTHERWISE = r"made otherwise \(edited_law:Falling has another source than it had\)"
 
 

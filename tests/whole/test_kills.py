@@ -9,16 +9,19 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 import slow_sweep
 import xarray as xr
+from border_maps import coarse_map, engine, refined
 from processes import environment, fork
 from stub_sweep import assert_same_map, data_of, evaluate, half_done, make_spec, run, whole
 
 from wiperjax.maps import driver
-from wiperjax.store import partial
+from wiperjax.store import checksums, partial
+from wiperjax.store.levels import read_levels
 from wiperjax.store.manifest import parts_of
-from wiperjax.store.whole import open_map
+from wiperjax.store.whole import borders, open_map
 
 
 @pytest.mark.slow
@@ -73,32 +76,84 @@ def test_a_kill_before_any_call_that_counts(tmp_path):
     durable, name it or delete it: each time what is left can be read, and goes on to the same map.
     """
     spec, path = make_spec(2, 2, 5), tmp_path / "map.h5"
-    options = {"block": 8, "evaluate": evaluate, "progress": False, "resume": True}
+
+    def go_on():
+        options = {"block": 8, "evaluate": evaluate, "progress": False, "resume": True}
+        return driver.sweep(spec, path, **options)
+
     reference = data_of(driver.sweep(spec, evaluate=evaluate, block=8, progress=False))
-    places, kept, call = 0, set(), 0
-    while True:
-        child = fork(lambda call=call: killed_at(call, spec, path, options))
-        _, status = os.waitpid(child, 0)
-        if not os.WIFSIGNALED(status):
-            break
-        places += 1
+    places, kept = 0, set()
+    while killed_at(places, go_on):
         if (parts_of(path) / "manifest.json").exists():
             part = open_map(parts_of(path))
             done = part.done.values == 1
             kept.add(int(done.sum()))
             if done.any():
                 assert (part.steps.values[done] == reference.steps.values[done]).all()
-        with driver.sweep(spec, path, **options) as ds:
+        with go_on() as ds:
             xr.testing.assert_identical(data_of(ds), reference)
         assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
         path.unlink()
-        call += 1
+        places += 1
     print(f"{places} kills, one before each call")
     assert places > 25 and kept >= {0, 8, 16, 20}
 
 
-def killed_at(call, spec, path, options):
-    """A sweep that kills its process before its call number `call` of `CALLS`."""
+@pytest.mark.slow
+def test_a_refinement_killed_before_any_call_leaves_nothing_in_the_end(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, HALVES, axes=("belt_speed",))
+    coarse = path.read_bytes()
+    wanted = refine(path)
+    places, complete = 0, 0
+    path.write_bytes(coarse)
+    while killed_at(places, lambda: refine(path)):
+        complete += path.read_bytes() != coarse  # killed when all was done but the clearing up
+        assert refine(path).equals(wanted)
+        assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+        path.write_bytes(coarse)
+        places += 1
+    print(f"{places} kills, {complete} with the borders in place")
+    assert places > 25 and complete > 5
+
+
+@pytest.mark.slow
+def test_a_mending_killed_before_any_call_keeps_the_borders(tmp_path):
+    path = tmp_path / "map.h5"
+    spec = coarse_map(path, HALVES, axes=("belt_speed",))
+    wanted = refine(path)
+    count = len(read_levels(path))
+    with open(path, "rb") as file:
+        pieces = checksums._read(file).pieces
+    damaged = bytearray(path.read_bytes())
+    damaged[next(piece.start for piece in pieces if piece.variable == "velocity_rms")] ^= 1
+
+    def mend():
+        driver.sweep(spec, path, evaluate=HALVES, progress=False, resume=True).close()
+
+    places = 0
+    path.write_bytes(damaged)
+    while killed_at(places, mend):
+        mend()
+        assert borders(path).identical(wanted) and len(read_levels(path)) == count
+        assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+        path.write_bytes(damaged)
+        places += 1
+    print(f"{places} kills, one before each call")
+    assert places > 10
+
+
+HALVES = engine(lambda speed: np.where(speed < 0.3, 600.0, 200.0))
+
+
+def refine(path):
+    return refined(path, HALVES, levels=1, probes=2)
+
+
+def killed_at(call, work):
+    """Whether a process that does `work` came to its call number `call` of `CALLS`, before which it
+    is killed.
+    """
     left = iter(range(call + 1))
 
     def deadly(function):
@@ -109,9 +164,13 @@ def killed_at(call, spec, path, options):
 
         return wrapped
 
-    for name in CALLS:
-        setattr(os, name, deadly(getattr(os, name)))
-    driver.sweep(spec, path, **options)
+    def dying():
+        for name in CALLS:
+            setattr(os, name, deadly(getattr(os, name)))
+        work()
+
+    _, status = os.waitpid(fork(dying), 0)
+    return os.WIFSIGNALED(status)
 
 
 def subprocess_fork(spec, path, delay):

@@ -2,7 +2,6 @@
 
 import contextlib
 import importlib
-import os
 import shlex
 import threading
 import time
@@ -23,7 +22,7 @@ from .options import (
     told_of,
 )
 from .tables import cost, print_map, print_phases, print_plan
-from .who import Processes, Scheduler, Workers, check_who, who_computes
+from .who import Processes, Scheduler, Workers, check_who, cores, who_computes
 
 Derivatives = Annotated[
     bool,
@@ -95,7 +94,7 @@ def sweep(
     redraw = check_map_and_picture(
         output, drawing, f"{name} of {spec.digest()}", file, force, resume
     )
-    print_plan(spec, 1 if scheduler else local_cluster or workers or len(os.sched_getaffinity(0)))
+    print_plan(spec, cores(workers, scheduler, local_cluster), finer)
 
     from ..maps.driver import sweep as sweep_map
     from ..store.manifest import parts_of

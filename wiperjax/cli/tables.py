@@ -7,17 +7,20 @@ from pathlib import Path
 from typing import Any
 
 
-def print_plan(spec: Any, cores: int) -> None:
-    """Axes with their units, so that a wrong unit is seen before hours are spent on it; what it
-    will take, and notes.
+def print_plan(spec: Any, cores: int, finer: Any) -> None:
+    """Axes with their units, so that a wrong unit is seen before hours are spent on it, and what it
+    will take, with a refinement of the settings `finer` (None: with none).
     """
     from ..maps.estimate import words
+    from ..specs.refine import parse_refine
 
     known = spec.parameter_table
     for name, values in spec.axes_values().items():
         unit = "" if known[name].edge_unit == "1" else f"{known[name].edge_unit} "
         print(f"{name:<17} {values[0]:g} ... {values[-1]:g} {unit}({values.size} values)")
     print(f"{'cells':<17} {words(spec, cores)}")
+    if finer is not None:
+        print(f"{'borders':<17} at most {parse_refine(finer, spec).max_cells} points more")
     print_notes(spec)
 
 
@@ -231,8 +234,7 @@ def print_borders(borders: Any) -> None:
     if "linear_points" in said:
         print(f"{said['linear_points']} points of steady slip, no simulation")
     else:
-        every = said["simulations"] + said["map_cells"]
-        full = said["full_grid_cells"]
+        every, full = said["simulations"] + said["map_cells"], said["full_grid_cells"]
         print(
             f"{said['simulations']} simulations beside {said['map_cells']} of the map, for a grid "
             f"of {full:.4g}: 1/{full / every:.3g}"
@@ -249,9 +251,7 @@ def print_borders(borders: Any) -> None:
         wrong, bound = said["sure_probes_wrong"], said["sure_probes_wrong_share_at_most"]
         print(f"    {wrong} of the {count} beyond the bracket (at most {bound:.2%}, 95 % sure)")
     if said["budget_spent"]:
-        print(
-            "note: the budget ended it (--max-cells); unresolved points are wider than the bracket"
-        )
+        print("note: the budget ended it (--max-cells); unresolved points have wider brackets")
     if said["irregular_points"]:
         print("note: at irregular points the answer changes to and fro; nothing there is a border")
     if said["unsettled_points"]:

@@ -1,6 +1,7 @@
 """Who computes cells: options of the commands that do, and the workers that they name."""
 
 import contextlib
+import os
 from typing import Annotated
 
 import typer
@@ -18,6 +19,11 @@ def check_who(workers: int | None, scheduler: str | None, processes: int | None)
     """Raises ValueError if more than one says who computes."""
     if sum(choice is not None for choice in (workers, scheduler, processes)) > 1:
         raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
+
+
+def cores(workers: int | None, scheduler: str | None, processes: int | None) -> int:
+    """On how many cores cells will be computed; 1 where a cluster alone knows."""
+    return 1 if scheduler else processes or workers or len(os.sched_getaffinity(0))
 
 
 @contextlib.contextmanager

@@ -18,10 +18,10 @@ from ..plots.maps.borders import PREFIX, with_borders
 from ..plots.maps.numbers import ENDED
 from ..plots.maps.planes import map_dims, usual_plane
 from ..plots.style.axes import axis_numbers, is_ordered, long_name, shown
-from ..specs.imported import findable, paths_in
-from ..specs.load import SpecError, parse_sweep
+from ..specs.imported import paths_in
+from ..specs.load import SpecError
 from ..store.levels import is_refined
-from ..store.swept import otherwise
+from ..store.swept import otherwise, read_again
 from ..store.whole import borders, open_finished
 from ..vocabulary.cf import flag_names
 from ..vocabulary.wording import shorten
@@ -133,8 +133,6 @@ def open_explored(path: str | Path, trusted: bool = False) -> tuple[Explored, An
     """
     ds = open_finished(path)
     try:
-        if trusted:
-            findable(Path(path).parent)
         found = explored(ds, Path(path).name, trusted)
         if is_refined(path):
             found = replace(found, ds=with_borders(found.ds, borders(path)))
@@ -212,7 +210,8 @@ def _specification(
         data = json.loads(text)
         if not trusted and (named := sorted(paths_in(data).values())):
             return None, plain(f"it names a module ({named[0]}), which only --trust imports")
-        spec = parse_sweep(data, "the specification in the map")
+        path = Path(ds.encoding.get("source", ""))
+        spec = read_again(data, path, "the specification in the map")
         differs = otherwise(ds.attrs, spec)
     except (SpecError, ValueError, RecursionError) as error:
         return None, plain(str(error))

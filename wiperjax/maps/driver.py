@@ -21,9 +21,7 @@ from ..machine.files import StoreError, check_move, check_output, log
 from ..machine.interrupt import heeded
 from ..machine.phases import Account, account, during
 from ..specs.load import load_sweep, parse_sweep
-from ..store import checksums
 from ..store.blocks import BlockStore
-from ..store.levels import write_levels
 from ..store.manifest import parts_of, unlike
 from ..store.map_file import finalize
 from ..store.mending import finished, kept_levels, not_gone_on_with, salvage
@@ -153,9 +151,7 @@ def _onto_disk(
         host = task.workers.host if task.workers is not None else None
         made = _made(known) | provenance.record(task.command, 0.0, host)
         times = partial(provenance.phase_times, task.spent)
-        finalize(store, output, made | times(), times)
-        if levels is not None:
-            write_levels(output, checksums.mark(output), *levels)
+        finalize(store, output, made | times(), times, levels)
     return open_map(output)
 
 

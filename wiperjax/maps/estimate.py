@@ -23,6 +23,7 @@ from ..vocabulary.schema import SCHEMA, SEVERAL_STARTS, Column
 
 RATE = 150.0  # s of motion a second and core: the reference map at rtol 1e-6 (AMD EPYC, avx512)
 COMPILATION = 15.0  # s
+HEADER = 5000  # bytes of a column in a map beside its numbers: its meaning, the list of its chunks
 REVERSING = ("reversal", "stroke", "tone_")  # in the names of what only a belt that reverses has
 OF_A_SYSTEM = ("final_position", "final_velocity")  # of one's own
 DERIVATIVES = ("sensitivity_code", "grazing_margin", "sensitivity_agreement")
@@ -72,8 +73,7 @@ def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
 
 def seconds(spec: Any, cores: int) -> float:
     """Time [s] of a sweep on some cores, if its cells are like those of the reference map."""
-    motion = spec.size * (spec.run.transient + spec.run.window)
-    motion *= spec.starts.count if spec.starts else 1
+    motion = spec.motion * (spec.starts.count if spec.starts else 1)
     derivatives = 1 + len(spec.sensitivities.parameters) if spec.sensitivities else 1
     return COMPILATION + motion * derivatives / (RATE * cores)
 
@@ -82,9 +82,10 @@ def words(spec: Any, cores: int) -> str:
     """Cells, time and bytes of a sweep in one line."""
     time = spec.run.transient + spec.run.window
     plain, packed = bytes_of_a_cell(spec)
-    size = _bytes(spec.size * plain)
+    headers = HEADER * sum(1 for _ in columns(spec))
+    size = _bytes(headers + spec.size * plain)
     if packed:
-        size += f" to {_bytes(spec.size * (plain + packed))}"
+        size += f" to {_bytes(headers + spec.size * (plain + packed))}"
     starts = f" from {spec.starts.count} starts" if spec.starts else ""
     where = f"{cores} core{'s' if cores > 1 else ''}"
     if spec.system != WIPER:

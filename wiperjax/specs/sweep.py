@@ -158,6 +158,11 @@ class SweepSpec(System):
         return math.prod(self.shape)
 
     @property
+    def motion(self) -> float:
+        """Motion of all cells [s], each from one start."""
+        return self.size * (self.run.transient + self.run.window)
+
+    @property
     def rtol(self) -> float:
         """Tolerance of the integrator: that of the file, or what the map is for asks."""
         if self.run.rtol is not None:

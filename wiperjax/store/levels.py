@@ -5,7 +5,7 @@
                  the number of each in the grid of that level (level_0: looked at again for longer)
     /borders     points on borders, their brackets and kinds, and what the search took
 
-The new file is written beside the old one and takes its place whole.
+The new file is written elsewhere and takes the place of the old one whole.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from ..machine.files import StoreError, replacing, temporary_beside
+from ..machine.files import StoreError, replacing
 from ..vocabulary import cf
 from ..vocabulary.columns import attributes_of, column_of, ordered
 from ..vocabulary.wording import not_there
@@ -45,6 +45,7 @@ def write_levels(
     mark: bytes,
     levels: Sequence[Level],
     borders: xr.Dataset,
+    temporary: Path,
     last: Callable[[], Mapping[str, float]] = dict,
 ) -> None:
     """Puts groups into the finished map at `path`, in place of any that it has.
@@ -52,12 +53,13 @@ def write_levels(
     Arguments:
 
     - `mark`: `checksums.mark` of the map that they are of.
+    - `temporary`: where the new file is written; whoever clears that folder after a kill finds it.
     - `last`: numbers among the attributes of `borders` that are known when all is written and read
         back: called then.
 
     Raises: `StoreError` if it is another one by now, or cannot be written; it is then as it was.
     """
-    with replacing(path, temporary_beside(path)) as temporary:
+    with replacing(path, temporary):
         with SpillFile(temporary) as target:
             with open(path, "rb") as source:
                 left = checksums.length(path)

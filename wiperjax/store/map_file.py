@@ -16,6 +16,7 @@ from typing import Any
 import h5netcdf
 import h5py
 import numpy as np
+import xarray as xr
 
 from ..datasets import map_dataset
 from ..machine.files import StoreError, log, replacing
@@ -23,6 +24,7 @@ from ..vocabulary import cf
 from ..vocabulary.columns import attributes_of, column_of
 from . import checksums
 from .blocks import BlockStore
+from .levels import Level, write_levels
 from .partial import Reader
 from .spill import SpillFile
 
@@ -87,6 +89,7 @@ def finalize(
     output: str | Path,
     attributes: Mapping[str, Any] | None = None,
     last: Callable[[], Mapping[str, float]] = dict,
+    groups: tuple[Sequence[Level], xr.Dataset] | None = None,
 ) -> None:
     """Writes the map of a complete store to `output`, reads it back, and deletes the store.
 
@@ -96,6 +99,7 @@ def finalize(
     - `output`: replaced if it exists; the caller has asked.
     - `attributes`: further attributes of the map, such as `provenance.record(...)`.
     - `last`: numbers among them that are known when all is written and read back: called then.
+    - `groups`: levels and borders that a map had which is mended: it is never seen without them.
 
     Raises: `StoreError` if blocks are missing or damaged (the store is kept, resuming computes
         them again), or `output` cannot be written (it is as it was).
@@ -115,6 +119,9 @@ def finalize(
                 file.attrs.modify(name, value)  # in its place: needs no room on the disk
         with open(temporary, "r+b") as file:
             checksums.add(file)
+        if groups is not None:
+            mark = checksums.mark(temporary)
+            write_levels(temporary, mark, *groups, store.parts / ".levels.tmp")
     try:
         store.remove()
     except StoreError as error:

@@ -10,6 +10,7 @@ from typing import Any
 import xarray as xr
 
 from ..machine.files import StoreError
+from ..specs.imported import findable, paths_in
 from ..specs.load import parse_sweep
 from ..specs.sweep import SweepSpec
 from .manifest import unlike
@@ -23,9 +24,18 @@ def sweep_of(ds: xr.Dataset, path: str | Path) -> SweepSpec:
     `SpecError` where it cannot be read any more.
     """
     check_swept(ds, path)
-    spec = parse_sweep(json.loads(ds.attrs["specification"]), str(path))
+    spec = read_again(json.loads(ds.attrs["specification"]), Path(path), str(path))
     check_made_from(spec, ds, path)
     return spec
+
+
+def read_again(specification: Any, path: Path, source: str) -> SweepSpec:
+    """The sweep of the specification in the map at `path`; modules that it names may lie beside the
+    map, as beside a sweep file. Raises: `SpecError` that begins with `source`.
+    """
+    if paths_in(specification):  # else nothing there is imported
+        findable(path.parent)
+    return parse_sweep(specification, source)
 
 
 def check_swept(ds: xr.Dataset, path: str | Path, read: bool = True) -> None:

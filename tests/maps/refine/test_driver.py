@@ -162,6 +162,22 @@ def test_killed_it_goes_on_where_it_was_and_ends_the_same(tmp_path):
     assert not calls
 
 
+def test_a_map_whose_borders_asked_for_no_point_has_levels_too(tmp_path):
+    """It was said to be not refined."""
+    path, quiet = tmp_path / "map.h5", engine(lambda x, y: np.full(x.shape, 300.0))
+    coarse_map(path, quiet)
+    assert refined(path, quiet, levels=3, probes=0).attrs["simulations"] == 0
+    for level in range(4):
+        fine = open_map(path, level=level)
+        assert fine.label.shape == (8 * 2**level + 1,) * 2
+        assert int((fine.label >= 0).sum()) == int(fine.computed.sum()) == 81  # the map's cells
+    assert verify(path, cells=3, evaluate=quiet).points == 0
+    with pytest.raises(StoreError, match="has no level 4; its levels are 0 to 3"):
+        open_map(path, level=4)
+    refined(path, quiet, levels=2, probes=0)  # no points would be lost
+    assert open_map(path, level=2).label.shape == (33, 33)
+
+
 @pytest.mark.slow
 def test_finer_levels_use_the_points_that_are_there(tmp_path):
     path = tmp_path / "map.h5"

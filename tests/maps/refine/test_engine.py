@@ -7,7 +7,11 @@ import pytest
 matplotlib.use("Agg")
 
 from wiperjax.cli import main
+from wiperjax.maps.cells.batch import Settings
+from wiperjax.maps.refine.grid import Grid
+from wiperjax.maps.refine.points import Points
 from wiperjax.maps.verify import verify
+from wiperjax.specs.load import load_sweep
 from wiperjax.store.whole import borders, open_map
 from wiperjax.vocabulary import cf, codes
 
@@ -19,6 +23,20 @@ belt_speed = { start = 0.2, stop = 0.8, num = 4 }
 transient = 0.1
 window = 0.1
 """
+
+
+@pytest.mark.parametrize("window", [0.1, 100.0])
+def test_points_are_computed_by_the_program_of_their_map_however_many_are_asked_for(
+    window, tmp_path
+):
+    """Of many points, more than 100 s of motion, it was another program than of the few that
+    `verify` computes again: it told of points that differ, where nothing was damaged."""
+    file = tmp_path / "map.toml"
+    file.write_text(FILE.replace("window = 0.1", f"window = {window}"))
+    spec = load_sweep(file)
+    of_map = Settings.of(spec, 4096)
+    for count in (1, 64, 4096):
+        assert Settings.of(Points(spec, Grid(spec.axes, 8), np.arange(count)), 4096) == of_map
 
 
 @pytest.mark.slow

@@ -10,12 +10,14 @@ from border_maps import border_spec, coarse_map, engine, refined, unit
 
 from wiperjax.cli.tables import print_borders
 from wiperjax.machine.files import StoreError
+from wiperjax.machine.lock import acquire, release
 from wiperjax.machine.provenance import PHASES
 from wiperjax.maps.block import Block
 from wiperjax.maps.refine import driver as refining
 from wiperjax.maps.refine.grid import Grid
 from wiperjax.maps.refine.points import Points
 from wiperjax.maps.refine.replay import replay
+from wiperjax.store.folder import LOCK
 from wiperjax.store.levels import read_levels
 
 DISC = engine(lambda x, y: np.where((x - 0.45) ** 2 + (y - 0.5) ** 2 < 0.3**2, 700.0, 300.0))
@@ -80,6 +82,23 @@ def _signed(content):
 
     found = json.loads(content)
     return json.dumps(found | {"sha256": manifest._checksum(found)}).encode()
+
+
+def test_what_a_kill_left_goes_when_its_borders_are_read_and_no_other_goes(path, left, caplog):
+    """Killed once the borders are in the map the folder stayed for ever."""
+    folder, kept = left(levels=2), path.with_name("kept")
+    shutil.copytree(folder, kept)
+    refined(path, DISC, levels=2)
+    kept.rename(folder)
+    lock = acquire(folder / LOCK)  # nobody may remove it: the borders are read all the same
+    refined(path, None, levels=2)
+    release(lock)
+    assert "is being written by process" in caplog.text and folder.exists()
+    refined(path, None, levels=2)
+    assert not folder.exists()
+    left(levels=2, on="mechanism")
+    refined(path, None, levels=2)
+    assert list(folder.glob("points-*"))  # hours of another refinement, to be gone on with
 
 
 def test_a_strange_file_there_stays_and_the_borders_are_stored(path, caplog):

@@ -156,9 +156,10 @@ class Settings(NamedTuple):
         """Return those of ``spec`` for a block that is filled up to ``size`` cells."""
         run = spec.settings
         regimes, log = run.raster is not None, run.event_log or 0
-        # by the whole sweep, not the block or its share: numbers do not depend on those
-        unroll = unrolls(spec.size * (run.transient + run.window))
-        return cls(run.precision, run.solver, sample_room(size, run.samples), regimes, log, unroll)
+        # by the whole sweep, not the block, its share or a few points of a refinement: numbers do
+        # not depend on those
+        room, unroll = sample_room(size, run.samples), unrolls(spec.motion)
+        return cls(run.precision, run.solver, room, regimes, log, unroll)
 
 
 class Run(NamedTuple):

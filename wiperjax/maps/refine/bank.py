@@ -52,7 +52,7 @@ class Bank:
         Raises: `StoreError` if it went to a finer level than the grid has.
         """
         bank, levels = cls(), read_levels(path)
-        deepest = max((level.number for level in levels), default=0)
+        deepest = max((level.number for level in levels if len(level.index)), default=0)
         if deepest > grid.levels:
             raise StoreError(
                 f"{path}: is refined to level {deepest}: levels must be that at least, or "
@@ -64,9 +64,9 @@ class Bank:
         return bank
 
     def levels(self, grid: Grid) -> list[Level]:
-        """All points, each on the first level that has it; the finest level always."""
-        if not self.columns:
-            return []
+        """All points, each on the first level that has it; the finest level always, also where no
+        border asked for a point: of a refined map every level can be read.
+        """
         of, found = grid.level_of(self.index), []
         for number in range(grid.levels + 1):
             which = of == number

@@ -18,14 +18,14 @@ import numpy as np
 import xarray as xr
 
 from ...machine import provenance
-from ...machine.files import StoreError, log, naming
+from ...machine.files import StoreError, check_move, log, naming, write_bytes
 from ...machine.interrupt import heeded
 from ...machine.lock import acquire, release
 from ...machine.phases import account, during
 from ...specs.refine import parse_refine
 from ...store import checksums
 from ...store.blocks import BlockStore
-from ...store.folder import LOCK, clear
+from ...store.folder import LOCK, clear, remove_temporary
 from ...store.levels import is_refined, write_levels
 from ...store.partial import Reader
 from ...store.swept import sweep_of
@@ -47,6 +47,8 @@ from .tables import border_dataset
 
 if TYPE_CHECKING:
     from ..cluster import Workers
+
+SETTINGS = "settings.json"  # in the folder: of the refinement that it is of
 
 
 def refine(
@@ -82,6 +84,7 @@ def refine(
         found = parse_refine(settings, spec)
         stated = json.dumps(found.model_dump(mode="json"), sort_keys=True)
         if is_refined(path) and borders(path).attrs.get("refine_settings") == stated:
+            _clear_up(path, stated)
             return borders(path)
         blocks, known = computing(spec, evaluate, workers)
         known |= dict(identity or {})
@@ -94,7 +97,7 @@ def refine(
     search = Search(grid, found, criterion.thresholds, facts)
     kept = Bank.of_file(path, grid)
     bank = Bank() if criterion.linear else kept
-    with account() as spent, _folder(path) as folder:
+    with account() as spent, _folder(path, stated) as folder:
         about = {"known": known, "progress": progress, "command": None, "spent": spent}
         task = partial(Task, blocks=blocks, workers=workers, **about)
         points = partial(Points, spec, grid, linear=criterion.linear)
@@ -111,7 +114,8 @@ def refine(
         found_borders = border_dataset(search.outcome(), grid, criterion, found, made, axes)
         with during("storing"):
             times = partial(provenance.phase_times, spent)
-            write_levels(path, mark, kept.levels(grid), found_borders, times)
+            levels, temporary = kept.levels(grid), folder / ".map.tmp"
+            write_levels(path, mark, levels, found_borders, temporary, times)
     return borders(path)
 
 
@@ -134,14 +138,38 @@ def _of_map(path: Path, ds: xr.Dataset, criterion: Criterion) -> Facts:
     return criterion.facts({name: ds[name].values.ravel() for name in criterion.needs})
 
 
+def _folder_of(path: Path) -> Path:
+    return Path(f"{path}.refine")
+
+
+def _clear_up(path: Path, stated: str) -> None:
+    """Removes the folder of the refinement `stated`, which is done, where its process was killed
+    before it did. What one of other settings keeps there is not touched.
+    """
+    folder = _folder_of(path)
+    said = folder / SETTINGS
+    try:
+        with naming(said, "read"):
+            left = folder.is_dir() and (not said.exists() or said.read_text() == stated)
+        if left:
+            with _folder(path, stated):
+                pass
+    except StoreError as error:  # as in a folder that is read-only
+        log.warning("%s (the borders are complete)", error)
+
+
 @contextmanager
-def _folder(path: Path):
-    """The folder of a refinement, locked; if all goes well and all in it is ours it is removed."""
-    folder = Path(f"{path}.refine")
+def _folder(path: Path, stated: str):
+    """The folder of the refinement with the settings `stated`, locked; if all goes well and all in
+    it is ours it is removed.
+    """
+    folder = _folder_of(path)
     with naming(folder):
         folder.mkdir(exist_ok=True)
+    check_move(folder, path)
     lock = acquire(folder / LOCK)
     try:
+        write_bytes(folder / SETTINGS, stated.encode())
         yield folder
         try:
             _remove(folder)
@@ -154,10 +182,12 @@ def _folder(path: Path):
 def _remove(folder: Path) -> None:
     """Deletes the folder of a refinement. Raises: `StoreError` if anything in it is not ours."""
     with naming(folder, "removed"):
+        remove_temporary(folder)
         for parts in folder.glob("points-*.parts"):
             clear(parts)
             (parts / LOCK).unlink(missing_ok=True)
             parts.rmdir()
+        (folder / SETTINGS).unlink()
         (folder / LOCK).unlink()
         folder.rmdir()
 
