@@ -661,7 +661,9 @@ def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
         ("other", np.nan, "no", 1, "not known: window too short (run.duration)"),
         ("other", np.nan, "no", 2, "not known: not told by these samples (run.sample_interval)"),
         ("failed", np.nan, "unknown", 0, "not known: no line"),
+        ("failed", 756.0, "yes", 9, "not known: no turn in the settled part (run.duration"),
         ("squeal", 780.8, "yes", 9, "780.8 Hz"),
+        ("squeal", 0.17404, "yes", 9, "0.174 Hz"),
     ],
 )
 def test_the_frequency_of_a_run_is_told_where_it_has_one(
@@ -669,12 +671,32 @@ def test_the_frequency_of_a_run_is_told_where_it_has_one(
 ):
     known = {"dominant_frequency": frequency, "frequency_told": codes.TOLD[told]}
     known |= {"stick_count": sticks, "impact_count": 0, "stick_fraction": 0.5}
-    known |= {"flight_fraction": 0.0, "label": codes.LABELS[label]}
+    known |= {"flight_fraction": 0.0, "label": codes.LABELS[label], "result": 0}
+    known |= {"vibration_reversal": np.nan if label == "failed" and told == "yes" else 0.1}
     band = codes.BANDS["squeal" if label == "squeal" else "none"]
     found = xr.Dataset({name: ((), x) for name, x in known.items()} | {"band": band})
     monkeypatch.setattr(run_class, "assess", lambda run: found)
     tables.print_class(None)
     assert f"frequency   {word}" in capsys.readouterr().out
+
+
+def test_info_and_export_of_modes_over_a_sweep(folder, capsys):
+    """They were taken for a run: "run must be a run of a scene file"."""
+    rates = np.array([[-1.0, 2.0], [3.0, np.nan]])
+    modes = xr.Dataset(
+        {
+            "growth_rate": (("load", "speed"), rates),
+            "exists": (("load", "speed"), np.isfinite(rates).astype(np.int8)),
+            "frequency": (("load", "speed", "mode"), np.full((2, 2, 1), 5.0)),
+        },
+        attrs={"belt_kind": "steady"},
+    )
+    whole.write_dataset(modes, Path("modes.h5"))
+    assert main(["info", "modes.h5"]) == 0
+    said = capsys.readouterr().out
+    assert "steady sliding in 3 of 4 cells, unstable in 2\nof these 2 oscillate" in said
+    assert main(["export", "modes.h5", "-o", "modes.uff"]) == 1
+    assert "only a run, or modes of one scene, can be exported" in capsys.readouterr().err
 
 
 def test_a_window_with_one_slip_in_it_is_too_short(capsys):

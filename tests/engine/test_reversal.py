@@ -1,14 +1,17 @@
 """Statistics around V = 0: exact wherever steps end."""
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import wiperjax
 from wiperjax import Result, TrapezoidBelt, Wiper, WipingBelt
 from wiperjax.engine.observers.reversal import ReversalTotals, _integral
+from wiperjax.engine.observers.told import told
 from wiperjax.numerics import quartic
 
+SHARES = ("stick_fraction", "flight_fraction")
 DURATION, WINDOW, FREQUENCY = 0.4, 0.02, 4.0  # V = 0 at 0.125 s, 0.25 s, ...
 BELTS = {
     "wiping": WipingBelt(0.8, FREQUENCY),
@@ -100,6 +103,25 @@ def test_what_is_carried_by_a_turning_belt_moves_as_the_belt():
     whole = float(record.totals.output_square_integral)
     assert whole == pytest.approx(square(DURATION), rel=1e-6)
     assert float(record.vibration_integral) == pytest.approx(4 * square(WINDOW), rel=1e-5)
+
+
+@eqx.filter_jit
+def seen(phase, window):
+    wiper = Wiper(belt=WipingBelt(0.8, FREQUENCY, phase))
+    return wiperjax.solve(wiper, 0.02, observer=ReversalTotals(0.0, window)).statistics
+
+
+@pytest.mark.slow
+def test_what_no_time_lay_in_has_no_force():
+    """The mean of strokes of no length was infinite, the largest force of no turn 0 N/m."""
+    of_the_turn = {"normal_force_max_reversal", "velocity_rms_reversal"}
+    of_strokes = {f"{name}_stroke" for name in ("normal_force_mean", *SHARES)}
+    for degrees, window, lacking in ((0, 0.05, of_strokes), (90, 0.02, of_the_turn)):
+        found = told(seen(jnp.deg2rad(jnp.array(float(degrees))), jnp.array(window)), 0.02, True)
+        parts = {name: float(found[name]) for name in of_the_turn | of_strokes}
+        assert {name for name, value in parts.items() if not np.isfinite(value)} == lacking
+        assert all(np.isnan(parts[name]) for name in lacking)
+        assert all(parts[name] > 0 for name in parts if "force" in name and name not in lacking)
 
 
 def test_behind_a_step_of_no_length_nothing_is_blown_up():

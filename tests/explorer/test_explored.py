@@ -32,7 +32,7 @@ from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
 from wiperjax.plots.maps.numbers import TONE
 from wiperjax.plots.runs.levels import Levels
-from wiperjax.runs.scene import run_scene, transient_of
+from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
 from wiperjax.vocabulary.codes import LABELS, Result
@@ -202,7 +202,7 @@ def test_the_scene_of_a_cell_is_a_scene_file_of_its_parameters(whole):
     stated = parse_scene(scene).parameters()
     assert {name: float(value) for name, value in cell.items()} == pytest.approx(stated, rel=1e-15)
     assert parse_scene(scene).run.solver == whole.spec.settings.solver
-    assert transient_of(parse_scene(scene)) == whole.spec.run.transient  # judged as in the map
+    assert parse_scene(scene).transient == whole.spec.run.transient  # judged as in the map
 
 
 def test_a_box_is_finer_and_lies_where_it_was_dragged(whole):

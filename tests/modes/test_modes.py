@@ -13,7 +13,7 @@ from wiperjax import Coulomb
 from wiperjax.blade.rungs import on_rung
 from wiperjax.cli import main
 from wiperjax.modes.over import VERDICTS, beside, shares
-from wiperjax.modes.table import place_near
+from wiperjax.modes.table import modes_of, place_near
 from wiperjax.systems.chain import Chain3
 from wiperjax.systems.flutter import ModeCoupling
 from wiperjax.systems.head_and_tip import HeadAndTip
@@ -308,6 +308,29 @@ def test_a_chain_without_damping_rings_at_its_own_frequencies():
     np.testing.assert_allclose(found.real_part, 0.0, atol=1e-12)
 
 
+def test_modes_that_decay_alike_keep_their_order():
+    """Rounding chose which came first: over a parameter they changed colours in the picture."""
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        turned, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        stiff = turned @ np.diag([1.0, 2.0, 5.0]) @ turned.T
+        matrix = np.block([[np.zeros((3, 3)), np.eye(3)], [-stiff, -0.02 * np.eye(3)]])
+        found = modes_of(matrix, np.eye(3))
+        squares = np.array([1.0, 2.0, 5.0]) - 1e-4
+        np.testing.assert_allclose(found.values[:3], -0.01 + 1j * np.sqrt(squares), rtol=1e-12)
+        assert np.isnan(found.values[3:]).all()
+        apart = matrix + np.diag([0.0] * 3 + [1e-6] * 3)  # what differs is as it was
+        assert np.real(modes_of(apart, np.eye(3)).values[0]) == pytest.approx(-0.01 + 5e-7)
+
+
+def test_what_does_not_move_has_no_phase():
+    """y 0 +180 deg, x 1 -0 deg."""
+    basis = np.array([[-1.0], [-0.0]])
+    shapes = modes_of(np.array([[0.0, 1.0], [-1.0, 0.1]]), basis).shapes[:, 0]
+    np.testing.assert_array_equal(np.angle(shapes), [0.0, 0.0])
+    assert not np.signbit(np.angle(shapes)).any() and np.abs(shapes[1]) == 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("damping", "mu_static", "said"),
@@ -357,6 +380,11 @@ def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses
     assert main(["modes", str(tmp_path / "map.h5"), "-o", str(tmp_path / "modes.h5")]) == 0
     said = capsys.readouterr().out
     assert "stable yet noisy: the test misses" in said and (tmp_path / "modes.png").exists()
+    assert main(["info", str(tmp_path / "modes.h5")]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[2].startswith("steady sliding in 13 of 13 cells") and set(told[2:8]) <= {
+        *said.splitlines()
+    }
     (tmp_path / "other.png").write_bytes(b"precious")
     assert main(["modes", str(tmp_path / "map.h5"), "-o", str(tmp_path / "other.h5")]) == 1
     assert "other.png: exists already" in capsys.readouterr().err

@@ -24,7 +24,6 @@ SQUEAL_IN_STROKE = {
 }
 NUMBERS = (
     *("velocity_rms", "belt_speed_rms", "dominant_frequency", "stick_fraction", "flight_fraction"),
-    *("normal_force_max_reversal", "normal_force_mean_stroke"),
 )
 
 
@@ -79,6 +78,7 @@ def test_rules(expected, values):
 
 
 FLIP = {  # a belt that reverses: silent strokes, a pulse of twice the mean, a vibration after it
+    "reversal_count": 2,
     "normal_force_max_reversal": 30.0,
     "normal_force_mean_stroke": 15.0,
     "vibration_reversal": 0.1,
@@ -117,8 +117,12 @@ FLIP = {  # a belt that reverses: silent strokes, a pulse of twice the mean, a v
                 "stick_fraction_stroke": 0.5,
             },
         ),
-        # columns of a belt that reverses say nothing about a steady one
-        ("other", {"normal_force_max_reversal": NAN, "stick_fraction": 0.0}),
+        # a window that shows no turn, or nothing else
+        ("failed", {"normal_force_max_reversal": NAN, "vibration_reversal": NAN}),
+        (
+            "failed",
+            {"normal_force_mean_stroke": NAN, "vibration_stroke": NAN, "velocity_rms_stroke": NAN},
+        ),
     ],
 )
 def test_reversal_needs_a_pulse_and_the_vibration_it_starts(expected, values):
@@ -131,7 +135,6 @@ TURN = {  # silent strokes without a pulse; 18 ms of 700 Hz after each of two tu
     "dominant_frequency": 700.0,
     "tone_time_before": 0.0,
     "tone_time_after": 0.018,
-    "reversal_count": 2,
     "stick_count": 20,
 }
 
@@ -174,6 +177,13 @@ def test_a_frequency_that_samples_do_not_tell_is_no_failure():
     unknown = {"frequency_told": codes.TOLD["unknown"]}
     assert classify(**seen, **unknown, settled=settled) == "failed"
     assert classify(**seen, settled=settled) == "failed"
+
+
+def test_whether_a_tip_that_is_carried_has_settled_is_unknown():
+    """Constant as it is: the spring pulls it back sooner or later."""
+    seen = {"velocity_rms": 0.0, "dominant_frequency": NAN, "stick_fraction": 1.0}
+    found = named_codes(**seen, settled=codes.SETTLED["yes"], frequency_told=codes.TOLD["no"])
+    assert found["mechanism"] == "carried" and found["settled"] == "unknown"
 
 
 def test_stored_thresholds():
@@ -251,7 +261,7 @@ def test_not_a_number_is_failed(column):
 @given(
     result=st.integers(-128, 127),
     numbers=st.lists(
-        st.one_of(st.floats(0, 2e3), st.sampled_from([NAN, 0.0, 1.0])), min_size=7, max_size=7
+        st.one_of(st.floats(0, 2e3), st.sampled_from([NAN, 0.0, 1.0])), min_size=5, max_size=5
     ),
 )
 def test_exactly_one_class_and_never_a_sound_one_for_a_failure(result, numbers):

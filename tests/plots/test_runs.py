@@ -18,6 +18,7 @@ from wiperjax.machine.files import StoreError
 from wiperjax.plots import files
 from wiperjax.plots.runs import animation, bands, friction, history, levels, spectra
 from wiperjax.plots.style import caption, palette
+from wiperjax.plots.style.axes import time_text
 from wiperjax.sound import sound
 from wiperjax.store.whole import write_dataset  # noqa: E402
 from wiperjax.vocabulary.codes import Event, Regime  # noqa: E402
@@ -590,3 +591,26 @@ def test_bands_of_a_spectrum_are_those_stored_with_the_run():
     assert 500.0 in reach(tone())["squeal"]
     narrow = tone().assign_attrs(class_squeal_band=np.array([700.0, 900.0]))
     assert 700.0 in reach(narrow)["squeal"] and 500.0 not in reach(narrow)["squeal"]
+
+
+@pytest.mark.parametrize(
+    ("share", "named"), [((10.0, 20.0), True), ((14.0, 14.2), True), ((0.1, 1.05), False)]
+)
+def test_a_band_is_named_where_the_frame_has_room_for_the_word(share, named):
+    """The word stood over the marks of the axis, of a band of which a sliver is left beside it."""
+    lowest = plots.spectrum(tone()).get_xlim()[0]
+    ax = plots.spectrum(tone().assign_attrs(class_squeal_band=lowest * np.array(share)))
+    ax.figure.draw_without_rendering()
+    words = [text for text in ax.texts if text.get_text() in ("squeal", "chattering")]
+    assert ("squeal" in {word.get_text() for word in words}) == named
+    frame = ax.get_window_extent()
+    for box in (word.get_window_extent() for word in words):
+        assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(7.68e-3, "7.68 ms"), (0.9994, "999 ms"), (61.2, "61.2 s"), (1, "1 s")]
+)
+def test_times_are_told_in_seconds_from_one_on(seconds, words):
+    """The 6.12e+04 ms in the frame."""
+    assert time_text(seconds) == words

@@ -13,7 +13,7 @@ from wiperjax import plots
 from wiperjax.blade import build
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.datasets import run_dataset
-from wiperjax.noise.run_class import GATHERED, assess, words
+from wiperjax.noise.run_class import GATHERED, assess, why_no_frequency, words
 from wiperjax.runs import scene, simulate
 from wiperjax.specs.load import load_scene, parse_scene, parse_sweep
 from wiperjax.specs.tables import Start
@@ -309,6 +309,26 @@ FLIPS = {
     "belt": {"kind": "wiping", "amplitude": 0.8, "frequency": 5},
     "run": {"duration": 0.825, "sample_interval": 2e-4},
 }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("phase", "duration", "transient", "lacking"),
+    [(90, 0.1, 0.05, "turn"), (0, 0.04, 0.005, "stroke")],
+)
+def test_a_loud_run_that_shows_no_turn_or_no_stroke_says_so(
+    phase, duration, transient, lacking, caplog
+):
+    """It was "failed" without a reason, "no tone"; and the mean force of no stroke infinite."""
+    belt = {"kind": "trapezoid", "speed": 0.8, "frequency": 1.0, "ramp": 0.05, "phase": phase}
+    run = {"duration": duration, "transient": transient, "sample_interval": 2e-5}
+    found = assess(made := scene.run_scene({"belt": belt, "run": run}))
+    assert "the longest stroke 0.5 s: what shows none" in caplog.text
+    assert words(found)["label"] == "failed" and found.velocity_rms > 0.1
+    assert why_no_frequency(found).startswith(f"no {lacking} in the settled part")
+    force = "normal_force_max_reversal" if lacking == "turn" else "normal_force_mean_stroke"
+    assert np.isnan(made[force]) and np.isnan(found[force])
+    assert f"failed: no {lacking}" in plots.run_overview(made)._suptitle.get_text()
 
 
 @pytest.mark.slow

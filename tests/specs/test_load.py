@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError, model_validator
 
 from wiperjax.specs.errors import sentence
 from wiperjax.specs.load import SpecError, load_scene, load_sweep, parse_scene, parse_sweep
-from wiperjax.specs.reversal import flip_time
+from wiperjax.specs.windows import flip_time
 from wiperjax.vocabulary.parameters import PARAMETERS
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"
@@ -582,6 +582,69 @@ def test_samples_too_coarse_for_the_turns_are_noted():
     (note,) = parse_sweep(spec | {"classes": bands}).notes()
     assert "reversal_window is 0.025 s, less than a sample (0.195 s)" in note
     assert parse_sweep(spec | {"classes": bands | {"reversal_window": 2.0}}).notes() == []
+
+
+@pytest.mark.parametrize(
+    ("phase", "start", "window", "failed"),
+    [
+        (90, 0.05, 0.05, True),  # turns at 0.25 s
+        (90, 0.2, 0.045, True),  # ends before it
+        (90, 0.2, 0.06, False),
+        (90, 0.27, 0.03, False),  # begins behind it, ends on the stroke
+        (90, 0.27, 0.015, True),
+        (0, 0.005, 0.025, True),
+        (0, 0.02, 0.02, False),
+        (0, 0.05, 0.6, False),
+    ],
+)
+def test_a_window_without_a_turn_or_a_stroke_is_noted(phase, start, window, failed):
+    """What finished, and was loud, was called failed without a word why."""
+    belt = {"kind": "trapezoid", "speed": 0.8, "frequency": 1.0, "ramp": 0.05, "phase": phase}
+    given = {"belt": belt, "classes": {"reversal_window": 0.0375}}
+    scene = parse_scene(given | {"run": {"duration": start + window, "transient": start}})
+    axes = {"attack_angle": {"values": [0.0, 5.0]}}
+    sweep = parse_sweep(given | {"axes": axes, "run": {"transient": start, "window": window}})
+    says = (
+        f"is {window:g} s, the longest stroke 0.5 s: what shows none of the 0.0375 s after a turn, "
+        "or nothing between turns, is called failed"
+    )
+    named = (scene, "run.duration less run.transient"), (sweep, "run.window")
+    for spec, name in named:
+        assert spec.notes()[: failed + 1] == [f"{name} {says}"] * failed
+
+
+def test_a_window_without_a_turn_in_some_cells_is_noted_of_any_system():
+    belt = {"kind": "wiping", "amplitude": 0.4}
+    axes = {
+        "belt_phase": {"start": 0.0, "stop": 90.0, "num": 3},
+        "belt_frequency": {"values": [0.01, 0.02]},
+    }
+    slow = {"squeal_band": [0.1, 1.0], "chatter_band": [0.02, 0.1], "reversal_window": 2.0}
+    spec = {"system": "oscillator", "belt": belt, "axes": axes, "classes": slow}
+    (note,) = parse_sweep(spec | {"run": {"transient": 100, "window": 30}}).notes()
+    assert note.startswith("run.window is 30 s, the longest stroke 50 s: what shows none of")
+    # at 45 degrees it turns 37.5 s later
+    assert parse_sweep(spec | {"run": {"transient": 100, "window": 38}}).notes() == []
+
+
+@pytest.mark.parametrize("band", [(500.0, 1000.0), (50.0, 100.0)])
+def test_a_window_of_no_two_periods_of_squeal_is_noted(band):
+    """Of a microsecond: what squeals was quiet, settled, its frequency told."""
+    axes, least = {"attack_angle": {"values": [0.0, 5.0]}}, 2 / band[0]
+    given = {"classes": {"squeal_band": list(band)}}
+    for window, notes in ((0.9 * least, 1), (least, 0)):
+        scene = parse_scene(given | {"run": {"duration": 2 * window}})
+        sweep = parse_sweep(given | {"axes": axes, "run": {"transient": 1, "window": window}})
+        lines = [note for spec in (scene, sweep) for note in spec.notes()]
+        assert len(lines) == 2 * notes
+        said = f"is {window:g} s, shorter than 2 periods of the lowest squeal ({least:g} s): what"
+        assert all(said in line for line in lines)
+
+
+@pytest.mark.parametrize("path", sorted(SWEEPS.rglob("*.toml")), ids=lambda path: path.stem)
+def test_shipped_files_need_no_note(path):
+    load = load_sweep if "[axes]" in path.read_text() else load_scene
+    assert load(path).notes() == []
 
 
 @pytest.mark.parametrize(

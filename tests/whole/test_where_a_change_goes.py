@@ -16,8 +16,8 @@ from wiperjax.noise import run_class
 from wiperjax.numerics import runge_kutta
 from wiperjax.runs import scene
 from wiperjax.specs.load import parse_scene, parse_sweep
-from wiperjax.specs.reversal import flip_time
 from wiperjax.specs.tables import Classes
+from wiperjax.specs.windows import flip_time
 from wiperjax.vocabulary import kinds
 from wiperjax.vocabulary.parameters import PARAMETERS
 from wiperjax.vocabulary.schema import SCHEMA, Column

@@ -29,7 +29,8 @@ def export(
 
     with open_map(file) as dataset:
         if not (is_run(dataset) or is_modes(dataset)):
-            raise StoreError(f"{file}: holds no trajectory; only a run or modes can be exported")
+            only = "only a run, or modes of one scene, can be exported"
+            raise StoreError(f"{file}: holds no trajectory; {only}")
         run = dataset.load()
     write(run, output, force)
     count = f"{run.sizes['time']} samples" if is_run(run) else f"{run.sizes['mode']} modes"

@@ -49,9 +49,9 @@ def modes(
     if picture is not None:
         check_output(picture, STILL_SUFFIXES, force, file)
     if "growth_rate" in found:
-        _tell_map(found)
+        print_modes_over(found)
     else:
-        _tell(found)
+        print_modes(found)
     if output is None:
         return
     from ..store.whole import write_dataset
@@ -97,14 +97,14 @@ def _is_sweep(file: Path) -> bool:
         return False
 
 
-def _tell(found: Any) -> None:
+def print_modes(found: Any) -> None:
     """The table of the modes of one system."""
     print(f"{'mode':<6}{'real part':>14}{'frequency':>14}{'damping':>11}  shape (amplitude, phase)")
     for k, number in enumerate(found["mode"].values):
         one = found.isel(mode=k)
         parts = (found["axis"].values, one["shape_amplitude"].values, one["shape_phase"].values)
         shape = ", ".join(
-            f"{axis} {size:.3g} {math.degrees(phase):+.0f} deg"
+            f"{axis} {size:.3g} {round(math.degrees(phase)):+d} deg"
             for axis, size, phase in zip(*parts, strict=True)
         )
         real, tone, ratio = (float(one[n]) for n in ("real_part", "frequency", "damping_ratio"))
@@ -119,7 +119,7 @@ def _tell(found: Any) -> None:
         print(f"steady sliding is {'unstable' if grows else 'stable'}: {grows} {verb}")
 
 
-def _tell_map(found: Any) -> None:
+def print_modes_over(found: Any) -> None:
     """What modes over a sweep come to, and beside its map where it is one."""
     from ..modes.over import shares
 

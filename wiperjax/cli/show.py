@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from .modes import print_modes, print_modes_over
 from .options import (
     PICTURE_SUFFIXES,
     SOUND_SUFFIXES,
@@ -204,11 +205,13 @@ def info(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="A map, a run, a branch, or MAP.h5.parts of an unfinished sweep."
+            metavar="FILE",
+            help="A map, a run, a branch, modes, or MAP.h5.parts of an unfinished sweep.",
         ),
     ],
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
+    from ..datasets.run_dataset import is_run
     from ..noise.class_counts import anatomy, unsettled, untold
     from ..store.levels import is_refined
     from ..store.whole import borders, open_map, sound
@@ -223,7 +226,7 @@ def info(
             print_classes(dataset)
             of = counted(dataset)
             if fast := untold(dataset):
-                why = "too fast for the finest samples, or of no two periods (frequency: NaN)"
+                why = "carried, too fast for the finest samples, or of no two periods"
                 print(f"not told     {fast} {of}: {why}")
             if lost := unsettled(dataset):
                 print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
@@ -236,7 +239,11 @@ def info(
         elif "special_kind" in dataset:
             print_special(dataset)
             print_curves(dataset)
-        elif "belt_kind" in dataset.attrs:
+        elif "shape_amplitude" in dataset:  # modes, of one system
+            print_modes(dataset)
+        elif "growth_rate" in dataset and "exists" in dataset:  # of many
+            print_modes_over(dataset)
+        elif is_run(dataset) and "belt_kind" in dataset.attrs:  # of a scene
             print_class(dataset)
         print_events(dataset)
         if file.is_file() and is_refined(file):

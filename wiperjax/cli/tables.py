@@ -75,9 +75,9 @@ def print_class(run: Any) -> None:
     found = assess(run)
     for name, word in words(found).items():
         print(f"{name:<12}{word}")
-    frequency = float(found["dominant_frequency"])
-    pitch = f"{frequency:.1f} Hz"
-    if np.isnan(frequency) and int(found["label"]) != LABELS["quiet"]:
+    frequency, label = float(found["dominant_frequency"]), int(found["label"])
+    pitch = f"{frequency:.4g} Hz"
+    if label == LABELS["failed"] or np.isnan(frequency) and label != LABELS["quiet"]:
         pitch = f"not known: {why_no_frequency(found)}"
     elif int(found["band"]) == BANDS["none"]:  # rounding has a strongest line, too
         pitch = "none: no tone"

@@ -9,10 +9,9 @@ import xarray as xr
 
 from ..noise.classes import stored
 from ..noise.run_class import judged
-from ..noise.signals import FEWEST_PERIODS
 from ..noise.spectrum import interval_means, strongest_lines
 from ..vocabulary.cf import flag_names
-from ..vocabulary.thresholds import silence
+from ..vocabulary.thresholds import FEWEST_PERIODS, silence
 from ..vocabulary.wording import not_there
 
 ROUNDING = 1e-13  # of velocities, relative to what they are sums of

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from ..runs.scene import transient_of
 from ..specs.load import parse_sweep
 from ..specs.scene import SceneSpec
 from ..specs.sweep import SweepSpec
@@ -60,13 +59,13 @@ def costs(scenes: Mapping[str, SceneSpec]) -> dict[str, float]:
 def around(scene: SceneSpec) -> SweepSpec:
     """Return the sweep of `SIDE` x `SIDE` blades whose load and belt speed are within `SPREAD` of a
     scene's, with the settings that the scene states, else those of a sweep; looked at is what is of
-    the scene (`transient_of`), by its thresholds.
+    the scene (`SceneSpec.transient`), by its thresholds.
     """
     data, known = scene.document(), scene.parameters()
     keys = {name: key for key, name in BELTS[scene.belt.kind].items()}
     data["blade"] = _without(data.get("blade", {}), "normal_load")
     data["belt"] = _without(data.get("belt", {}), keys["belt_speed"])
-    transient = transient_of(scene)
+    transient = scene.transient
     stated = scene.run.model_dump(exclude_unset=True, exclude_none=True)
     settings = {name: value for name, value in stated.items() if name in SweepRun.model_fields}
     return parse_sweep(

@@ -14,11 +14,13 @@ from ..machine import provenance
 from ..vocabulary import checks
 from .linear import Linear, linear_at
 
-ROUNDING = 1e-11  # of an eigenvalue: a smaller real or imaginary part is none
+ROUNDING = 1e-11  # of an eigenvalue: a smaller part is none, closer real parts are the same
 
 
 class Modes(NamedTuple):
-    """Eigenvalues with Im >= 0, the fastest growing first, and their shapes."""
+    """Eigenvalues with Im >= 0, the fastest growing first, of those that grow alike the slowest,
+    and their shapes.
+    """
 
     values: Any  # (..., modes) complex [1/s]; NaN where there are fewer
     shapes: Any  # (..., coordinates, modes) complex, the largest coordinate 1
@@ -28,18 +30,32 @@ def modes_of(matrix: np.ndarray, basis: np.ndarray) -> Modes:
     """Eigenvalues and shapes of linear motions (`Linear`): of every pair one, of real ones each."""
     values, vectors = np.linalg.eig(matrix)
     m = basis.shape[-1]
-    size = np.maximum(np.abs(values), np.finfo(float).tiny)
-    parts = np.real(values), np.imag(values)
-    real, imag = (np.where(np.abs(x) <= ROUNDING * size, 0.0, x) for x in parts)
-    values = real + 1j * imag
-    hidden = values.imag < 0
-    order = np.argsort(np.where(hidden, np.inf, -values.real), axis=-1, kind="stable")
-    values = np.where(hidden, np.nan, values)
-    values = np.take_along_axis(values, order, axis=-1)
+    values = _without_rounding(values, np.abs(values))
+    order = _order(values)
+    values = np.take_along_axis(np.where(np.imag(values) < 0, np.nan, values), order, axis=-1)
     shapes = np.take_along_axis(basis @ vectors[..., :m, :], order[..., None, :], axis=-1)
     largest = np.take_along_axis(shapes, np.abs(shapes).argmax(axis=-2)[..., None, :], axis=-2)
     with np.errstate(invalid="ignore"):  # NaN where there is no steady sliding
-        return Modes(values, shapes / largest)
+        return Modes(values, _without_rounding(shapes / largest, 1.0))
+
+
+def _without_rounding(values: np.ndarray, size: Any) -> np.ndarray:
+    """Complex numbers without parts that are rounding of their size: no sign of a zero is left."""
+    parts = np.real(values), np.imag(values)
+    real, imag = (np.where(np.abs(x) <= ROUNDING * size, 0.0, x) for x in parts)
+    return real + 1j * imag
+
+
+def _order(values: np.ndarray) -> np.ndarray:
+    """Places of eigenvalues (..., n) in the order of `Modes`, those with Im < 0 last."""
+    real, imag = np.real(values), np.imag(values)
+    falls = np.where(imag < 0, np.finfo(float).max, -real)
+    order = np.argsort(falls, axis=-1, kind="stable")
+    falls = np.take_along_axis(falls, order, axis=-1)
+    closest = ROUNDING * np.abs(values).max(axis=-1, keepdims=True)
+    alike = np.cumsum(np.diff(falls, axis=-1, prepend=falls[..., :1]) > closest, axis=-1)
+    tones = np.take_along_axis(imag, order, axis=-1)
+    return np.take_along_axis(order, np.lexsort((tones, alike), axis=-1), axis=-1)
 
 
 def modes(system: AbstractSystem, near=None) -> xr.Dataset:

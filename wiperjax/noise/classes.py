@@ -42,23 +42,25 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
 
     - `columns`: name -> array, or a dataset: `result`, `velocity_rms` (m/s), `belt_speed_rms`
         (m/s; not needed with `quiet_velocity`), `dominant_frequency` (Hz, NaN where the velocity is
-        constant), `stick_fraction`, `flight_fraction`; and, for belts that reverse, NaN elsewhere,
-        `normal_force_max_reversal` and `normal_force_mean_stroke` (N/m), `vibration_reversal`,
-        `vibration_stroke` and `velocity_rms_stroke` (m/s), `stick_fraction_stroke`,
-        `flight_fraction_stroke`, `impact_impulse_reversal` and `impact_impulse_max` (N s/m),
-        `tone_time_before` and `tone_time_after` (s), `stick_count` and `reversal_count`;
+        constant), `stick_fraction`, `flight_fraction`; and, for belts that reverse,
+        `reversal_count` (by which they are known), `normal_force_max_reversal` and
+        `normal_force_mean_stroke` (N/m), `vibration_reversal`, `vibration_stroke` and
+        `velocity_rms_stroke` (m/s), `stick_fraction_stroke`, `flight_fraction_stroke`,
+        `impact_impulse_reversal` and `impact_impulse_max` (N s/m), `tone_time_before` and
+        `tone_time_after` (s), `stick_count`;
         `frequency_told` (`schema.TOLD`) where the frequency is NaN for want of samples.
     - `thresholds`: `Thresholds`, or anything with its attributes; the defaults if None.
 
     A finished cell with NaN among the columns its class rests on is `failed`, never silently
-    another class. One exception: a motion whose frequency the finest samples do not tell
+    another class: on a belt that reverses also one that shows nothing just after a turn, or no
+    stroke. One exception: a motion whose frequency the finest samples do not tell
     (`frequency_told` is "no"), or that has no line (it is "yes" all the same). Its shares and its
     standard deviation are exact, its frequency is NaN: `other`, without a band, and `settled` comes
     back `unknown`.
 
     A tip that rides on the belt for the whole window is neither quiet, though a steady belt gives
     it a constant velocity (the spring must pull it back sooner or later: the window is too short),
-    nor oscillating: it is `other`, with the mechanism `carried`.
+    nor oscillating: it is `other`, with the mechanism `carried`, `settled` unknown.
 
     Raises: `KeyError` if a column is missing.
     """
@@ -73,7 +75,9 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
         "band": _band(seen, limits, unheard | reversal),
     }
     if "settled" in columns:
-        codes["settled"] = np.where(seen.unseen, SETTLED["unknown"], np.asarray(columns["settled"]))
+        codes["settled"] = np.where(
+            seen.unseen | seen.carried, SETTLED["unknown"], np.asarray(columns["settled"])
+        )
     return {name: values.astype(np.int8) for name, values in codes.items()}
 
 
@@ -105,7 +109,7 @@ def _heard(columns: Mapping[str, Any], limits: Any) -> _Heard:
         return np.full(result.shape, np.nan)
 
     mean = of("normal_force_mean_stroke")
-    reverses = np.isfinite(of("normal_force_max_reversal"))
+    reverses = np.full(result.shape, "reversal_count" in columns)
 
     def stroke(name: str, on_reversing: str) -> np.ndarray:
         return np.where(reverses, of(on_reversing), of(name, required=True))

@@ -13,11 +13,11 @@ import xarray as xr
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
-from ..vocabulary.kinds import BELT_KINDS, known, since_reversal
+from ..vocabulary.kinds import BELT_KINDS, known, since_reversal, usual_transient
 from ..vocabulary.ranges import FEWEST_SETTLED, Range
-from ..vocabulary.thresholds import Thresholds, silence
+from ..vocabulary.thresholds import FEWEST_PERIODS, Thresholds, silence
 from .classes import classify, stored
-from .signals import FEWEST_PERIODS, signal_columns
+from .signals import signal_columns
 from .spectrum import interval_means
 
 TURN = 2 * np.pi
@@ -28,11 +28,6 @@ GATHERED = (
     "normal_force_mean_stroke",
 )
 """Columns that the engine knows exactly, and samples do not."""
-
-
-def usual_transient(duration: float, kind: str) -> float:
-    """Time [s] that is left out of a run on a belt of this kind, unless another is asked for."""
-    return duration / (2 if kind in ("", "steady") else 8)
 
 
 def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = None) -> xr.Dataset:
@@ -139,8 +134,13 @@ def words(columns: Any) -> dict[str, str]:
 
 
 def why_no_frequency(columns: Any) -> str:
-    """Why an assessment tells no frequency: what sticks or strikes says how often it does, and with
-    fewer than two periods no samples tell one."""
+    """Why an assessment tells no frequency: what a class rests on is not there; or what sticks or
+    strikes says how often it does, and with fewer than two periods no samples tell one."""
+    if int(columns["result"]) != RESULTS["finished"]:
+        return "the motion ended early"
+    for name, what in (("vibration_reversal", "turn"), ("normal_force_mean_stroke", "stroke")):
+        if np.isnan(columns.get(name, 0.0)):
+            return f"no {what} in the settled part (run.duration, run.transient)"
     if int(columns.get("frequency_told", TOLD["unknown"])) != TOLD["no"]:
         return "no line"
     most = max(float(columns["stick_count"]), float(columns["impact_count"]))
@@ -186,7 +186,7 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
     for regime in ("stick", "flight"):
         # added up as the whole is: a run in one regime has a share of 1 itself
         mine = np.where([name == regime for name in regimes], length, 0.0)
-        found[f"{regime}_fraction{suffix}"] = float(mine.sum() / whole)
+        found[f"{regime}_fraction{suffix}"] = float(mine.sum() / whole) if whole > 0 else np.nan
     return found
 
 

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from ..vocabulary.codes import SETTLED, TOLD
-from ..vocabulary.thresholds import FADE, silence
+from ..vocabulary.thresholds import FADE, FEWEST_PERIODS, silence
 from .spectrum import dominant_frequency, strongest_lines
 from .tones import SIDES, tones
 
-FEWEST_PERIODS = 2  # in the settled part: less is no period
 SLOW = 10.0  # multiples of the wiping frequency that are the stroke's own motion, not vibration
 
 

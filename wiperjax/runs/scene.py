@@ -15,7 +15,6 @@ from ..engine.observers.reversal import ReversalTotals
 from ..engine.observers.totals import RegimeTotals
 from ..machine import provenance
 from ..machine.files import log
-from ..noise.run_class import usual_transient
 from ..numerics.runge_kutta import SOLVERS
 from ..specs.load import load_scene, parse_scene
 from ..specs.scene import SceneSpec
@@ -41,7 +40,7 @@ def run_scene(
     and all parameters in the units of files (angles in degrees; ``parameter_units`` says so).
     ``varied``: parameters that other scenes have other values of; one that is 0 here is then
     computed with, not left out, so that all have one compiled program. After its transient
-    (`transient_of`) the engine gathers statistics, which are in the run as scalars.
+    (`SceneSpec.transient`) the engine gathers statistics, which are in the run as scalars.
 
     Raises ValueError for anything else, and for a start that is impossible for these parameters.
     """
@@ -56,7 +55,7 @@ def run_scene(
             "start.equilibrium must be left out: with these parameters no steady slip exists"
         )
     asked, limits, belt = spec.run, spec.thresholds(), belt_of(built.system)
-    transient = transient_of(spec)
+    transient = spec.transient
     observer = RegimeTotals(transient)
     if not isinstance(belt, SteadyBelt | None):
         observer = ReversalTotals(transient, limits.reversal_window)
@@ -86,13 +85,6 @@ def run_scene(
         **provenance.record(None, time.perf_counter() - begun),
     }
     return ds.assign_attrs(beside(stated) | cf.plain_attributes(attrs))
-
-
-def transient_of(spec: SceneSpec) -> float:
-    """Return the time [s] from which on the motion of a scene is judged."""
-    if spec.run.transient is not None:
-        return spec.run.transient
-    return usual_transient(spec.run.duration, spec.belt_kind or "")
 
 
 def _system(spec: SceneSpec) -> dict[str, str]:

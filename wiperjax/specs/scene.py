@@ -3,11 +3,11 @@
 import numpy as np
 from pydantic import model_validator
 
-from ..vocabulary.kinds import BELTS
+from ..vocabulary.kinds import BELTS, usual_transient
 from .laws import law_notes
-from .reversal import check_strokes, flip_time, longest_window, window_notes
 from .system import System
 from .tables import Classes, SceneRun
+from .windows import check_strokes, flip_notes, flip_time, longest_window, settled_notes
 
 
 class SceneSpec(System):
@@ -26,6 +26,13 @@ class SceneSpec(System):
     def parameters(self) -> dict[str, float]:
         """Every parameter of the system, its law and its belt, in SI units and radians."""
         return self._fixed_si({})
+
+    @property
+    def transient(self) -> float:
+        """Time [s] from which on its motion is judged."""
+        if self.run.transient is not None:
+            return self.run.transient
+        return usual_transient(self.run.duration, self.belt_kind or "")
 
     def thresholds(self) -> Classes:
         """Thresholds of its noise class. Unless the file says another, the reversal window is twice
@@ -48,10 +55,13 @@ class SceneSpec(System):
 
     def notes(self) -> list[str]:
         """Lines on what is allowed but rarely meant, for a person to see."""
-        known = self.parameters()
-        lines = law_notes(self.family.law(self), known)
+        known = {name: np.atleast_1d(value) for name, value in self.parameters().items()}
+        window, classes = self.run.duration - self.transient, self.thresholds()
+        named = "run.duration less run.transient"
+        lines = settled_notes(self.transient, window, named, classes, known)
+        lines += law_notes(self.family.law(self), known)
         if self.belt_kind in (None, "steady") or "lip_length" not in known:
             return lines
         names = (*BELTS[self.belt.kind].values(), "lip_length")
-        given = {name: np.abs(np.atleast_1d(known[name])) for name in names}
-        return lines + window_notes(self.belt.kind, given, self.thresholds().reversal_window)
+        given = {name: np.abs(known[name]) for name in names}
+        return lines + flip_notes(self.belt.kind, given, classes.reversal_window)

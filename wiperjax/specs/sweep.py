@@ -16,7 +16,6 @@ from .axis import Axis
 from .errors import Fault, as_error, unknown
 from .laws import law_notes
 from .refine import Refine, check
-from .reversal import check_strokes, window_notes
 from .sensitivities import (
     SLOPE_RTOL,
     SLOPE_SOLVER,
@@ -27,6 +26,7 @@ from .sensitivities import (
 from .starts import Starts, check_starts, swept_last
 from .system import System
 from .tables import Classes, SweepRun, SweptModel
+from .windows import check_strokes, flip_notes, settled_notes
 
 FORMAT = 2
 """Version of the meaning of a specification; part of its digest."""
@@ -223,17 +223,19 @@ class SweepSpec(System):
             reach = np.abs(axis.values()).max()
             if self.parameter_table[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
-        around, interval = self.classes.reversal_window, self.run.window / self.samples
-        if "belt_frequency" in self.parameter_names and interval > around:
-            what = f"classes.reversal_window is {around:g} s, less than a sample ({interval:.3g} s)"
-            lines.append(f"{what}: a cell that sees no turn is called failed")
         known = {name: np.atleast_1d(value) for name, value in self.fixed().items()}
-        known |= {name: axis.values() for name, axis in self.axes.items()}
+        table = self.parameter_table
+        known |= {name: table[name].to_si(axis.values()) for name, axis in self.axes.items()}
+        window, around = self.run.window, self.classes.reversal_window
+        lines += settled_notes(self.run.transient, window, "run.window", self.classes, known)
+        if "belt_frequency" in known and (interval := window / self.samples) > around:
+            what = f"classes.reversal_window is {around:g} s, less than a sample ({interval:.3g} s)"
+            lines.append(f"{what}: a cell with no sample so soon after a turn is called failed")
         lines += law_notes(self.family.law(self), known)
-        if self.belt_kind != "steady" and "lip_length" in self.parameter_names:
+        if self.belt_kind != "steady" and "lip_length" in known:
             names = (*BELTS[self.belt.kind].values(), "lip_length")
             given = {name: np.abs(known[name]) for name in names}
-            lines += window_notes(self.belt.kind, given, around, self.run.window)
+            lines += flip_notes(self.belt.kind, given, around)
         return lines
 
     def canonical(self) -> str:

@@ -69,6 +69,11 @@ def since_reversal(time: Any, frequency: Any, turns: Any, library: Any = np) -> 
     return (halves - library.round(halves)) / (2 * frequency)
 
 
+def usual_transient(duration: float, kind: str) -> float:
+    """Time [s] that is left out of a run on a belt of this kind, unless another is asked for."""
+    return duration / (2 if kind in ("", "steady") else 8)
+
+
 def steady_rms(speed: Any, library: Any = np) -> Any:
     """Root mean square [m/s] of a constant speed."""
     return library.abs(speed)

@@ -10,6 +10,9 @@ from .ranges import Range
 FADE = 0.25
 """Of `reversal_window`: length of the fade beside it, in which the stroke comes in."""
 
+FEWEST_PERIODS = 2
+"""Of what is called periodic in a settled window: less is no period."""
+
 
 @dataclass(frozen=True)
 class Thresholds:

@@ -18,7 +18,7 @@ class ReversalRecord(NamedTuple):
     """Record of `ReversalTotals`; forces in N/m, impulses in N s/m, times in s."""
 
     totals: Totals
-    force_max_reversal: Scalar  # within the window around V = 0
+    force_max_reversal: Scalar  # within the window around V = 0; -inf where no time lay there
     force_integral_stroke: Scalar  # outside it
     stroke_time: Scalar
     stick_time_stroke: Scalar
@@ -44,7 +44,7 @@ class ReversalTotals(AbstractObserver):
 
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)
-        return ReversalRecord(self._regimes.init(dtype, shape), *[z] * 8)
+        return ReversalRecord(self._regimes.init(dtype, shape), z - jnp.inf, *[z] * 7)
 
     def stretch(self, record, stretch):
         s = stretch
@@ -71,7 +71,7 @@ class ReversalTotals(AbstractObserver):
         # rounding of a step within the window is no stroke: a share > 0 names a mechanism
         rounding = 16 * jnp.finfo(dtype).eps * s.length.astype(dtype)
         stroke = counted(jnp.where(stroke > rounding, stroke, 0.0))
-        peak = counted(self._peak(load, near))
+        peak = jnp.where(on, self._peak(load, near), -jnp.inf)
 
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),
@@ -106,12 +106,12 @@ class ReversalTotals(AbstractObserver):
 
     @staticmethod
     def _peak(load, near) -> Scalar:
-        """Largest normal force in parts of the step. An empty part lies on a node and has none."""
+        """Largest normal force in parts of the step. Empty parts have none: -inf."""
         peaks = []
         for low, high in near:
             places = [smaller(low + u * (high - low), 1.0) for u in NODES]
             nodes = [quartic.value(load, u) for u in places]
-            peaks.append(jnp.where(high > low, highest(nodes, nodes[-1]), 0.0))
+            peaks.append(jnp.where(high > low, highest(nodes, nodes[-1]), -jnp.inf))
         return reduce(jnp.maximum, peaks)
 
     def event(self, record, happening):

@@ -36,7 +36,7 @@ def smooth(record: Totals, window, xp=jnp) -> dict[str, Any]:
 
 def told(record: Totals | ReversalRecord, window, finished) -> dict[str, np.ndarray]:
     """Return all that a record says of a ``window`` [s]; but for `COUNTS` it is NaN where a motion
-    is not ``finished``.
+    is not ``finished``, and where no time lay around V = 0, or none outside, what is of that.
     """
     totals = record.totals if isinstance(record, ReversalRecord) else record
     totals = Totals(*map(np.asarray, totals))
@@ -55,16 +55,20 @@ def told(record: Totals | ReversalRecord, window, finished) -> dict[str, np.ndar
 
 
 def _of_the_reversal(record: ReversalRecord) -> dict[str, Any]:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        stroke = np.asarray(record.stroke_time)
-        vibration = np.asarray(record.vibration_integral) / np.asarray(record.vibration_time)
+    record = ReversalRecord(record.totals, *map(np.asarray, record[1:]))
+
+    def mean(integral, time):  # what is left of an integral over no time is rounding
+        return np.where(time > 0, integral / np.where(time > 0, time, 1.0), np.nan)
+
+    with np.errstate(invalid="ignore"):
+        force, vibration = record.force_max_reversal, record.vibration_integral
         return {
-            "normal_force_max_reversal": record.force_max_reversal,
-            "normal_force_mean_stroke": np.asarray(record.force_integral_stroke) / stroke,
-            "stick_fraction_stroke": np.asarray(record.stick_time_stroke) / stroke,
-            "flight_fraction_stroke": np.asarray(record.flight_time_stroke) / stroke,
+            "normal_force_max_reversal": np.where(np.isneginf(force), np.nan, force),
+            "normal_force_mean_stroke": mean(record.force_integral_stroke, record.stroke_time),
+            "stick_fraction_stroke": mean(record.stick_time_stroke, record.stroke_time),
+            "flight_fraction_stroke": mean(record.flight_time_stroke, record.stroke_time),
             "impact_impulse_reversal": record.impulse_max_reversal,
-            "velocity_rms_reversal": np.sqrt(vibration),
+            "velocity_rms_reversal": np.sqrt(mean(vibration, record.vibration_time)),
         }
 
 

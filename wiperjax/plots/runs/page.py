@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ...datasets.run_dataset import last_periods, on_belt, regime_spans, settled, usual_axis
-from ..style.axes import legend_below, page
+from ..style.axes import legend_below, page, time_text
 from ..style.caption import is_own, partner, set_caption, with_noise
 from ..style.palette import BELT
 from .bands import regime_legend
@@ -95,8 +95,8 @@ def run_overview(ds: xr.Dataset, whole: xr.Dataset | None = None) -> Figure:
         friction_curve(part, figure.add_subplot(right[1]), legend=False)
     _spectrum(settled(whole), figure.add_subplot(right[2] if law else right[1:]))
     legend_below(figure, _handles(part, whole))
-    span = 1e3 * float(part["time"][-1] - part["time"][0])
-    set_caption(figure, whole, f"lower rows: the {span:.3g} ms in the frame" if framed else "")
+    span = time_text(float(part["time"][-1] - part["time"][0]))
+    set_caption(figure, whole, f"lower rows: the {span} in the frame" if framed else "")
     return figure
 
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from ...datasets.run_dataset import is_steady, signal
 from ...noise.classes import stored
-from ..style.axes import label, page, plain_log, shown_unit
+from ..style.axes import label, page, plain_log, shown_unit, time_text
 from ..style.caption import quantity_words, set_caption
 from ..style.palette import CLASSES, EVENT_NAMES
 from .history import shown_events
@@ -47,20 +47,10 @@ def spectrum(
     whole = ax is None
     if ax is None:
         ax = page((8.0, 4.4)).subplots()
-    bands = stored(ds.attrs)
-    for name, (left, right) in {
-        "squeal": bands.squeal_band, "chattering": bands.chatter_band
-    }.items():  # fmt: skip
-        left, right = max(left, low), min(right, top)
-        if left < right:
-            ax.axvspan(left, right, color=CLASSES[name], alpha=0.15, linewidth=0)
-            ax.text(
-                np.sqrt(left * right), 0.985, name, transform=ax.get_xaxis_transform(),
-                ha="center", va="top", fontsize="small", color="#444444",
-            )  # fmt: skip
     ax.plot(frequency, amplitude, color="black", linewidth=0.8)
     plain_log(ax, "x")
     ax.set_xlim(low, top)
+    _bands(ds, ax)
     quiet = factor * found.quiet
     highest = float(amplitude.max(initial=0.0))
     peak = max(highest, quiet)
@@ -90,6 +80,26 @@ def spectrum(
         span = f"{float(ds['time'][0]):.4g} ... {float(ds['time'][-1]):.4g} s"
         set_caption(ax.figure, ds, f"{span}, resolution {found.resolution:.2g} Hz (Hann)")
     return ax
+
+
+def _bands(ds: xr.Dataset, ax: Axes) -> None:
+    """The bands of squeal and chattering behind a spectrum, named where the frame has the room."""
+    limits, (low, top) = stored(ds.attrs), ax.get_xlim()
+    for name, (left, right) in {
+        "squeal": limits.squeal_band, "chattering": limits.chatter_band
+    }.items():  # fmt: skip
+        left, right = max(left, low), min(right, top)
+        if left >= right:
+            continue
+        ax.axvspan(left, right, color=CLASSES[name], alpha=0.15, linewidth=0)
+        word = ax.text(
+            np.sqrt(left * right), 0.985, name, transform=ax.get_xaxis_transform(),
+            ha="center", va="top", fontsize="small", color="#444444",
+        )  # fmt: skip
+        box, frame = word.get_window_extent(), ax.get_window_extent()
+        beyond = max(frame.x0 - box.x0, box.x1 - frame.x1)
+        if beyond > 0.1 * box.width:  # less is gone with the layout, which widens the axes
+            word.remove()
 
 
 def spectrogram(
@@ -142,7 +152,7 @@ def spectrogram(
     if whole:
         words = quantity_words(ds, values)
         wide = 1.5 / found.window
-        note = f"{words}, window {1e3 * found.window:.3g} ms, lines {wide:.3g} Hz wide"
+        note = f"{words}, window {time_text(found.window)}, lines {wide:.3g} Hz wide"
         set_caption(upper.figure, ds, note)
     return axes
 

@@ -70,6 +70,11 @@ def number(value: float, step: float = 0.0) -> str:
     return f"{value:.{digits}g}"
 
 
+def time_text(seconds: float) -> str:
+    """`12.5 ms`, `61.2 s`: a length of time."""
+    return f"{number(seconds)} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
+
+
 def is_geometric(values: np.ndarray) -> bool:
     """Whether positive values are spaced by ratio rather than by difference, and span a factor of
     three.

@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.figure import Figure, SubFigure
 
 from ...datasets.run_dataset import is_run, pitch
-from ...noise.run_class import assess, words
+from ...noise.run_class import assess, why_no_frequency, words
 from ...vocabulary.codes import Result
 from ...vocabulary.columns import SYSTEM
 from ...vocabulary.kinds import BELTS
@@ -140,6 +140,8 @@ def noise_text(ds: xr.Dataset) -> str:
         return ""
     found = assess(ds)
     names = words(found)
+    if names["label"] == "failed" and int(found["result"]) == Result.FINISHED:
+        return f"failed: {why_no_frequency(found)}"
     if names["label"] in ("quiet", "collapsed", "failed"):
         return names["label"]
     text = f"{names['label']} ({readable(names['mechanism'])})"

@@ -1,11 +1,15 @@
-"""When a wiping belt turns, and which windows around that see the lip flip over."""
+"""Which windows see enough: the settled one periods of a squeal, of a belt that turns its turns and
+strokes, and the one around a turn the lip that flips over.
+"""
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from ..vocabulary.thresholds import FADE
+from ..vocabulary.kinds import since_reversal
+from ..vocabulary.thresholds import FADE, FEWEST_PERIODS
 from .errors import Fault
 
 FLIP = 1.5
@@ -29,19 +33,45 @@ def flip_time(kind: str, speed: float, frequency: float, ramp: float, length: fl
     return math.acos(1 - way * turn / speed) / turn if way * turn <= 2 * speed else math.inf
 
 
-def window_notes(
-    kind: str, given: Mapping[str, np.ndarray], around: float, window: float = math.inf
+def settled_notes(
+    start: float, window: float, named: str, classes: Any, known: Mapping[str, Any]
 ) -> list[str]:
-    """Lines on windows that are allowed but rarely meant: whether there is a turn in the `window`
-    [s] of a sweep, and a lip flips over within that of its reversal, `around` V = 0 [s], in the
-    slowest cell.
+    """Lines on a settled `window` [s] from `start` [s] on, `named` as files have it, that is
+    allowed but rarely meant: too short for a squeal, or without a turn or a stroke of a belt that
+    reverses.
+
+    `known`: the values of the belt's numbers, in SI units.
+    """
+    lines, lowest = [], classes.squeal_band[0]
+    if window * lowest < FEWEST_PERIODS * (1 - 1e-9):
+        periods = f"{FEWEST_PERIODS} periods of the lowest squeal ({FEWEST_PERIODS / lowest:.3g} s)"
+        seen = f"{named} is {window:g} s, shorter than {periods}"
+        lines.append(f"{seen}: what squeals may be called quiet, or other")
+    if "belt_frequency" not in known:
+        return lines
+    frequency, around = np.atleast_1d(known["belt_frequency"]), classes.reversal_window
+    turns = np.atleast_1d(known.get("belt_phase", 0.0)) / (2 * math.pi)
+    if any(_lacks(start, window, around, frequency, turn).any() for turn in turns):
+        seen = f"{named} is {window:g} s, the longest stroke {0.5 / frequency.min():.3g} s"
+        lacks = f"shows none of the {around:.3g} s after a turn, or nothing between turns"
+        lines.append(f"{seen}: what {lacks}, is called failed")
+    return lines
+
+
+def _lacks(start: float, window: float, around: float, frequency: np.ndarray, turns: float):
+    """Whether a settled window lacks the time `around` [s] after a turn, or all between turns."""
+    since = since_reversal(start, frequency, turns)
+    ahead = np.where(since < 0, 0.0, 0.5 / frequency) - since  # to the next turn
+    turn = (since >= 0) & (since <= around) | (ahead < window)
+    return ~turn | (np.abs(since) <= around) & (window <= around - since)
+
+
+def flip_notes(kind: str, given: Mapping[str, np.ndarray], around: float) -> list[str]:
+    """Lines on a reversal window, `around` V = 0 [s], within which no lip flips over in the slowest
+    cell.
 
     `given`: the values of the numbers of a belt of this `kind`, and of `lip_length`, in SI units.
     """
-    lines, stroke = [], 0.5 / given["belt_frequency"].min()
-    if window < stroke * (1 - 1e-9):
-        seen = f"run.window is {window:g} s, shorter than the longest stroke ({stroke:.3g} s)"
-        lines.append(f"{seen}: a cell that sees no turn is called failed")
     time = flip_time(
         kind,
         given["belt_speed"].min(),
@@ -50,12 +80,12 @@ def window_notes(
         given["lip_length"].max(),
     )
     if time <= 1.05 * around:
-        return lines
+        return []
     takes = f"the glass needs up to {time:.2g} s after V = 0 to"
     if math.isinf(time):
         takes = "where it is slowest the glass turns back before it can"
     over = f"carry the lip over ({FLIP:g} lip lengths); later counts as stroke"
-    return [*lines, f"classes.reversal_window is {around:g} s, but {takes} {over}"]
+    return [f"classes.reversal_window is {around:g} s, but {takes} {over}"]
 
 
 def longest_window(frequency: float) -> float:
