@@ -8,7 +8,7 @@ from systems import FirstOnBelt, Ring
 
 import wiperjax
 from wiperjax.blade import numbers
-from wiperjax.cycles import close, find_cycle, follow
+from wiperjax.cycles import close, find_cycle, follow, follow_curves
 from wiperjax.cycles.chart import Turning
 from wiperjax.cycles.return_map import Shooting
 
@@ -38,7 +38,7 @@ class Row(FirstOnBelt):
 def test_a_branch_goes_on_where_its_section_misses_the_cycles():
     """Circles that shrink below the level at which they begin: the branch ended there."""
     cycle = find_cycle(
-        Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a",
+        Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a", varied=("b",),
         section=lambda t, q, v: q[0] - 0.8,
     )  # fmt: skip
     branch = follow(cycle, -0.1, 0.3, step=0.1)
@@ -50,6 +50,12 @@ def test_a_branch_goes_on_where_its_section_misses_the_cycles():
         assert a == pytest.approx(r2 - r2**2, abs=1e-8)
         exact = math.exp(-2 * math.pi * r2 * (2 * r2 - 1))
         assert found.multipliers[0].real == pytest.approx(exact, rel=1e-6)
+    # its fold, too, begins on another section, and passes on to smaller circles
+    curves = follow_curves(branch, "b", -1.05, -0.6, step=0.1)
+    (curve,) = [curve for curve in curves if curve.kind == "fold"]
+    a, b = curve.places.T
+    assert (b.min(), b.max()) == pytest.approx((-1.05, -0.6), abs=1e-8)
+    np.testing.assert_allclose(a, b**2 / 4, atol=2e-6)
 
 
 @pytest.mark.slow
