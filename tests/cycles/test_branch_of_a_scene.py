@@ -2,10 +2,12 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import xarray as xr
 
 from wiperjax.cycles.branch.from_scene import follow_scene
+from wiperjax.datasets.branch_dataset import rest
 from wiperjax.plots.style import caption
 from wiperjax.specs.load import load_scene, parse_scene
 
@@ -119,3 +121,26 @@ def test_the_longest_step_of_a_scene_holds_for_its_cycles(tmp_path, monkeypatch)
     with pytest.raises(RuntimeError, match="far enough"):
         follow_scene(load_scene(tmp_path / "scene.toml"), "attack_angle", 0.0, 5.0)
     assert given["max_step"] == 1e-4
+
+
+@pytest.mark.slow
+def test_all_steady_slip_lies_beside_a_branch(monkeypatch):
+    """That which leans farthest, joined over a jump from one equilibrium to another: a stable one
+    at -33 degrees was not there, steady slip at -3 mm was.
+    """
+    from wiperjax.cycles.branch import from_scene
+
+    angle = ("point", [-30.0], {"units": "degrees"})
+    variables = {"attack_angle": angle, "maximum": ("point", [0.0], {"long_name": "x"})}
+    branch = xr.Dataset(variables, attrs={"over": "attack_angle"})
+    monkeypatch.setattr(from_scene, "find_cycle", lambda *_, **__: SimpleNamespace(found=0))
+    monkeypatch.setattr(from_scene, "follow", lambda *_, **__: None)
+    monkeypatch.setattr(from_scene, "branch_dataset", lambda _: branch)
+    scene = {"blade": {"attack_angle": -30.0}, "belt": {"speed": 0.3}, "run": {"duration": 0.05}}
+    found = follow_scene(parse_scene(scene), "attack_angle", -45.0, -2.0)
+    angles, places, stable = rest(found)
+    assert np.nanmax(np.abs(np.diff(places))) < 4e-4
+    at = np.abs(angles + 33.0) < 0.11
+    high, middle, low = np.flatnonzero(at)[np.argsort(-places[at])]
+    assert places[[high, middle, low]] == pytest.approx([1.8e-4, -6.5e-4, -5.55e-3], abs=1e-5)
+    assert stable[low] and not stable[high] and not stable[middle]

@@ -125,7 +125,7 @@ def test_pictures_of_a_branch_file(ring, tmp_path):
         attrs={"over": "a", "settle": 600.0, "window": 20.0},
     )
     ds = with_simulations(branch_dataset(ring[1]), brute)
-    ds = with_rest(ds, values, np.zeros(3), values > 0)
+    ds = with_rest(ds, values, np.zeros((3, 1)), values[:, None] > 0)
     write_dataset(ds, tmp_path / "branch.h5")
     with open_map(tmp_path / "branch.h5") as back:
         xr.testing.assert_equal(simulations(back.load()), brute)

@@ -4,11 +4,13 @@ from functools import partial
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import wiperjax
 from wiperjax import AbstractSystem
 from wiperjax.cycles import up_and_down
+from wiperjax.cycles.branch.peaks import maxima
 from wiperjax.systems.oscillator import Oscillator
 
 
@@ -50,3 +52,31 @@ def test_a_drive_that_is_felt_on_the_way_only_is_not_swept_without_its_period():
     rest = (0.0,), (0.0,)
     with pytest.raises(ValueError, match="^period must be given"):
         up_and_down(Pushed(), "a", [0.9, 1.3], settle=100.0, window=20.0, initial_state=rest)
+
+
+def wave(phases, times):
+    """Positions and velocities of sums of a sine of each (size, frequency in 2 pi, phase)."""
+    angles = [(a, 2 * np.pi * f, 2 * np.pi * f * times + p) for a, f, p in phases]
+    return sum(a * np.sin(x) for a, _, x in angles), sum(a * w * np.cos(x) for a, w, x in angles)
+
+
+def test_a_cycle_has_as_many_maxima_as_it_turns():
+    """The larger of two samples lay below each maximum, at a height of its own."""
+    times = np.linspace(0.0, 9.05, 1024)
+    step = times[1]
+    x, v = wave([(1.0, 1.0, 0.3)], times)
+    assert maxima(x, v, step, 1.0, 1e-9).tolist() == [1.0]
+    x, v = wave([(1.0, 1.0, 0.3), (0.6, 2.0, 1.0)], times)
+    fine, _ = wave([(1.0, 1.0, 0.3), (0.6, 2.0, 1.0)], np.linspace(0.0, 1.0, 10**6, endpoint=False))
+    exact = np.sort(fine[(fine > np.roll(fine, 1)) & (fine >= np.roll(fine, -1))])[::-1]
+    assert len(exact) == 2
+    np.testing.assert_allclose(maxima(x, v, step, exact[0], 1e-9), exact, atol=1e-6)
+
+
+def test_a_turn_right_after_a_release_is_one_maximum():
+    """Carried along at a rate of 0.1, let go at 1: it turns 0.01 later, within a sample."""
+    times = np.linspace(0.0, 9.05, 906)
+    late = times % 1.0 - 0.7
+    x = np.where(late < 0, 0.1 * late, 0.1 * late - 5 * late**2 + 16 * late**3)
+    v = np.where(late < 0, 0.1, 0.1 - 10 * late + 48 * late**2)
+    assert maxima(x, v, times[1], 5.1e-4, 1e-9).tolist() == [5.1e-4]

@@ -48,7 +48,8 @@ def branch() -> xr.Dataset:
         coords={"way": ["up", "down"], "belt_speed": ("belt_speed", values, ds.belt_speed.attrs)},
         attrs={"over": "belt_speed", "settle": 0.1, "window": 0.01},
     )
-    ds = with_rest(with_simulations(ds, brute), values, values * 0 + 3.9e-3, values > 1)
+    still = np.full((2, 1), 3.9e-3), values[:, None] > 1
+    ds = with_rest(with_simulations(ds, brute), values, *still)
     return ds.assign_attrs(
         title="Squeal at 5 degrees", attack_angle=5.0, normal_load=15.0, support_stiffness=8e3,
         parameter_units="attack_angle: degrees; normal_load: N/m; support_stiffness: N/m/m",

@@ -1,5 +1,6 @@
 """Coordinates on the section of a return map: those that the constraints leave free."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -18,7 +19,7 @@ class Chart(NamedTuple):
     """Coordinates near ``origin``: ``origin + basis @ w``, within the contact and on the section.
 
     ``wide`` spans the states that keep the contact (m of them), ``basis`` those that lie on the
-    section as well (the same without one).
+    ``section`` as well (the same without one).
     """
 
     origin: np.ndarray  # (2n,)
@@ -26,6 +27,7 @@ class Chart(NamedTuple):
     wide: np.ndarray  # (2n, m); scaled so that wide.T @ (x / scale^2) reads coordinates
     scale: np.ndarray  # (2n,)
     regime: int
+    section: Callable | None = None
 
     def state(self, w) -> np.ndarray:
         """State at the coordinates ``w`` (d,)."""
@@ -61,7 +63,7 @@ def chart(system, state, time, regime: int, scale, section=None) -> Chart:
     towards = wide @ slope  # the shortest way to the section that keeps the contact
     distance = values[3] / (crossing @ towards)
     basis = _null_space([*rows, crossing], scale)
-    return Chart(state - distance * towards, basis, wide, scale, regime)
+    return Chart(state - distance * towards, basis, wide, scale, regime, section)
 
 
 def _null_space(rows, scale) -> np.ndarray:
@@ -105,3 +107,13 @@ class Passing(eqx.Module):
 
     def __call__(self, t, q, v) -> Any:
         return self.sense * (self.level - q[self.coordinate])
+
+
+class Across(eqx.Module):
+    """A section: the plane through a state, across a direction in which it falls."""
+
+    state: Any  # (2n,)
+    along: Any  # (2n,): what the direction reads of a state's difference
+
+    def __call__(self, t, q, v) -> Any:
+        return self.along @ (self.state - jnp.stack([*q, *v]))

@@ -99,11 +99,9 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
     trivial = math.nan
     if shooting.clock is None:
         flow = where.read(motion.by_period)
-        inside = where.read(where.basis)  # (m, d), orthonormal
-        across = scipy.linalg.null_space(inside.T)[:, 0]
-        back = np.eye(len(flow)) - np.outer(flow, across) / (across @ flow)
         trivial = float(np.linalg.norm(monodromy @ flow - flow) / np.linalg.norm(flow))
-        monodromy = inside.T @ back @ monodromy @ inside
+        across = scipy.linalg.null_space(flow[None])  # not the section, which may touch the flow
+        monodromy = across.T @ monodromy @ across
     values = np.zeros(2 * n - (shooting.clock is None), complex)
     values[: len(monodromy)] = np.linalg.eigvals(monodromy)
     values = values[np.argsort(-np.abs(values), kind="stable")]
@@ -132,7 +130,7 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
         normal_force_max=float(totals.normal_force_max),
         slip_margin=slip_margin(motion),
         motion=motion,
-        shooting=shooting,
+        shooting=replace(shooting, section=where.section),
     )
 
 

@@ -6,6 +6,7 @@ Pure xarray, without jax, since pictures read it.
 
 from collections.abc import Iterable
 
+import numpy as np
 import xarray as xr
 
 _SIMULATED = "simulated_"
@@ -65,9 +66,12 @@ def simulations(branch: xr.Dataset) -> xr.Dataset | None:
 
 
 def with_rest(branch: xr.Dataset, parameter, position, stable) -> xr.Dataset:
-    """Return ``branch`` with an equilibrium: parameter (unit of files), first coordinate, whether
-    it is stable, (m,) each.
+    """Return ``branch`` with its equilibria: ``parameter`` (m,) (unit of files); first coordinate
+    and whether it is stable, (m, k) of k equilibria there, in order, NaN where there are fewer.
+
+    They are stored as curves, one after the other, with a NaN between.
     """
+    parameter, position, stable = _as_curves(parameter, position, stable)
     over = str(branch.attrs["over"])
     what = str(branch["maximum"].attrs["long_name"]).removeprefix("largest ")
     attrs = branch["maximum"].attrs | {"long_name": f"{what} at rest"}
@@ -80,8 +84,36 @@ def with_rest(branch: xr.Dataset, parameter, position, stable) -> xr.Dataset:
     )
 
 
+def _as_curves(parameter, position, stable):
+    """Return (parameter, position, stable) of `with_rest`, (rows,) each, one curve after the other.
+
+    A curve goes on to what is nearest of the next ones, if nothing is nearer to that.
+    """
+    curves: list[list[tuple[int, int]]] = []
+    last: dict[int, list[tuple[int, int]]] = {}  # the curve that went through each column
+    for k, row in enumerate(position):
+        way = np.abs(position[max(k - 1, 0)][:, None] - row)
+        way[np.isnan(way)] = np.inf
+        here = {}
+        for j in np.flatnonzero(np.isfinite(row)):
+            i = int(np.argmin(way[:, j]))
+            if i in last and np.argmin(way[i]) == j:
+                here[j] = last[i]
+            else:
+                here[j] = []
+                curves.append(here[j])
+            here[j].append((k, j))
+        last = here
+    none = (len(parameter), 0)
+    places = [place for curve in curves for place in (*curve, none)][:-1]
+    k, j = np.array(places, int).reshape(-1, 2).T
+    empty = np.full((1, position.shape[1]), np.nan)
+    known = np.vstack([position, empty]), np.vstack([stable, empty == 0])
+    return np.append(parameter, np.nan)[k], *(values[k, j] for values in known)
+
+
 def rest(branch: xr.Dataset):
-    """Return (parameter, first coordinate, is stable) of `with_rest`, or None."""
+    """Return (parameter, first coordinate, is stable), (rows,) each, of `with_rest`, or None."""
     if "rest_position" not in branch:
         return None
     names = (f"rest_{branch.attrs['over']}", "rest_position", "rest_stable")

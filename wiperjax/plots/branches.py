@@ -51,7 +51,8 @@ def bifurcation_diagram(
     - `brute`: of `cycles.up_and_down`, drawn below it as dots, up and down in two colours.
     - `quantity`: variable drawn, one that both datasets hold: `maximum`, `velocity_rms`,
       `stick_fraction`, ...
-    - `rest`: (parameter, value, is stable) of an equilibrium, drawn as a line of its own.
+    - `rest`: (parameter, value, is stable) of equilibria, drawn as curves of their own, with a NaN
+      between two of them.
     - `legend`: whether to name what is drawn below the axes.
     """
     if ax is None:
@@ -107,6 +108,7 @@ def _line(ax: Axes, x, y, stable, colour: str, words: str) -> None:
             continue
         # an interval between a stable and an unstable point goes with the unstable one
         inner = holds[1:] & holds[:-1] if look == "stable" else holds[1:] | holds[:-1]
+        inner &= np.isfinite(y[1:]) & np.isfinite(y[:-1])  # none between curves
         gaps = np.zeros((len(inner), 3, 2))
         gaps[:, 0] = np.stack([x[:-1], y[:-1]], axis=1)
         gaps[:, 1] = np.stack([x[1:], y[1:]], axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
-from ...blade.steady_slip import steady_slip
+from ...blade.steady_slip import steady_slip_branches
 from ...contact.belts import SteadyBelt
 from ...contact.system import AbstractSystem
 from ...datasets.branch_dataset import (
@@ -34,9 +34,10 @@ from .up_and_down import up_and_down
 
 _ADVICE = {
     Found.AT_REST: "its motion dies out: quiet; start where it makes a noise",
-    Found.NOT_PERIODIC: "its motion is not periodic within run.duration; make that longer (where a "
-    "coordinate drifts, as the height of what falls, no motion is)",
-    Found.NOT_CONVERGED: "Newton's method found none near it; make run.duration longer",
+    Found.NOT_PERIODIC: "its motion is not periodic within run.duration: make that longer, or the "
+    "motion is quasi-periodic or chaotic, or a coordinate drifts (as the height of what falls)",
+    Found.NOT_CONVERGED: "Newton's method found none near it: make run.duration longer, or the "
+    "motion is quasi-periodic or chaotic",
     Found.NOT_ISOLATED: "its cycle is at a fold, or one of a family; start at another value",
     Found.TRAJECTORY_FAILED: "its motion ends early",
 }
@@ -58,7 +59,7 @@ def follow_scene(
     are simulated on the way up and on the way down (`up_and_down`; 0: none); ``second``, another
     parameter and its range, in which the folds and Hopf points of the branch are followed as curves
     (`follow_curves`). The motion is taken after ``run.duration`` of the scene. Of a wiper on a
-    steady belt, steady slip is added.
+    steady belt, all steady slip is added.
 
     Raises ValueError if there is no such parameter or its name is taken, no cycle at the scene's
     own value, that value lies outside the range, or the scene is on a poorer model than the lip.
@@ -119,7 +120,7 @@ def follow_scene(
         return found
     fine = np.linspace(low, high, 200)
     varied: Any = numbers.replaced(built.wiper, over, np.linspace(*bounds, len(fine)))
-    slip = steady_slip(varied)
+    slip = steady_slip_branches(varied)
     return with_rest(found, fine, np.asarray(slip.x), np.asarray(slip.growth_rate) < 0)
 
 

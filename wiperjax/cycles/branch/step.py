@@ -7,14 +7,13 @@ import numpy as np
 import scipy.optimize
 
 from ...blade import numbers
-from ..chart import Chart, chart
+from ..beginning import start_of
+from ..chart import chart
 from ..cycle import Cycle, cycle_at
-from ..orbit import event_margin, far_from_events, smooth_intervals
 from ..return_map import Point, Shooting, correct
 from ..shooting import Lost
 
 LOCATED = 1e-7  # of a step's unit: how closely a special point is closed in
-NEAR = 0.05  # of the largest distance from an event: too near for the start of a cycle
 JUMP = 1e-2  # of a test function between two steps: it does not vanish there, it jumps
 TOLD = 1e-6  # of a multiplier's distance from 1, and of a tangent: less may be rounding
 
@@ -54,17 +53,14 @@ Reached = tuple[float, BranchStep]  # distance from the step where one stands, a
 def first_step(shooting: Shooting, cycle: Cycle) -> BranchStep | None:
     """Return the step at a found cycle, or None if it cannot be closed again."""
     assert shooting.over is not None
-    where = chart_at(shooting, cycle.system, cycle.state, cycle.phase, cycle.period, cycle.regime)
+    time, scale, section = cycle.phase * cycle.period, shooting.scale, shooting.section
+    where = chart(cycle.system, cycle.state, time, cycle.regime, scale, section)
     parameter = numbers.value(cycle.system, shooting.over) / shooting.parameter_scale
     unknowns = np.zeros(where.basis.shape[1])
     if shooting.clock is None:
         unknowns = np.append(unknowns, cycle.period / shooting.period_scale)
     point = correct(shooting, where, cycle.phase, np.append(unknowns, parameter))
     return None if point is None else step_at(shooting, point, np.eye(len(unknowns) + 1)[-1])
-
-
-def chart_at(shooting: Shooting, system, state, phase, period, regime) -> Chart:
-    return chart(system, state, phase * period, regime, shooting.scale, shooting.section)
 
 
 def step_at(shooting: Shooting, point: Point, onward) -> BranchStep:
@@ -156,35 +152,27 @@ def between(
 
 
 def centred(shooting: Shooting, here: BranchStep) -> BranchStep:
-    """Return the step in the chart of its own state; moved on, if an event comes near it."""
+    """Return the step in the chart of its own state; moved on, if that serves no longer."""
     point = here.point
     d = point.where.basis.shape[1]
-    state = point.motion.samples[0]
+    start = start_of(shooting, point.where, point.phase, point.motion)
     shift = point.where.basis @ here.tangent[:d]
-    phase, regime = point.phase, point.where.regime
-    if shooting.clock is not None:
-        free, margin = smooth_intervals(point.motion), event_margin(point.motion)
-        near = max(2, len(free) // 50)
-        if not (free[:near].all() and free[-near:].all()) or margin[0] < NEAR * margin.max():
-            index = far_from_events(point.motion.regimes[:-1], free, margin)
-            moved, state, regime = _moved(shooting, here, index)
-            phase = (phase + index / len(free)) % 1.0
-            shift = moved
-    where = chart_at(shooting, here.cycle.system, state, phase, point.period, regime)
+    if start.index:
+        shift = _shifted(shooting, here, start.index)
+    where = start.chart(shooting, here.cycle.system, point.period)
     read = np.linalg.lstsq(where.basis / where.scale[:, None], shift / where.scale, rcond=None)
     unknowns = np.zeros(where.basis.shape[1])
     tangent = np.concatenate([read[0], here.tangent[d:]])
     point = replace(
-        point, where=where, phase=phase, unknowns=np.append(unknowns, point.unknowns[d:])
+        point, where=where, phase=start.phase, unknowns=np.append(unknowns, point.unknowns[d:])
     )
     return replace(here, point=point, tangent=tangent / np.linalg.norm(tangent))
 
 
-def _moved(shooting: Shooting, here: BranchStep, index: int):
-    """Return (tangent of the state, state, regime) at sample ``index`` of the cycle."""
+def _shifted(shooting: Shooting, here: BranchStep, index: int) -> np.ndarray:
+    """Return the tangent of the state at sample ``index`` of the cycle, (2n,)."""
     point = here.point
     d = point.where.basis.shape[1]
-    slope = shooting.driven_period(point.parameter)[1]
     passed = shooting.motion(
         shooting.at(point.parameter),
         point.motion.samples[0],
@@ -194,9 +182,12 @@ def _moved(shooting: Shooting, here: BranchStep, index: int):
         regime=point.where.regime,
     )
     change = here.tangent[-1] * shooting.parameter_scale
+    if shooting.clock is None:
+        longer = here.tangent[d] * shooting.period_scale
+    else:
+        longer = shooting.driven_period(point.parameter)[1] * change
     tangent = passed.by_state @ (point.where.basis @ here.tangent[:d])
-    tangent += (passed.by_parameter + slope * passed.by_period) * change
-    return tangent, passed.state, int(point.motion.regimes[index])
+    return tangent + passed.by_parameter * change + passed.by_period * longer
 
 
 def with_parameter(shooting: Shooting, step: BranchStep, parameter: float) -> BranchStep:

@@ -31,9 +31,9 @@ from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
 from ..clock import STATES, check_clock, refuse_a_clock
 from ..cycle import typical
 from ..shooting import tidy
+from .peaks import peaks
 
 WAYS = ("up", "down")
-PEAKS = 16  # maxima kept of each window, spread over their heights if there are more
 FLAT = 1e-9  # of the typical size: a smaller range is a motion at rest
 ALIKE = 0.02  # of half the range of a state: how near a motion that repeats comes back
 
@@ -106,9 +106,9 @@ def up_and_down(
     _check_drive(system, over, period, values, settled, settle + window)
     for array in (states, *columns):
         array[1] = array[1, ::-1]
-    highest = columns[3]
     first = states[..., [0, state.shape[1] // 2]]  # coordinate, and its rate
-    ds = _table(given, over, values, _peaks(first, highest, FLAT * sizes[0]), columns)
+    highs = peaks(first, columns[3], columns[4], FLAT * sizes[0])
+    ds = _table(given, over, values, highs, columns)
     return ds.assign_attrs(settle=settle, window=window)
 
 
@@ -134,21 +134,9 @@ def _check_drive(system: AbstractSystem, over: str, period, values, states, span
             check_clock(local, period, (), seen)
 
 
-def _peaks(first, highest, flat: float) -> np.ndarray:
-    """Return `maxima` of every motion, (ways, values, PEAKS), NaN-padded."""
-    peaks = np.full((*highest.shape, PEAKS), np.nan)
-    for at in np.ndindex(highest.shape):
-        place, rate = first[at].T
-        highs = maxima(place, rate, float(highest[at]), flat)
-        if len(highs) > PEAKS:
-            highs = highs[np.linspace(0, len(highs) - 1, PEAKS).round().astype(int)]
-        peaks[at][: len(highs)] = highs
-    return peaks
-
-
-def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns) -> xr.Dataset:
+def _table(given: AbstractSystem, over: str, values, highs: np.ndarray, columns) -> xr.Dataset:
     """Return the dataset of `up_and_down`, of ``columns`` (ways, values) as `_march` gives them."""
-    stick, flight, rms, _, result = columns
+    stick, flight, rms, _, _, result = columns
     fair = np.isin(result, FAIR)
     name, attrs, to_file = numbers.stored(given, over)
     plane = ("way", name)
@@ -160,7 +148,7 @@ def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns)
     flags = {"long_name": "how the trajectory ended"} | cf.flags(RESULTS)
     words = numbers.words(given)
     metre, speed = ("m", "m/s") if given.of_a_blade else (None, None)
-    maximum = np.where(fair[..., None], peaks, np.nan)
+    maximum = np.where(fair[..., None], highs, np.nan)
     about = {"long_name": f"maxima of the {words['position']}"}
     about |= {"units": metre} if metre else {}
     return xr.Dataset(
@@ -174,19 +162,6 @@ def _table(given: AbstractSystem, over: str, values, peaks: np.ndarray, columns)
         coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
         attrs={**maker(), "over": name, **cf.of_system(given)},
     )
-
-
-def maxima(position, velocity, highest: float, flat: float) -> np.ndarray:
-    """Return the maxima of a sampled coordinate, the largest first: that is ``highest``, which no
-    sample may have met. Where its range is below ``flat``, return its mean.
-    """
-    if not np.all(np.isfinite(position)):
-        return np.zeros(0)
-    if np.ptp(position) < flat:
-        return np.array([position.mean()])
-    at = np.flatnonzero((velocity[:-1] > 0) & (velocity[1:] <= 0))
-    sampled = np.sort(np.maximum(position[at], position[at + 1]))[::-1]
-    return np.concatenate([[highest], sampled[1:]])
 
 
 def repeat_time(states, window):
@@ -247,7 +222,7 @@ def _march(system, over, period, ways, states, spans, samples: int):
             shares = totals.stick_time / after, totals.flight_time / after
             q, v = s.samples.position, s.samples.velocity
             states = jnp.stack([*q, *v], axis=-1)
-            found = states, *shares, rms, s.statistics.highest
+            found = states, *shares, rms, s.statistics.highest, after / (samples - 1)
             result = jnp.where(_fair(result), s.result, result)  # what went wrong first
             end = jnp.concatenate([s.final_position, s.final_velocity])
             end = jnp.where(_fair(result), end, initial)

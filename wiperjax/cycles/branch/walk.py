@@ -152,7 +152,10 @@ class Walk:
             elif distance >= cut:
                 break
             elif kind == "branch_point" and here.sense * ahead.sense < 0:
-                detail += "; the parameter turns back: a walk along symmetric cycles has left them"
+                detail += (
+                    "; the parameter turns back: a walk along symmetric cycles has left them, "
+                    "or one along asymmetric cycles meets its mirror image"
+                )
             self.special.append(Special(kind, detail, step.point.parameter, len(self.steps)))
             self._append(step)
         if last is not None and last is not self.steps[-1]:

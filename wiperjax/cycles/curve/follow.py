@@ -13,7 +13,6 @@ from ...vocabulary.codes import CurveEnd
 from ...vocabulary.ranges import FINITE, Range
 from ..branch.bifurcations import Special
 from ..branch.follow import MOST_POINTS, Branch
-from ..branch.step import chart_at
 from ..chart import chart
 from ..cycle import Cycle, same_word
 from ..return_map import Shooting
@@ -190,8 +189,10 @@ def _seed(
     if special.kind == Touch.kind:
         cycle, left = _slipping(branch, special.index)
         place = np.array([numbers.value(cycle.system, branch.over), place[1]])
-    state, period, phase = cycle.state, cycle.period, cycle.phase
-    where = chart_at(shooting, plane.at(place), state, phase, period, cycle.regime)
+    period, phase, own = cycle.period, cycle.phase, cycle.shooting
+    assert own is not None
+    local, time = plane.at(place), phase * period
+    where = chart(local, cycle.state, time, cycle.regime, shooting.scale, own.section)
     start = np.zeros(where.basis.shape[1])
     if shooting.clock is None:
         start = np.append(start, period / shooting.period_scale)

@@ -7,17 +7,17 @@ from typing import ClassVar
 import numpy as np
 
 from ...vocabulary.codes import CurveEnd
+from ..beginning import start_of
 from ..branch.bifurcations import change, corner_kind
-from ..branch.step import chart_at, swing
+from ..branch.step import swing
 from ..chart import Chart
 from ..cycle import Cycle, cycle_at, same_word
-from ..orbit import event_margin, far_from_events, smooth_intervals, words
+from ..orbit import words
 from ..return_map import Point, Shooting
 from ..shooting import Arc, Lost
 from .equations import Equations, Facts, Spot
 
 LOOKED = (1e-5, 1e-4, 1e-3, 1e-2)  # how far ahead it is looked for what stops a curve
-NEAR = 0.05  # of the largest distance from an event: too near for the start of a cycle
 
 
 @dataclass(frozen=True)
@@ -77,21 +77,13 @@ class OfCycles(Equations):
     def moved(self, facts: Facts, place: np.ndarray):
         """Return these equations around the cycle of ``facts``, away from its events."""
         cycle, shooting = facts.cycle, self.shooting
-        state, phase, regime = cycle.state, cycle.phase, cycle.regime
-        if shooting.clock is not None:
-            motion = cycle.motion
-            free, margin = smooth_intervals(motion), event_margin(motion)
-            near = max(2, len(free) // 50)
-            if not (free[:near].all() and free[-near:].all()) or margin[0] < NEAR * margin.max():
-                k = far_from_events(motion.regimes[:-1], free, margin)
-                state, regime = motion.samples[k], int(motion.regimes[k])
-                phase = (phase + k / len(free)) % 1.0
-        where = chart_at(shooting, self.plane.at(place), state, phase, cycle.period, regime)
+        begin = start_of(shooting, self.where, self.phase, cycle.motion)
+        where = begin.chart(shooting, self.plane.at(place), cycle.period)
         start = np.zeros(where.basis.shape[1])
         if shooting.clock is None:
             start = np.append(start, cycle.period / shooting.period_scale)
         start = np.concatenate([start, place / self.plane.scale])
-        return replace(self, where=where, phase=phase, start=start)
+        return replace(self, where=where, phase=begin.phase, start=start)
 
     @property
     def sizes(self):
