@@ -6,7 +6,8 @@ from matplotlib.figure import Figure
 
 from .maps.numbers import SIGNED, suited
 from .maps.planes import check_order, usual_plane
-from .style.axes import edges, label, long_name, page, set_axis, shown
+from .maps.stability import NOTE, boundary_legend, stability_boundary
+from .style.axes import edges, label, legend_below, long_name, page, set_axis, shown
 from .style.caption import set_caption
 from .style.palette import BOUNDARY, UNKNOWN
 
@@ -60,12 +61,10 @@ def _plane(ds: xr.Dataset, x: str, y: str) -> Figure:
     ax.set_facecolor(UNKNOWN)
     across, up = shown(ds[x])[0], shown(ds[y])[0]
     mesh = ax.pcolormesh(edges(across), edges(up), values, norm=norm, cmap=SIGNED, rasterized=True)
-    if values.count() and values.min() < 0 < values.max():
-        bent = np.arcsinh(values / (np.median(np.abs(values.compressed())) or 1.0))
-        ax.contour(across, up, bent, levels=[0.0], colors="white", linewidths=3.2)
-        ax.contour(across, up, bent, levels=[0.0], colors=BOUNDARY, linewidths=1.4)
+    boundary = stability_boundary(ds, ax, x, y)
     set_axis(ax, "x", ds[x])
     set_axis(ax, "y", ds[y])
     figure.colorbar(mesh, ax=ax, pad=0.02).set_label("largest real part (1/s)")
-    set_caption(figure, ds, "grey: no steady sliding; line: border of its stability")
+    legend_below(figure, [boundary_legend()] if boundary else [])
+    set_caption(figure, ds, "grey: no steady sliding", NOTE if boundary else "")
     return figure

@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
+from ...noise.class_counts import whole_codes
 from ...vocabulary.cf import flag_names
 from ...vocabulary.columns import derivative
 from ...vocabulary.wording import not_there
@@ -211,6 +212,6 @@ def frequency_map(
 def class_names(ds: xr.Dataset) -> np.ndarray:
     """Name of the class of each cell of a (small) map; empty of those that `ds.where` took out."""
     names = flag_names(ds["label"])
-    codes = ds["label"].values
+    codes = whole_codes(ds["label"])
     found = np.vectorize(lambda code: names.get(code, "not_computed"), otypes=[object])(codes)
     return np.where(np.isnan(codes), "", found)
