@@ -83,7 +83,7 @@ def category_map(
     words += f"; {NOTE}" if boundary else ""
     legend_below(
         figure,
-        category_legend(cells, variable, boundary),
+        category_legend(cells, variable, boundary) + curve_legend(cells, axes.ravel()),
         title=textwrap.fill(words, int(16 * figure.get_figwidth())),
         title_fontsize="x-small",
     )
@@ -233,7 +233,7 @@ def category_legend(
     on = str(cells.attrs.get(PREFIX + "on", ""))
     if on == variable or "=" in on:
         handles.append(border_legend(on))
-    return handles + curve_legend(cells)
+    return handles
 
 
 def colours_of(variable: xr.DataArray) -> dict[str, str]:
