@@ -548,6 +548,10 @@ def test_raster_shows_the_regime_over_time(small_map):
         plots.value_map(ds, "regime_raster")
     with pytest.raises(ValueError, match="no regime over time"):
         plots.regime_raster(small_map)
+    ds["label"][:], ds["dominant_frequency"][:] = codes.LABELS["quiet"], 2928.0  # of rounding
+    assert "beats" not in plots.regime_raster(ds).figure.get_suptitle()
+    ds["label"][:] = codes.LABELS["other"]
+    assert "too few for 2928 Hz" in plots.regime_raster(ds).figure.get_suptitle()
 
 
 def test_cuts_are_at_the_nearest_cell_and_said(small_map):
