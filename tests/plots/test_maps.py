@@ -334,6 +334,19 @@ def test_a_curve_between_cells_runs_through_them_and_keeps_holes():
     assert (np.diff(curve[place <= 4]) <= 0).all()
 
 
+def test_headings_of_many_words_stay_on_the_page_and_apart(small_map):
+    """A title may have 500 letters, and a fourth axis adds its value to each heading."""
+    ds = small_map.assign_attrs(title="a title of many words " * 22)
+    ds = ds.expand_dims(mu_static=[0.5, 1.0]).assign_coords(
+        mu_static=("mu_static", [0.5, 1.0], {"long_name": "static friction coefficient"})
+    )
+    figure = plots.map_overview(ds)
+    assert inside_the_page(figure) == []
+    lower = [ax.title.get_window_extent() for ax in figure.subfigs[1].axes if ax.get_title()]
+    lower = sorted((box.x0, box.x1) for box in lower)
+    assert len(lower) == 4 and all(a[1] < b[0] for a, b in zip(lower, lower[1:], strict=False))
+
+
 def test_codes_between_two_codes_are_no_class(small_map):
     """Squeal and quiet average to what no cell did; it was drawn, and counted, as a class."""
     between = small_map.interp(attack_angle=np.linspace(-39.0, 39.0, 7))

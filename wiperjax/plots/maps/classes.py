@@ -11,8 +11,10 @@ from ...noise.classes import stored
 from ...vocabulary.cf import flag_names, flags
 from ...vocabulary.codes import LABELS, NOT_COMPUTED
 from ...vocabulary.thresholds import silence
+from ..style.caption import wrapped
 from ..style.palette import CLASSES, HATCHES, MOTIONS, UNKNOWN, readable
 from .categories import category_map
+from .planes import PANEL
 
 
 def motion(ds: xr.Dataset) -> xr.DataArray:
@@ -107,5 +109,5 @@ def class_bars(ds: xr.Dataset, where: str, ax: Axes) -> Axes:
     ax.set_xticks([])
     ax.spines[["top", "right", "bottom"]].set_visible(False)
     title = f"share of {sum(count for _, count, _ in table):,} cells"
-    ax.set_title(f"{title}\n{where}" if where else title, fontsize="medium")
+    ax.set_title(f"{title}\n{wrapped(where, PANEL)}".strip(), fontsize="medium")
     return ax

@@ -24,7 +24,7 @@ from ..style.axes import (
     shown,
     value_text,
 )
-from ..style.caption import set_caption, start_text
+from ..style.caption import set_caption, start_text, wrapped
 from ..style.palette import UNKNOWN
 from .numbers import TONE, suited, told, tones, why_untold
 from .stability import stability_boundary
@@ -167,7 +167,8 @@ def value_map(
     if whole:
         set_caption(ax.figure, ds, where, start_text(ds), f"grey: {why}" if why else "")
     else:
-        lines = [textwrap.fill(words, PANEL), f"(grey: {why})" if why else "", where]
+        lines = [textwrap.fill(words, PANEL), f"(grey: {why})" if why else ""]
+        lines.append(wrapped(where, PANEL))
         if len(f"{words} {lines[1]}") <= PANEL:
             lines[:2] = [f"{words} {lines[1]}".strip()]
         ax.set_title("\n".join(filter(None, lines)), fontsize="medium")
