@@ -41,7 +41,8 @@ def window_notes(
     lines, stroke = [], 0.5 / given["belt_frequency"].min()
     if window < stroke * (1 - 1e-9):
         seen = f"run.window is {window:g} s, shorter than the longest stroke ({stroke:.3g} s)"
-        lines.append(f"{seen}: a cell that sees no turn is called failed")
+        none = "a cell that comes within classes.reversal_window of no turn"
+        lines.append(f"{seen}: {none} is called failed")
     time = flip_time(
         kind,
         given["belt_speed"].min(),
