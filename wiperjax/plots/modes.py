@@ -6,9 +6,9 @@ from matplotlib.figure import Figure
 
 from .maps.numbers import SIGNED, suited
 from .maps.planes import check_order, usual_plane
-from .maps.stability import NOTE, boundary_legend, stability_boundary
+from .maps.stability import BETWEEN, NOTE, boundary_legend, stability_boundary
 from .style.axes import edges, label, legend_below, long_name, page, set_axis, shown
-from .style.caption import set_caption
+from .style.caption import is_own, set_caption
 from .style.palette import BOUNDARY, UNKNOWN
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#000000")
@@ -66,5 +66,6 @@ def _plane(ds: xr.Dataset, x: str, y: str) -> Figure:
     set_axis(ax, "y", ds[y])
     figure.colorbar(mesh, ax=ax, pad=0.02).set_label("largest real part (1/s)")
     legend_below(figure, [boundary_legend()] if boundary else [])
-    set_caption(figure, ds, "grey: no steady sliding", NOTE if boundary else "")
+    note = BETWEEN if is_own(ds) else NOTE  # maps of a system of one's own have no growth rate
+    set_caption(figure, ds, "grey: no steady sliding", note if boundary else "")
     return figure

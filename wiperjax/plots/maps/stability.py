@@ -17,7 +17,8 @@ from ..style.axes import is_geometric, shown
 from ..style.palette import BOUNDARY
 
 WORDS = "steady slip loses stability (linear; interpolated)"
-NOTE = "black line: between cells; refine --on growth_rate=0 --levels 6 computes it"
+BETWEEN = "black line: between cells"
+NOTE = f"{BETWEEN}; refine --on growth_rate=0 --levels 6 computes it"
 JUMP = (
     2.0  # times the steps beside it; of the reference blade up to 1 on a curve, 1.2 to 5 in a jump
 )
