@@ -469,6 +469,7 @@ def test_the_command_line_alone_imports_nothing_heavy():
             "own.toml: --target-error must be left out with system = 'oscillator'",
         ),
         ("simulate s.toml -o r.h5", "s.toml: has [axes], so it is a sweep"),
+        ("sweep scene.toml -o r.h5", "scene.toml: has a run.duration and no [axes], so it is a sc"),
         ("simulate scene.toml -o there.h5", "there.h5: exists already; use --force"),
         ("simulate scene.toml -o r.txt", "r.txt: must end in .h5 or .hdf5 or .nc"),
         ("plot there.h5 -o p.h5", "p.h5: must end in .png or .pdf or .svg"),

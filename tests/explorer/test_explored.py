@@ -35,7 +35,7 @@ from wiperjax.plots.runs.levels import Levels
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
-from wiperjax.vocabulary.codes import LABELS, Result
+from wiperjax.vocabulary.codes import LABELS, Event, Result
 
 
 @pytest.fixture(scope="module")
@@ -324,6 +324,15 @@ def test_a_thinned_curve_keeps_its_peaks():
     chosen = thinned(curve, most=500, even=False)  # half of the points in half of the axis
     assert len(chosen) <= 500 and curve[chosen].max() == 7.0 and {0, 99_999} <= set(chosen)
     assert np.array_equal(chosen[:10], np.arange(10))
+
+
+@pytest.mark.slow
+def test_a_strip_of_events_says_what_happened_that_it_does_not_draw():
+    """The table counts these events, too."""
+    run = run_scene(parse_scene({"blade": {"attack_angle": 5.0}, "run": {"duration": 0.02}}))
+    run["event_kind"][:] = int(Event.KINK)
+    assert content_of(run).columns["rows"]["row"] == [f"only kink ({run.sizes['event']})"]
+    assert content_of(run.isel(event=[])).columns["rows"]["row"] == ["no events"]
 
 
 @pytest.mark.slow

@@ -137,6 +137,9 @@ def test_rows_of_events_do_not_lie_over_each_other():
 def test_a_finer_part_says_where_its_cells_start(starts, chosen, says):
     document = make_spec(angles=3, loads=2).document() | ({"starts": starts} if starts else {})
     page, worker = page_of(driver.sweep(parse_sweep(document), evaluate=ended, progress=False))
+    if starts:
+        usual = "first of most frequent class" if "random" in starts else starts["names"][0]
+        assert page.start.options[0] == ("", f"the usual one ({usual})")
     if chosen:
         page.start.value = chosen
     for _ in range(2):  # and of a part of it

@@ -17,7 +17,7 @@ from wiperjax.cycles.curve.equations import Facts  # noqa: E402
 from wiperjax.cycles.curve.walk import Mark  # noqa: E402
 from wiperjax.datasets import map_dataset  # noqa: E402
 from wiperjax.datasets.branch_dataset import TAKEN, with_curves  # noqa: E402
-from wiperjax.plots.curves import curve_page  # noqa: E402
+from wiperjax.plots.curves import check_drawn, curve_page  # noqa: E402
 from wiperjax.specs.load import parse_sweep  # noqa: E402
 from wiperjax.store.whole import write_dataset  # noqa: E402
 from wiperjax.vocabulary.codes import CurveEnd  # noqa: E402
@@ -96,6 +96,12 @@ def test_curves_are_drawn_in_the_slice_of_their_blade_alone(curves):
     assert not zero.lines and "two cycles merge (fold)" in lines(five)
     (ax,) = plots.class_map(ds, x="belt_speed", y="attack_angle")[:1]
     assert not ax.lines  # over other parameters
+    (text,) = legends(ax.figure)  # which names no curve that is not there
+    assert [entry.get_text() for entry in text.get_texts()] == ["quiet (100.0%)"]
+    says = r"with --x belt_speed --y normal_load, where attack_angle is 5; this picture 'classes'"
+    with pytest.raises(ValueError, match=says):
+        check_drawn(ds, ax.figure, "classes")
+    check_drawn(ds, five.figure, "classes")
 
 
 def test_curves_of_another_blade_or_over_other_parameters_are_refused(curves):

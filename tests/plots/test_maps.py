@@ -25,6 +25,7 @@ from wiperjax.datasets import map_dataset
 from wiperjax.noise import classes
 from wiperjax.plots import files
 from wiperjax.plots.maps import categories, numbers, planes, stability
+from wiperjax.plots.modes import modes_page
 from wiperjax.plots.style import axes as plot_axes  # noqa: E402
 from wiperjax.plots.style import palette  # noqa: E402
 from wiperjax.specs.load import parse_sweep  # noqa: E402
@@ -282,9 +283,47 @@ def test_boundary_is_where_the_growth_rate_vanishes(small_map):
         assert edge == pytest.approx(exact_boundary(angle, load), rel=0.04)
 
 
+def test_where_steady_slip_jumps_the_line_keeps_to_the_borders_of_cells():
+    """Below -35 degrees the equilibrium on the far shoulder ends at a speed that rises with the
+    angle; the rates on either side lie on no curve, nor do those to the left and right of -35.
+    """
+    angles, speeds = np.arange(-40.0, -29.0, 2.0), np.geomspace(0.02, 1.0, 21)
+    growth = [steady_slip(np.radians([angle]), 15.0, speeds)[1] for angle in angles]
+    ds = xr.Dataset(
+        {"growth_rate": (("attack_angle", "belt_speed"), np.array(growth))},
+        coords={"attack_angle": angles, "belt_speed": speeds},
+    )
+    ax = Figure().subplots()
+    assert stability.stability_boundary(ds, ax, "attack_angle", "belt_speed")
+    angle, speed = np.concatenate([p.vertices for p in ax.collections[-1].get_paths()]).T
+    smooth = angle > -34.5
+    exact = [exact_boundary(place, 15.0) for place in angle[smooth]]
+    np.testing.assert_allclose(speed[smooth], exact, rtol=0.01)
+    place = np.log(speed / 0.02) / np.log(speeds[1] / 0.02)
+    off = np.minimum(np.abs(place % 1 - 0.5), np.abs((angle + 40) / 2 % 1 - 0.5))
+    assert (off[(angle > -38) & (angle < -35.5)] < 0.11).all()  # cells; the first has no neighbour
+
+
+def test_the_line_of_a_page_of_modes_is_that_of_maps():
+    """Five speeds: a straight line from cell to cell would cross zero 14 % too far out."""
+    angles, speeds = np.arange(-10.0, 31.0, 10.0), np.geomspace(0.1, 1.0, 5)
+    growth = [steady_slip(np.radians([angle]), 15.0, speeds)[1] for angle in angles]
+    found = modes_page(
+        xr.Dataset(
+            {"growth_rate": (("attack_angle", "belt_speed"), np.array(growth))},
+            coords={"attack_angle": angles, "belt_speed": speeds},
+        )
+    )
+    line = np.concatenate([p.vertices for p in found.axes[0].collections[-1].get_paths()])
+    angle, speed = line[np.argmin(np.abs(line[:, 0]))]
+    assert speed == pytest.approx(exact_boundary(angle, 15.0), rel=0.03)
+    assert [t.get_text() for t in found.legends[0].get_texts()] == [stability.WORDS]
+    assert stability.NOTE in found.get_suptitle()
+
+
 def test_a_curve_between_cells_runs_through_them_and_keeps_holes():
     """It has no bulge that is not in the cells, and loses nothing but what lies beside a hole."""
-    values = np.array([5.0, 1.0, 0.9, -2.0, -2.1, np.nan, 3.0, 4.0])
+    values = np.array([5.0, 1.0, 0.9, 0.3, -2.1, np.nan, 3.0, 4.0])
     curve = stability._finer(values)
     place = stability.places(values.size, curve.size)
     np.testing.assert_allclose(curve[:: (curve.size - 1) // 7], values)
@@ -293,6 +332,32 @@ def test_a_curve_between_cells_runs_through_them_and_keeps_holes():
     hole = (place > 4) & (place < 6)
     assert np.isnan(curve[hole]).all() and np.isfinite(curve[~hole]).all()
     assert (np.diff(curve[place <= 4]) <= 0).all()
+
+
+def test_headings_of_many_words_stay_on_the_page_and_apart(small_map):
+    """A title may have 500 letters, and a fourth axis adds its value to each heading."""
+    ds = small_map.assign_attrs(title="a title of many words " * 22)
+    ds = ds.expand_dims(mu_static=[0.5, 1.0]).assign_coords(
+        mu_static=("mu_static", [0.5, 1.0], {"long_name": "static friction coefficient"})
+    )
+    figure = plots.map_overview(ds)
+    assert inside_the_page(figure) == []
+    lower = [ax.title.get_window_extent() for ax in figure.subfigs[1].axes if ax.get_title()]
+    lower = sorted((box.x0, box.x1) for box in lower)
+    assert len(lower) == 4 and all(a[1] < b[0] for a, b in zip(lower, lower[1:], strict=False))
+
+
+def test_codes_between_two_codes_are_no_class(small_map):
+    """Squeal and quiet average to what no cell did; it was drawn, and counted, as a class."""
+    between = small_map.interp(attack_angle=np.linspace(-39.0, 39.0, 7))
+    says = r"^label must be whole codes, but had [0-9.]+: .* ds\.sel takes whole cells$"
+    for picture in (plots.class_map, plots.regime_map, plots.map_overview):
+        with pytest.raises(ValueError, match=says):
+            picture(between)
+    with pytest.raises(ValueError, match=says):
+        class_counts.class_table(between)
+    masked = small_map.where(small_map.attack_angle < 39)  # whole numbers as floats, and NaN
+    assert sum(count for _, count, _ in class_counts.class_table(masked)) == 16 * 27
 
 
 def test_failed_and_collapsed_cells_are_hatched(small_map):
@@ -496,6 +561,10 @@ def test_raster_shows_the_regime_over_time(small_map):
         plots.value_map(ds, "regime_raster")
     with pytest.raises(ValueError, match="no regime over time"):
         plots.regime_raster(small_map)
+    ds["label"][:], ds["dominant_frequency"][:] = codes.LABELS["quiet"], 2928.0  # of rounding
+    assert "beats" not in plots.regime_raster(ds).figure.get_suptitle()
+    ds["label"][:] = codes.LABELS["other"]
+    assert "too few for 2928 Hz" in plots.regime_raster(ds).figure.get_suptitle()
 
 
 def test_cuts_are_at_the_nearest_cell_and_said(small_map):

@@ -417,11 +417,16 @@ def test_velocity_jumps_at_the_glass_in_a_phase_portrait():
     run = bouncing_run().isel(time=slice(0, 31), event=[2]).assign_coords(time=time)
     run["event_time"][:], run["regime"][:] = hit, int(Regime.FLIGHT)
     run["position"][:, 1], run["velocity"][:, 1] = height, speed
-    ax = plots.phase_portrait(run, component=1)
+    ax = plots.phase_portrait(run, component=1, transient=run)
     (flight,) = [c for c in ax.collections if c.get_label() == "flight"]
     jumps = [s for s in flight.get_segments() if s[0, 1] < -0.1 and s[1, 1] > 0.05]
     assert len(jumps) == 1 and np.ptp(jumps[0][:, 0]) == 0  # upright, in mm
     assert abs(jumps[0][0, 0]) < 0.01 < height.min() * 1e3 + 0.1
+    # speeds at the glass, not those of the samples beside it
+    np.testing.assert_allclose(jumps[0][:, 1], [-g * hit, e * g * hit], rtol=1e-9)
+    way = ax.lines[0].get_xydata()  # the grey way there
+    down = np.flatnonzero((way[:-1, 1] < -0.1) & (way[1:, 1] > 0.05))
+    assert down.size == 1 and way[down, 0] == way[down + 1, 0]
 
 
 def test_caption_names_the_parameters_in_degrees(squeal):

@@ -311,6 +311,11 @@ FAULTS = {
     "[axes]\nmu_static = { start = 0, stop = 1, nun = 3 }\n" + RUN: (
         "axes.mu_static.nun: unknown key; did you mean 'num'?"
     ),
+    "[axes]\nmu_static = { start = 1, stop = 2, step = 0.1 }\n" + RUN: (
+        "axes.mu_static.step: unknown key; an axis says how many values it has: "
+        "{ start = ..., stop = ..., num = ... } or { values = [...] }"
+    ),
+    "[starts]\nnames = []\n" + ONE_AXIS: "starts.names: must be a list that is not empty, was []",
     "[classes]\nzzz = 1\n" + ONE_AXIS: (
         "classes.zzz: unknown key; must be one of quiet_velocity_ratio, quiet_velocity, "
         "squeal_band, chatter_band, reversal_window, reversal_ratio, "
@@ -568,6 +573,8 @@ def test_notes_on_windows():
     short = belt | {"amplitude": 0.01}  # strokes of 5 mm
     (note,) = parse_sweep({"axes": axes, "belt": short, "run": run}).notes()
     assert "the glass turns back before it can carry the lip over (1.5 lip lengths)" in note
+    brief = parse_sweep({"axes": axes, "belt": belt, "run": run | {"window": 0.02}}).notes()[0]
+    assert "a cell that comes within classes.reversal_window of no turn is called failed" in brief
 
 
 def test_samples_too_coarse_for_the_turns_are_noted():

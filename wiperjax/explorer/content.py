@@ -220,7 +220,9 @@ def _spectrogram(content: Content, run: xr.Dataset) -> None:
             for _ in rows[name][:MOST_TICKS]
         ],
     }
-    named = list(dict.fromkeys(content.columns["ticks"]["row"])) or ["no events"]
+    others = ", ".join(f"{name.replace('_', ' ')} ({times.size})" for name, times in rows.items())
+    nothing = plain(f"only {others}", 40) if others else "no events"
+    named = list(dict.fromkeys(content.columns["ticks"]["row"])) or [nothing]
     content.columns["rows"] = {"row": named}
     content.ranges["whole"], content.ranges["pitch"] = (start, stop), (0.0, top)
 

@@ -75,6 +75,14 @@ class Explored:
         order += [name for name in held if name not in order]
         return {name: plain(long_name(self.ds[name])) for name in order}
 
+    @property
+    def usual_start(self) -> str:
+        """Which start is shown where none is chosen; empty where each cell has but one."""
+        if len(self.starts) < 2:
+            return ""
+        first = "first of most frequent class" if "class_share" in self.ds else self.starts[0]
+        return plain(str(first))
+
     def axis_words(self, name: str) -> tuple[str, str, list[str]]:
         """What an axis is, its unit, and its values, all as text; of no axis ("") nothing."""
         if not name:

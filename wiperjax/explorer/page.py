@@ -114,7 +114,8 @@ class Page:
         children: list[Any] = [Row(children=[self.variable, self.across, self.up])]
         self.start = None
         if len(explored.starts) > 1:
-            names = [("", "the usual one"), *((str(s), plain(str(s))) for s in explored.starts)]
+            names = [("", f"the usual one ({explored.usual_start})")]
+            names += [(str(s), plain(str(s))) for s in explored.starts]
             self.start = choice("start", "" if start is None else str(start), names, 200)
             self.start.on_change("value", self._other_start)
             children.append(self.start)

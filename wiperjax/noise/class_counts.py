@@ -17,13 +17,13 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
 
     Cells that are not computed (a partly finished store) are not counted.
 
-    Raises: ValueError for what is no map, or has no such codes.
+    Raises: ValueError for what is no map, or has no such codes (`whole_codes`).
     """
     checks.instance("ds", ds, xr.Dataset, "a map, such as open_map(...)")
     coded = [str(name) for name in ds.data_vars if "flag_values" in ds[name].attrs]
     checks.choice("variable", variable, coded)
     names = flag_names(ds[variable])
-    codes, counts = np.unique(np.asarray(ds[variable]), return_counts=True)
+    codes, counts = np.unique(whole_codes(ds[variable]), return_counts=True)
     found = {int(code): int(count) for code, count in zip(codes, counts, strict=True) if code >= 0}
     total = max(1, sum(found.values()))
     unnamed = {code: f"code_{code}" for code in found if code not in names}
@@ -32,6 +32,19 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
         for code, name in (names | unnamed).items()
         if code >= 0
     ]
+
+
+def whole_codes(variable: xr.DataArray) -> np.ndarray:
+    """Codes of the cells of a map, of the same shape; NaN where `ds.where` took a cell out.
+
+    Raises: ValueError where one lies between two codes, which is no answer of any cell.
+    """
+    codes = np.asarray(variable)
+    broken = codes[np.isfinite(codes) & (codes != np.round(codes))]
+    if broken.size:
+        must = f"{variable.name} must be whole codes, but had {broken[0]:g}"
+        raise ValueError(f"{must}: they were averaged or interpolated; ds.sel takes whole cells")
+    return codes
 
 
 def anatomy(ds: xr.Dataset, label: str = "other") -> list[tuple[str, str, int]]:

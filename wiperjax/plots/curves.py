@@ -1,7 +1,7 @@
 """Curves over two parameters: where steady slip loses its stability, where cycles end."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import xarray as xr
@@ -100,13 +100,26 @@ def draw_curves(ds: xr.Dataset, ax: Axes, x: str, y: str) -> set[str]:
     return {str(kind) for kind in held["kind"].values}
 
 
-def curve_legend(ds: xr.Dataset) -> list[Line2D]:
-    """The entries of a map's curves in a legend."""
+def curve_legend(ds: xr.Dataset, axes: Iterable[Axes]) -> list[Line2D]:
+    """The entries in a legend of those curves of a map that are drawn in `axes`."""
     held = curves_in(ds)
     if held is None:
         return []
-    names = (str(held.attrs[key]) for key in ("over", "second"))
-    return _drawn(held, Figure().subplots(), *names)
+    words = {_words(str(kind)) for kind in held["kind"].values} | {one for _, one in MARKS.values()}
+    found = {str(line.get_label()): line for ax in axes for line in ax.lines}
+    return [line for label_, line in found.items() if label_ in words]
+
+
+def check_drawn(ds: xr.Dataset, figure: Figure, name: str) -> None:
+    """Raises ValueError where the picture `name` of a map shows none of the curves it holds."""
+    held = curves_in(ds)
+    if held is None or curve_legend(ds, figure.axes):
+        return
+    over, second = (held.attrs[key] for key in ("over", "second"))
+    axes = [(key, value) for key, value in _fixed(held).items() if key in ds.dims]
+    where = "".join(f", where {key} is {value:g}" for key, value in axes)
+    there = f"over classes, regimes or mechanisms with --x {over} --y {second}{where}"
+    raise ValueError(f"curves are drawn {there}; this picture {name!r} would show none")
 
 
 def _drawn(curves: xr.Dataset, ax: Axes, x: str, y: str) -> list[Line2D]:
@@ -115,11 +128,10 @@ def _drawn(curves: xr.Dataset, ax: Axes, x: str, y: str) -> list[Line2D]:
     for kind, part in _each(curves):
         colour, style = CURVES.get(kind, ("#000000", "-"))
         across, up = (shown(part[name])[0] for name in (x, y))
-        words = WORDS.get(kind, kind.replace("_", " "))
         marker = "" if len(across) > 1 else "x"  # a point that could not be followed
         (line,) = ax.plot(
             across, up, color=colour, linestyle=style, linewidth=1.8, marker=marker,
-            path_effects=effects, label=words, zorder=4,
+            path_effects=effects, label=_words(kind), zorder=4,
         )  # fmt: skip
         entries.setdefault(kind, line)
     points = curves["special_point"].values
@@ -131,6 +143,10 @@ def _drawn(curves: xr.Dataset, ax: Axes, x: str, y: str) -> list[Line2D]:
         (dot,) = ax.plot(*place, marker, color="black", markersize=6, zorder=5, label=words)
         entries.setdefault(str(kind), dot)
     return list(entries.values())
+
+
+def _words(kind: str) -> str:
+    return WORDS.get(kind, kind.replace("_", " "))
 
 
 def _each(curves: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import xarray as xr
 from matplotlib.animation import FuncAnimation
+from matplotlib.figure import Figure
 from PIL import Image
 
 from ..datasets.run_dataset import is_run
@@ -17,7 +18,7 @@ from ..store.partial import open_partial
 from ..store.whole import borders, open_map
 from ..vocabulary import checks
 from .catalogue import PICTURES, Drawn, draw, find, lacks, usual
-from .curves import with_curves
+from .curves import check_drawn, with_curves
 from .door import check_options
 from .maps.borders import with_borders
 from .runs import animation
@@ -65,6 +66,8 @@ def plot_file(
         if curves is not None:
             ds = _with_curves(ds, kind, path, curves)
         drawn = draw(ds, kind, name, chosen, path, options)
+        if curves is not None and isinstance(drawn, Figure):
+            check_drawn(ds, drawn, name)
         check_output(output, force, path)  # after what is wrong with the picture itself
         _write(drawn, output, dpi, subject(name, ds))
 

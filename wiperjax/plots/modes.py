@@ -6,8 +6,9 @@ from matplotlib.figure import Figure
 
 from .maps.numbers import SIGNED, suited
 from .maps.planes import check_order, usual_plane
-from .style.axes import edges, label, long_name, page, set_axis, shown
-from .style.caption import set_caption
+from .maps.stability import BETWEEN, NOTE, boundary_legend, stability_boundary
+from .style.axes import edges, label, legend_below, long_name, page, set_axis, shown
+from .style.caption import is_own, set_caption
 from .style.palette import BOUNDARY, UNKNOWN
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#000000")
@@ -60,12 +61,11 @@ def _plane(ds: xr.Dataset, x: str, y: str) -> Figure:
     ax.set_facecolor(UNKNOWN)
     across, up = shown(ds[x])[0], shown(ds[y])[0]
     mesh = ax.pcolormesh(edges(across), edges(up), values, norm=norm, cmap=SIGNED, rasterized=True)
-    if values.count() and values.min() < 0 < values.max():
-        bent = np.arcsinh(values / (np.median(np.abs(values.compressed())) or 1.0))
-        ax.contour(across, up, bent, levels=[0.0], colors="white", linewidths=3.2)
-        ax.contour(across, up, bent, levels=[0.0], colors=BOUNDARY, linewidths=1.4)
+    boundary = stability_boundary(ds, ax, x, y)
     set_axis(ax, "x", ds[x])
     set_axis(ax, "y", ds[y])
     figure.colorbar(mesh, ax=ax, pad=0.02).set_label("largest real part (1/s)")
-    set_caption(figure, ds, "grey: no steady sliding; line: border of its stability")
+    legend_below(figure, [boundary_legend()] if boundary else [])
+    note = BETWEEN if is_own(ds) else NOTE  # maps of a system of one's own have no growth rate
+    set_caption(figure, ds, "grey: no steady sliding", note if boundary else "")
     return figure

@@ -22,6 +22,7 @@ _EXPECTED = {
     "int_from_float": "a whole number",
     "string_type": "a text in quotes",
     "list_type": "a list",
+    "too_short": "a list that is not empty",
     "finite_number": "a finite number",
     "model_type": "a table",
     "dict_type": "a table",
@@ -96,6 +97,8 @@ def sentence(model: type[BaseModel], failed: ValidationError) -> str:
         problem = error.problem
     elif isinstance(error, ValueError):
         problem = str(error)
+    elif kind == "extra_forbidden" and location[:1] == ["axes"] and location[2:] == ["step"]:
+        problem = f"unknown key; an axis says how many values it has: {AXIS_FORMS}"
     elif kind == "extra_forbidden":
         problem = unknown(location[-1], _keys(model, location[:-1]), model)
     elif kind == "missing":

@@ -63,8 +63,12 @@ def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
     except (RecursionError, ValueError):  # of its parser: tables in tables, numbers without end
         must = "must be written with fewer brackets within brackets, and shorter numbers"
         raise SpecError(f"{path}: {must}") from None
+    needed = f"what is needed here is a {'scene' if kind is SceneSpec else 'sweep'}"
     if kind is SceneSpec and "axes" in data:
-        raise SpecError(f"{path}: has [axes], so it is a sweep; what is needed here is a scene")
+        raise SpecError(f"{path}: has [axes], so it is a sweep; {needed}")
+    run = data.get("run")
+    if kind is SweepSpec and "axes" not in data and isinstance(run, dict) and "duration" in run:
+        raise SpecError(f"{path}: has a run.duration and no [axes], so it is a scene; {needed}")
     if model is not None:
         data["model"] = model
     folder = Path(path).parent

@@ -9,18 +9,16 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ...datasets.map_starts import hangs_on_start
-from ...noise.class_counts import class_table
+from ...noise.class_counts import class_table, whole_codes
 from ...vocabulary.cf import flag_names
 from ...vocabulary.codes import NOT_COMPUTED
 from ..curves import curve_legend, draw_curves
 from ..style.axes import edges, legend_below, long_name, page, set_axis, shown, value_text
 from ..style.caption import footnote, set_caption
 from ..style.palette import (
-    BOUNDARY,
     CLASSES,
     HATCHES,
     MECHANISMS,
@@ -32,7 +30,7 @@ from ..style.palette import (
 )
 from .borders import PREFIX, border_legend, draw_borders
 from .planes import At, check_dim, choose_plane, cut, map_dims
-from .stability import NOTE, WORDS, stability_boundary
+from .stability import NOTE, boundary_legend, stability_boundary
 
 COLOURS = MOTIONS | MECHANISMS | CLASSES
 MOST_HATCHED = 20_000  # pieces; beyond, cells are finer than the pattern, and colour must do
@@ -85,7 +83,7 @@ def category_map(
     words += f"; {NOTE}" if boundary else ""
     legend_below(
         figure,
-        category_legend(cells, variable, boundary),
+        category_legend(cells, variable, boundary) + curve_legend(cells, axes.ravel()),
         title=textwrap.fill(words, int(16 * figure.get_figwidth())),
         title_fontsize="x-small",
     )
@@ -159,7 +157,7 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
     stability boundary; returns whether there is one. Where the class hangs on the start it is
     hatched.
     """
-    codes = ds[variable].transpose(y, x).values
+    codes = whole_codes(ds[variable].transpose(y, x))
     across, up = edges(shown(ds[x])[0]), edges(shown(ds[y])[0])
     names = flag_names(ds[variable])
     values = sorted(names)
@@ -231,11 +229,11 @@ def category_legend(
             Patch(facecolor="none", edgecolor=edge, linewidth=0.0, hatch=hatch, label=text)
         )
     if boundary:
-        handles.append(Line2D([], [], color=BOUNDARY, linewidth=1.4, label=WORDS))
+        handles.append(boundary_legend())
     on = str(cells.attrs.get(PREFIX + "on", ""))
     if on == variable or "=" in on:
         handles.append(border_legend(on))
-    return handles + curve_legend(cells)
+    return handles
 
 
 def colours_of(variable: xr.DataArray) -> dict[str, str]:

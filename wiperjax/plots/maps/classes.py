@@ -6,13 +6,15 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ...noise.class_counts import class_table
+from ...noise.class_counts import class_table, whole_codes
 from ...noise.classes import stored
 from ...vocabulary.cf import flag_names, flags
 from ...vocabulary.codes import LABELS, NOT_COMPUTED
 from ...vocabulary.thresholds import silence
+from ..style.caption import wrapped
 from ..style.palette import CLASSES, HATCHES, MOTIONS, UNKNOWN, readable
 from .categories import category_map
+from .planes import PANEL
 
 
 def motion(ds: xr.Dataset) -> xr.DataArray:
@@ -28,7 +30,7 @@ def motion(ds: xr.Dataset) -> xr.DataArray:
     only = np.asarray(ds["stick_fraction"]) >= 1
     belt = np.asarray(ds["belt_speed_rms"]) if "belt_speed_rms" in ds else None
     still = np.asarray(ds["velocity_rms"]) <= silence(stored(ds.attrs), belt)
-    ended = np.asarray(ds["label"])
+    ended = whole_codes(ds["label"])
     names = {name: code for code, name in enumerate(MOTIONS)} | {"not_computed": NOT_COMPUTED}
     codes = np.select(
         [
@@ -74,8 +76,8 @@ def mechanism_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.
     """What keeps the motion going (the column `mechanism`) over two axes; see `category_map`."""
     names = flag_names(ds["mechanism"])
     names = {code: "quiet" if name == "none" else name for code, name in names.items()}
-    codes = np.asarray(ds["mechanism"].fillna(0), dtype=np.int8).copy()
-    ended = np.asarray(ds["label"])
+    codes = np.nan_to_num(whole_codes(ds["mechanism"])).astype(np.int8)
+    ended = whole_codes(ds["label"])
     for name in ("failed", "collapsed"):  # these have no motion to speak of, and are not quiet
         extra = np.int8(max(names) + 1)
         codes[ended == LABELS[name]] = extra
@@ -107,5 +109,5 @@ def class_bars(ds: xr.Dataset, where: str, ax: Axes) -> Axes:
     ax.set_xticks([])
     ax.spines[["top", "right", "bottom"]].set_visible(False)
     title = f"share of {sum(count for _, count, _ in table):,} cells"
-    ax.set_title(f"{title}\n{where}" if where else title, fontsize="medium")
+    ax.set_title(f"{title}\n{wrapped(where, PANEL)}".strip(), fontsize="medium")
     return ax

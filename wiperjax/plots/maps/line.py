@@ -235,10 +235,7 @@ def regime_raster(
 
 def _coarse(line: xr.Dataset, step: float) -> str:
     """How far apart (ms) the instants of a raster lie, and whether that is too far for the tone."""
-    tones = (
-        np.asarray(line["dominant_frequency"], dtype=float) if "dominant_frequency" in line else []
-    )
-    tone = np.nanmax(tones, initial=0.0) if np.isfinite(tones).any() else 0.0
+    tone = float(np.nanmax(told(line, TONE).values, initial=0.0)) if TONE in line else 0.0
     text = f"an instant every {step:.3g} ms"
     if 2e-3 * step * tone > 1:
         text += f": too few for {tone:.4g} Hz, the pattern is beats"

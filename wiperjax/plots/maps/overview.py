@@ -5,6 +5,7 @@ import xarray as xr
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from ..curves import curve_legend
 from ..style.axes import legend_below, page
 from ..style.caption import footnote, moving, set_caption
 from .categories import category_legend, category_panels, shown_cells
@@ -37,7 +38,8 @@ def map_overview(
     ).ravel()
     axes = upper.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     boundary = category_panels(cells, axes, x, y, panel)
-    legend_below(upper, category_legend(cells, boundary=boundary, shares=False))
+    handles = category_legend(cells, boundary=boundary, shares=False)
+    legend_below(upper, handles + curve_legend(cells, axes.ravel()))
     set_caption(figure, ds, where)
     axes = lower.subplots(1, 4, width_ratios=[1, 1, 1, 0.85])
     frequency_map(ds, axes[0], x=x, y=y, at=at)

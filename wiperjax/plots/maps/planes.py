@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
+from ...noise.class_counts import whole_codes
 from ...vocabulary.cf import flag_names
 from ...vocabulary.columns import derivative
 from ...vocabulary.wording import not_there
@@ -23,7 +24,7 @@ from ..style.axes import (
     shown,
     value_text,
 )
-from ..style.caption import set_caption, start_text
+from ..style.caption import set_caption, start_text, wrapped
 from ..style.palette import UNKNOWN
 from .numbers import TONE, suited, told, tones, why_untold
 from .stability import stability_boundary
@@ -166,7 +167,8 @@ def value_map(
     if whole:
         set_caption(ax.figure, ds, where, start_text(ds), f"grey: {why}" if why else "")
     else:
-        lines = [textwrap.fill(words, PANEL), f"(grey: {why})" if why else "", where]
+        lines = [textwrap.fill(words, PANEL), f"(grey: {why})" if why else ""]
+        lines.append(wrapped(where, PANEL))
         if len(f"{words} {lines[1]}") <= PANEL:
             lines[:2] = [f"{words} {lines[1]}".strip()]
         ax.set_title("\n".join(filter(None, lines)), fontsize="medium")
@@ -211,6 +213,6 @@ def frequency_map(
 def class_names(ds: xr.Dataset) -> np.ndarray:
     """Name of the class of each cell of a (small) map; empty of those that `ds.where` took out."""
     names = flag_names(ds["label"])
-    codes = ds["label"].values
+    codes = whole_codes(ds["label"])
     found = np.vectorize(lambda code: names.get(code, "not_computed"), otypes=[object])(codes)
     return np.where(np.isnan(codes), "", found)

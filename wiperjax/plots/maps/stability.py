@@ -2,19 +2,26 @@
 
 The growth rate falls off with speed about as exp(-speed / stribeck_speed): a straight line from
 cell to cell puts its zero up to 40 % too far out where there are five speeds. A curve that leans on
-the next cells, too, halves that, and leaves less than 1 % where nine speeds are spaced by ratio
-(2 % at the ends of the map). `wiperjax refine --on growth_rate=0 --levels 6` computes it.
+the next cells, too, halves that, and leaves less than 1 % where nine speeds are spaced by ratio.
+Where steady slip jumps to another equilibrium (docs/model.md, section 10) no curve runs through the
+rates of both: there the line keeps to the borders of the cells.
+`wiperjax refine --on growth_rate=0 --levels 6` computes it.
 """
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
 from ..style.axes import is_geometric, shown
 from ..style.palette import BOUNDARY
 
 WORDS = "steady slip loses stability (linear; interpolated)"
-NOTE = "black line: between cells; refine --on growth_rate=0 --levels 6 computes it"
+BETWEEN = "black line: between cells"
+NOTE = f"{BETWEEN}; refine --on growth_rate=0 --levels 6 computes it"
+JUMP = (
+    2.0  # times the steps beside it; of the reference blade up to 1 on a curve, 1.2 to 5 in a jump
+)
 PARTS, MOST = 20, 200  # numbers for each cell along an axis, and for the axis unless it has more
 
 
@@ -31,6 +38,11 @@ def stability_boundary(ds: xr.Dataset, ax: Axes, x: str, y: str) -> bool:
     ax.contour(across, up, lines, levels=[0.0], colors="white", linewidths=3.2)
     ax.contour(across, up, lines, levels=[0.0], colors=BOUNDARY, linewidths=1.4)
     return True
+
+
+def boundary_legend() -> Line2D:
+    """The entry of the line in a legend."""
+    return Line2D([], [], color=BOUNDARY, linewidth=1.4, label=WORDS)
 
 
 def growth_between(ds: xr.Dataset, *dims: str) -> np.ndarray | None:
@@ -63,12 +75,15 @@ def between(values: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 def _finer(values: np.ndarray) -> np.ndarray:
     """Values (cells, ...) by cubic pieces that are monotone where the values are (Fritsch and
-    Butland 1984; scipy's take no holes). Beside a cell without a number the slope is the chord's.
+    Butland 1984; scipy's take no holes). Beside a cell without a number, or a jump, the slope is
+    the chord's; where they jump, each half of the way keeps its cell's.
     """
     count = min(PARTS, MOST // max(len(values) - 1, 1))
     if count < 2:
         return values
-    chords = np.diff(values, axis=0)
+    steps = np.diff(values, axis=0)
+    jumps = _jumps(steps)
+    chords = np.where(jumps, np.nan, steps)
     with np.errstate(invalid="ignore", divide="ignore"):
         before, after = chords[:-1], chords[1:]
         inner = np.where(before * after > 0, 2 / (1 / before + 1 / after), 0.0)
@@ -79,9 +94,22 @@ def _finer(values: np.ndarray) -> np.ndarray:
         low + t * (left + t * (3 * chord - 2 * left - right + t * (left + right - 2 * chord)))
         for low, chord, left, right in zip(values, chords, slopes, slopes[1:], strict=False)
     ]
+    halves = [
+        low + np.heaviside(t - 0.5, 0.5) * step for low, step in zip(values, steps, strict=False)
+    ]
+    pieces = [np.where(*three) for three in zip(jumps, halves, pieces, strict=True)]
     curve = np.concatenate([*pieces, values[-1:]])
     curve[::count] = values  # also of a cell beside a hole
     return curve
+
+
+def _jumps(chords: np.ndarray) -> np.ndarray:
+    """Which steps from cell to cell are jumps, far longer than those on either side; not the first
+    and the last, for what falls off steeply begins with a long one.
+    """
+    sizes, jump = np.abs(chords), np.zeros(chords.shape, dtype=bool)
+    jump[1:-1] = sizes[1:-1] > JUMP * np.maximum(sizes[:-2], sizes[2:])
+    return jump
 
 
 def _end(chords: np.ndarray) -> np.ndarray:

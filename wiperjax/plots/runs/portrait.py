@@ -50,7 +50,8 @@ def phase_portrait(
         ax = page((6.0, 5.4)).subplots()
     component = usual_axis(ds) if component is None else component
     if transient is not None:
-        ax.plot(*orbit(transient, component), color="#AAAAAA", linewidth=0.5, zorder=1)
+        way = _with_jumps(transient, component)[:2]
+        ax.plot(*way, color="#AAAAAA", linewidth=0.5, zorder=1)
     x, v, sample = _with_jumps(ds, component)
     points = np.column_stack([x, v])
     pieces = np.stack([points[:-1], points[1:]], axis=1)
@@ -102,19 +103,36 @@ def _with_jumps(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray,
         np.asarray(signal(ds, name, component), dtype=float) for name in ("position", "velocity")
     )
     sample, time = np.arange(place.size), np.asarray(ds["time"], dtype=float)
-    moments = event_times(ds).get("impact", np.zeros(0))
+    events = event_times(ds)
+    moments = events.get("impact", np.zeros(0))
     before = np.searchsorted(time, moments, side="right") - 1
     before, first = np.unique(before[before < time.size - 1], return_index=True)
-    there = place[before] + speed[before] * (moments[first] - time[before])
-    twice, after = np.repeat(before, 2), np.repeat(before + 1, 2)
-    place = np.insert(place, after, np.repeat(there, 2))
-    jumps = np.column_stack([speed[before], speed[before + 1]]).ravel()
-    speed, sample = np.insert(speed, after, jumps), np.insert(sample, after, twice)
+    moment, after = moments[first], before + 1
+    speeds = _at_jumps(time, speed, before, moment, np.concatenate(list(events.values()) or [[]]))
+    there = place[before] + (speed[before] + speeds[0]) / 2 * (moment - time[before])
+    place = np.insert(place, np.repeat(after, 2), np.repeat(there, 2))
+    speed = np.insert(speed, np.repeat(after, 2), speeds.T.ravel())
+    sample = np.insert(sample, np.repeat(after, 2), np.repeat(before, 2))
     x, v = (
         shown_unit(ds[name])[0] * values
         for name, values in (("position", place), ("velocity", speed))
     )
     return x, v, sample
+
+
+def _at_jumps(time, speed, before, moment, events) -> np.ndarray:
+    """Velocity just before and just after the impact of each `moment`, (2, moments), from the two
+    samples on its either side, of which `before` is the last one before it. Where another of the
+    `events` lies between these, the next sample's.
+    """
+    steps = np.diff(speed) / np.diff(time)
+    count = np.histogram(np.unique(events), time)[0]  # between each sample and the next
+    smooth = np.pad(np.where(count == 0, steps, 0.0), 1)
+    slopes = smooth[before], np.where(count[before] == 1, smooth[before + 2], 0.0)
+    ends = before, before + 1
+    return np.stack(
+        [speed[k] + slope * (moment - time[k]) for k, slope in zip(ends, slopes, strict=True)]
+    )
 
 
 def _angle_axis(ax: Axes, length: float) -> None:

@@ -1,6 +1,7 @@
 """What a picture is of, in words: the title of a run or map and its parameters."""
 
 import json
+import textwrap
 
 import numpy as np
 import xarray as xr
@@ -114,7 +115,8 @@ def set_caption(figure: Figure | SubFigure, ds: xr.Dataset, *notes: str) -> None
     title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", ""))
     lines = [parameters_text(ds), noise_text(ds), *notes, _fault(ds)]
     width = 12.5 * figure.get_figwidth() if isinstance(figure, Figure) else 120
-    text = "\n".join(_wrapped(line, width) for line in lines if line)
+    title = textwrap.fill(title, int(0.9 * width))
+    text = "\n".join(wrapped(line, width) for line in lines if line)
     figure.suptitle(f"{title}\n{text}" if title and text else title or text, fontsize="medium")
 
 
@@ -156,8 +158,8 @@ def with_noise(run: xr.Dataset) -> xr.Dataset:
     return run.assign_attrs(noise=noise_text(run))
 
 
-def _wrapped(text: str, width: float) -> str:
-    """Line broken at commas so that it fits a page."""
+def wrapped(text: str, width: float) -> str:
+    """Line broken at commas so that none is longer than `width` letters, if they allow it."""
     rows = [""]
     for piece in text.split(", "):
         joined = f"{rows[-1]}, {piece}" if rows[-1] else piece
