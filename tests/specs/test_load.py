@@ -573,8 +573,6 @@ def test_notes_on_windows():
     short = belt | {"amplitude": 0.01}  # strokes of 5 mm
     (note,) = parse_sweep({"axes": axes, "belt": short, "run": run}).notes()
     assert "the glass turns back before it can carry the lip over (1.5 lip lengths)" in note
-    brief = parse_sweep({"axes": axes, "belt": belt, "run": run | {"window": 0.02}}).notes()[0]
-    assert "a cell that comes within classes.reversal_window of no turn is called failed" in brief
 
 
 def test_samples_too_coarse_for_the_turns_are_noted():
