@@ -10,7 +10,7 @@ from ...numerics.elementary import larger, smaller
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
-from .base import AbstractObserver, Stretch, highest, is_hit, outputs
+from .base import AbstractObserver, Stretch, higher, highest, is_hit, outputs
 from .totals import RegimeTotals, Totals
 
 
@@ -75,7 +75,7 @@ class ReversalTotals(AbstractObserver):
 
         return ReversalRecord(
             self._regimes.stretch(record.totals, stretch),
-            jnp.maximum(record.force_max_reversal, peak),
+            higher(record.force_max_reversal, peak),
             record.force_integral_stroke + counted(s.integral(force) - within(load, near)),
             record.stroke_time + stroke,
             record.stick_time_stroke + jnp.where(s.regime == Regime.STICK, stroke, 0.0),
@@ -112,14 +112,14 @@ class ReversalTotals(AbstractObserver):
             places = [smaller(low + u * (high - low), 1.0) for u in NODES]
             nodes = [quartic.value(load, u) for u in places]
             peaks.append(jnp.where(high > low, highest(nodes, nodes[-1]), -jnp.inf))
-        return reduce(jnp.maximum, peaks)
+        return reduce(higher, peaks)
 
     def event(self, record, happening):
         e = happening
         near = jnp.abs(e.system.belt.since_reversal(e.time)) <= self.window
         hit = is_hit(e.kind)
         counts = hit & near & (e.time >= self.start)
-        largest = jnp.maximum(record.impulse_max_reversal, e.impulse)
+        largest = higher(record.impulse_max_reversal, e.impulse)
         flown = jnp.where(near, 0.0, self._regimes.flown(e)).astype(record.stroke_time.dtype)
         return record._replace(
             totals=self._regimes.event(record.totals, happening),
