@@ -19,9 +19,8 @@ from ..style.palette import BOUNDARY
 WORDS = "steady slip loses stability (linear; interpolated)"
 BETWEEN = "black line: between cells"
 NOTE = f"{BETWEEN}; refine --on growth_rate=0 --levels 6 computes it"
-JUMP = (
-    2.0  # times the steps beside it; of the reference blade up to 1 on a curve, 1.2 to 5 in a jump
-)
+# times the steps beside it; of the reference blade up to 1 on a curve, 1.2 to 5 in a jump
+JUMP = 2.0
 PARTS, MOST = 20, 200  # numbers for each cell along an axis, and for the axis unless it has more
 
 
