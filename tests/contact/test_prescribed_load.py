@@ -121,6 +121,7 @@ def test_what_always_touches_never_flies(drive):
         assert float(place) == pytest.approx(slid * drive, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_motion_that_begins_under_a_load_below_zero_ends_there():
     """Its first step, half a second long, was past it: friction drove what it should hold."""
     for load in (-1e-1, -1e-3, -1e-5):
@@ -128,6 +129,7 @@ def test_a_motion_that_begins_under_a_load_below_zero_ends_there():
         assert Result(int(result)) == Result.NO_CONSISTENT_REGIME and float(place) == 0.0
 
 
+@pytest.mark.slow
 def test_a_load_that_dips_below_zero_within_a_step_ends_a_motion():
     """By a thousandth, here; looked at where steps end alone, 13 of 64 went on."""
 

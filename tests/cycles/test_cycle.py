@@ -51,6 +51,7 @@ def test_circle_from_a_simulation(ring):
     assert cycle.word == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.8])
 def test_a_section_finds_the_cycle_that_the_motion_settles_on(ring, place):
     """A state moved straight onto it came to the unstable circle inside, or to rest."""

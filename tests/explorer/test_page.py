@@ -48,6 +48,7 @@ def drag(page, worker, **ends):
     worker.box()
 
 
+@pytest.mark.slow
 def test_the_frame_of_a_held_cell_is_where_that_cell_is(window):
     page, worker = window
     held = page.map.held
@@ -96,6 +97,7 @@ def test_where_a_motion_cannot_be_computed_none_is_shown(window):
     assert page.motion.view.visible
 
 
+@pytest.mark.slow
 def test_a_lip_that_collapses_at_once_is_told_and_not_drawn():
     document = make_spec().document()
     document["axes"]["attack_angle"] = {"values": [-60.0, 80.0]}
@@ -125,6 +127,7 @@ def test_rows_of_events_do_not_lie_over_each_other():
     assert heights[1] - heights[2] == 3 * (heights[2] - heights[0]) > 3 * 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("starts", "chosen", "says"),
     [

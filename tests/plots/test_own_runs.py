@@ -48,6 +48,7 @@ def test_what_sticks_has_no_slip_wherever_the_contact_is(head_and_tip):
     np.testing.assert_allclose(ratio, 0.8, rtol=1e-9)  # Coulomb
 
 
+@pytest.mark.slow
 def test_the_belt_is_drawn_over_the_velocity_of_the_contact_only(head_and_tip):
     assert contact_axis(head_and_tip) == 2
     rows = page.history_page(head_and_tip)

@@ -261,6 +261,7 @@ def test_bands_of_regimes_are_told_apart_by_everybody(sight):
     assert min(near.values()) > 12, min(near, key=lambda pair: near[pair])
 
 
+@pytest.mark.slow
 def test_every_picture_of_a_run_says_its_class_and_frequency(squeal):
     heard = "squeal (stick-slip), 780.8 Hz"
     for name, picture in files.PICTURES["run"].items():

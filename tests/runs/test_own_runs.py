@@ -57,6 +57,7 @@ class Started(wiperjax.AbstractBelt):
     peak = rms = property(lambda self: self.speed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interval", [0.05, 0.2])
 def test_the_belt_of_a_run_is_asked_for_one_time_after_the_other(interval):
     """All at once, the sum over its ends was that over all times, or the whole run ended in a
@@ -68,6 +69,7 @@ def test_the_belt_of_a_run_is_asked_for_one_time_after_the_other(interval):
     np.testing.assert_allclose(run.velocity[:, 0], exact, atol=1e-9)  # it sticks
 
 
+@pytest.mark.slow
 def test_a_motion_of_micrometres_whose_scales_are_not_stated_is_noted(caplog):
     """Its events were seconds off, and nothing said so."""
 

@@ -58,6 +58,7 @@ def law(tmp_path, monkeypatch):
     sys.modules.pop("edited_law", None)
 
 
+@pytest.mark.slow
 def test_a_law_beside_its_map_is_found_from_any_folder(law, monkeypatch):
     """It was looked for in the working directory alone, though the error said otherwise."""
     path, elsewhere = law.parent / "map.h5", law.parent / "elsewhere"

@@ -247,6 +247,7 @@ def damage(path, name):
         open_map(path, check=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["velocity_rms", "belt_speed"])
 def test_a_map_is_mended_with_its_borders_and_its_levels(tmp_path, name):
     path, other = tmp_path / "map.h5", tmp_path / "other.h5"
