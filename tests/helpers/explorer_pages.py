@@ -1,5 +1,6 @@
 """A map of sixteen cells, computed; servers of maps in a thread; the browser of this machine."""
 
+import gc
 import shutil
 
 import pytest
@@ -121,7 +122,11 @@ def browser():
 
     if CHROMIUM is None:
         pytest.skip("no Chromium is installed (Debian: apt install chromium)")
+    # Bokeh seeks garbage twice for each page that was closed, and the others wait meanwhile:
+    # half a minute in a process that holds the programs of a hundred tests
+    gc.freeze()
     with sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield found
         found.close()
+    gc.unfreeze()
