@@ -4,34 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from systems import FirstOnBelt, Ring
+from rows import Row
+from systems import Ring
 
 import wiperjax
 from wiperjax.blade import numbers
 from wiperjax.cycles import close, find_cycle, follow, follow_curves
 from wiperjax.cycles.chart import Turning
 from wiperjax.cycles.return_map import Shooting
-
-
-class Falling(wiperjax.AbstractFriction):
-    """1 / (1 + 3 s)."""
-
-    static: float = 1.0
-
-    def coefficient(self, speed):
-        return self.static / (1 + 3 * speed)
-
-
-class Row(FirstOnBelt):
-    """A block on a spring of stiffness 1 and on a belt; a second one, of mass 2, linked to it."""
-
-    belt: float = 0.2
-    link: float = 1.0
-    friction: wiperjax.AbstractFriction = Falling()
-
-    def free_acceleration(self, t, q, v):
-        pull = self.link * (q[1] - q[0]) + 0.2 * (v[1] - v[0])
-        return pull - q[0], -pull / 2.0
 
 
 @pytest.mark.slow

@@ -6,35 +6,10 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.optimize
-from systems import FirstOnBelt
+from rows import Row
 
-import wiperjax
 from wiperjax.cycles import find_cycle, follow, follow_curves
 from wiperjax.vocabulary.codes import CurveEnd
-
-
-class Falling(wiperjax.AbstractFriction):
-    """1 / (1 + 3 s), from 1 at rest."""
-
-    static: float = 1.0
-
-    def coefficient(self, speed):
-        return self.static / (1 + 3 * speed)
-
-
-class Row(FirstOnBelt):
-    """A block on a spring of stiffness 1 and on a belt; a second one, of mass 2, linked to it."""
-
-    belt: float = 0.3
-    link: float = 1.0
-    friction: wiperjax.AbstractFriction = Falling()
-
-    def free_acceleration(self, t, q, v):
-        pull = self.link * (q[1] - q[0]) + 0.2 * (v[1] - v[0])
-        return pull - q[0] - 0.3 * v[0], -pull / 2.0
-
-    def default_state(self):
-        return (0.0, 0.0), (0.0, 0.0)
 
 
 def exact(link, second, rate, period, belt):
@@ -63,7 +38,8 @@ def exact(link, second, rate, period, belt):
 def test_places_are_those_of_an_independent_code_all_along_the_curve():
     """Where the way to rest led along the curve the limit was guessed from a tenth of a range
     away, 1e-3 beside it, and the curve ran back over itself and ended at a link of 7.09."""
-    cycle = find_cycle(Row(), settle=400.0, over="belt", varied=["link"])
+    row = Row(belt=0.3, damping=0.3)
+    cycle = find_cycle(row, settle=400.0, over="belt", varied=["link"])
     branch = follow(cycle, 0.25, 2.5, step=0.1)
     touching = [s for s in branch.special if s.kind == "grazing_sliding_fold"]
     (curve,) = follow_curves(replace(branch, special=touching), "link", 0.98, 8.0)
