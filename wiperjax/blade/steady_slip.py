@@ -19,7 +19,7 @@ from ..contact.belts import SteadyBelt
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces, slip_sign
 from ..contact.space import contact
 from ..numerics.kept import Kept
-from ..numerics.sign_changes import sign_changes
+from ..numerics.sign_changes import SignChanges, sign_changes
 from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.codes import Regime
@@ -28,11 +28,12 @@ from .wiper import Wiper
 
 STRETCHES = 64  # of `sign_changes`: 2.8 degrees each
 MOST_BRANCHES = 5  # three occur (one on each shoulder, a saddle on the neck)
-_LANES = 64  # cells at a time, with all their angles: they fit in a cache
+_LANES = 16  # cells at a time: with more, most wait for the one whose angles take longest
 # Cells are filled up to so many: few compilations. Two turns of the loop at least: of one XLA makes
 # no loop, and rounds otherwise, so that a cell's last digit would tell the size of its block.
 _FEWEST, _STEP = 2 * _LANES, 2048
 _FINDER = optx.Bisection(rtol=1e-15, atol=1e-15, flip=False)
+HALVINGS = 20  # of a grid's interval of 0.006 rad, to 6e-9
 
 
 class SteadySlip(NamedTuple):
@@ -128,7 +129,9 @@ def _map(wiper, belt_speed, branches):
         wiper, speed = eqx.combine(varying, fixed)
         return equilibria(replace(wiper, belt=SteadyBelt(speed)), branches)
 
-    return jax.lax.map(one, varying, batch_size=_LANES)
+    on_host = jax.default_backend() == "cpu"  # an accelerator takes as long for few as for many
+    lanes = _LANES if on_host else len(belt_speed) // 2
+    return jax.lax.map(one, varying, batch_size=lanes)
 
 
 class _Motion(NamedTuple):
@@ -150,6 +153,34 @@ def _slip(wiper: Wiper, x, velocity) -> _Motion:
     force, d = slip_forces(c, sign, friction_coefficient(wiper, c, sign), wiper.unilateral)
     mass = d / (c.w_tt * c.w_nn - c.w_tn * c.w_tn)
     return _Motion(acceleration(c, force)[0], force.normal, mass, (force.normal > 0) & (d > 0))
+
+
+def _root(force, change: SignChanges) -> Scalar:
+    """Return where ``force`` vanishes within a change of its sign."""
+    turned = jnp.where(change.falls, 1.0, -1.0)  # bisection wants a negative lower value
+
+    def found(force, start):
+        place = optx.root_find(
+            lambda place, _: turned * force(place),
+            _FINDER,
+            start,
+            options={"lower": change.after, "upper": change.before},
+            max_steps=HALVINGS,
+            throw=False,
+        ).value
+        # one step of Newton's squares what is left; at a fold, of slope 0, it stays within that
+        value, slope = jax.jvp(force, (place,), (jnp.ones_like(place),))
+        left = (change.before - change.after) / 2**HALVINGS
+        return place - jnp.clip(value / jnp.where(slope == 0, 1, slope), -left, left)
+
+    return jax.lax.custom_root(
+        force,
+        0.5 * (change.before + change.after),
+        found,
+        # one number: a solver of equations would stop all cells for one at a fold, where the
+        # slope is 0; what is no root has none
+        tangent_solve=lambda slope, y: y / jnp.where(change.exists, slope(jnp.ones_like(y)), 1),
+    )
 
 
 def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
@@ -179,26 +210,7 @@ def equilibria(wiper: Wiper, branches: int) -> SteadySlip:
     changes = sign_changes(partial(push, still_wiper), edge, -edge, STRETCHES, branches)
 
     def branch(change):
-        turned = jnp.where(change.falls, 1.0, -1.0)  # bisection wants a negative lower value
-
-        def bisected(force, start):
-            return optx.root_find(
-                lambda lean, _: turned * force(lean),
-                _FINDER,
-                start,
-                options={"lower": change.after, "upper": change.before},
-                max_steps=52,  # to the last digit
-                throw=False,
-            ).value
-
-        lean = jax.lax.custom_root(
-            lambda lean: push(wiper, lean)[0],
-            0.5 * (change.before + change.after),
-            bisected,
-            # one number: a solver of equations would stop all cells for one at a fold, where the
-            # slope is 0; what is no root has none
-            tangent_solve=lambda slope, y: y / jnp.where(change.exists, slope(jnp.ones_like(y)), 1),
-        )
+        lean = _root(lambda lean: push(wiper, lean)[0], change)
         x = position(lean)
         still, one = jnp.zeros_like(x), jnp.ones_like(x)
 

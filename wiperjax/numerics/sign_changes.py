@@ -16,8 +16,7 @@ import jax.numpy as jnp
 from .types import Scalar
 
 PARTS = 8
-NARROWINGS = 24  # of two intervals about a bottom, to 1e-5 of one
-GOLDEN = 0.5 * (5**0.5 - 1)
+INNER, NARROWINGS = 0.4, 24  # of two intervals about a bottom, to 1e-5 of one
 
 Function = Callable[[Scalar], tuple[Scalar, Scalar, Scalar]]
 
@@ -54,12 +53,9 @@ def sign_changes(
     """
     width = (end - start) / (PARTS * stretches)
     value, has, room = jax.vmap(function)(start + width * (PARTS * jnp.arange(stretches + 1)))
-    slopes = jnp.diff(value)
-    bends = jnp.pad(jnp.abs(jnp.diff(slopes)), 1, mode="edge")
-    up, away = value >= 0, jnp.abs(value)
-    near = jnp.minimum(away[1:], away[:-1]) <= bends[1:] + bends[:-1]
+    up = value >= 0
     has &= room > 0
-    suspect = near | (up[1:] != up[:-1]) | ~(has[1:] & has[:-1])
+    suspect = _may_dip(value) | (up[1:] != up[:-1]) | ~(has[1:] & has[:-1])
     order = jnp.arange(stretches)
 
     def left(state):
@@ -85,35 +81,38 @@ def sign_changes(
     return jax.lax.while_loop(left, look, (0, 0, SignChanges(no, nowhere, nowhere, no)))[2]
 
 
+def _may_dip(value):
+    """Return between which of neighbouring places (places - 1,) the ``value`` bends as much as it
+    is away from zero, so that it may dip through it."""
+    bends = jnp.pad(jnp.abs(jnp.diff(value, 2)), 1, mode="edge")
+    away = jnp.abs(value)
+    return jnp.minimum(away[1:], away[:-1]) <= bends[1:] + bends[:-1]
+
+
 def _with_bottom(function: Function, x, values):
     """Return places ``x`` (places,) and their ``values`` with one more, in order: the bottom beside
     the place nearest to zero, if the sign is another there than at its neighbours; else that place
     once more."""
     value = values[0]
     last, lowest = len(x) - 1, jnp.argmin(jnp.abs(value))
-    low, high = x[jnp.maximum(lowest - 1, 0)], x[jnp.minimum(lowest + 1, last)]
-    sign = jnp.where(value[lowest] >= 0, 1.0, -1.0)
-
-    def height(place):
-        return sign * function(place)[0]
-
-    def narrowed(_, state):
-        low, one, other, high, at_one, at_other = state
-        left = at_one < at_other
-        low, high = jnp.where(left, low, one), jnp.where(left, other, high)
-        new = jnp.where(left, high - GOLDEN * (high - low), low + GOLDEN * (high - low))
-        at_new = height(new)
-        one, other = jnp.where(left, new, other), jnp.where(left, one, new)
-        at = jnp.where(left, at_new, at_other), jnp.where(left, at_one, at_new)
-        return low, one, other, high, *at
-
-    one, other = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    state = low, one, other, high, height(one), height(other)
-    _, one, other, _, at_one, at_other = jax.lax.fori_loop(0, NARROWINGS, narrowed, state)
-    bottom = jnp.where(at_one < at_other, one, other)
     around = jnp.clip(lowest + jnp.arange(-1, 2), 0, last)
-    through = jnp.all(sign * value[around] > 0) & (height(bottom) < 0)
+    sign = jnp.where(value[lowest] >= 0, 1.0, -1.0)
+    dips = jnp.any(_may_dip(value)[jnp.clip(around[:2], 0, last - 1)])
+    dips &= jnp.all(sign * value[around] > 0)
+
+    def wanted(state):
+        return dips & (state[2] < NARROWINGS)  # hardly ever: mapped, all turn until none wants more
+
+    def narrowed(state):
+        low, high, turn = state
+        one, other = low + INNER * (high - low), high - INNER * (high - low)
+        left = sign * function(one)[0] < sign * function(other)[0]
+        return jnp.where(left, low, one), jnp.where(left, other, high), turn + 1
+
+    low, high, _ = jax.lax.while_loop(wanted, narrowed, (x[around[0]], x[around[2]], 0))
+    bottom = 0.5 * (low + high)
     values_there = function(bottom)
+    through = dips & (sign * values_there[0] < 0)
     beyond = jnp.abs(bottom - x[0]) > jnp.abs(x[lowest] - x[0])
     order, here = jnp.arange(last + 2), lowest + (beyond & through)
 
