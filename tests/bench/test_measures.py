@@ -97,7 +97,7 @@ def test_the_scalar_loop_converges_to_the_exact_block():
 @pytest.mark.slow
 def test_the_batch_of_one_thread_equals_that_of_all():
     scene = families.batch(200)
-    one, all_ = (compiled.run(scene, 1e-6, threads=n, mark=0.0) for n in (1, None))
+    one, all_ = (compiled.prepared(scene, 1e-6, n, mark=0.0)() for n in (1, None))
     # two compilations of one source: equal but for the rounding that fast arithmetic may move, and
     # which, in a cell or two, decides whether a step just passes: those differ by the tolerance
     np.testing.assert_array_equal(one.events, all_.events)

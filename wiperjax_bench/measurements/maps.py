@@ -67,9 +67,9 @@ def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = 
     """Return the columns of cells as `cells.batch.evaluate` does, by the scalar loop."""
     scene, run = scene_of(spec, index), spec.run
     samples = finer * spec.samples
-    r = compiled.run(
+    r = compiled.prepared(
         scene, spec.rtol, threads=None, mark=run.transient, samples=samples, window=run.window
-    )
+    )()
     result = np.array([Result.FINISHED, Result.COLLAPSED, Result.STEP_TOO_SMALL,
                        Result.STEP_BUDGET_SPENT, Result.NON_FINITE])[r.result]  # fmt: skip
     done = result == Result.FINISHED

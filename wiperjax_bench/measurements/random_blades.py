@@ -46,14 +46,14 @@ def batch(wiper, start, count, rtol, lanes):
     return run_pool(Pool(case, count), lanes)[0].tree()
 
 
-def blades(group: int, drawn: wide.Drawn, rtol: float = RTOL):
+def blades(group: int, drawn: wide.Drawn):
     """Return the `Outcome` of ``drawn``, as NumPy arrays in its order."""
     wiper = wide.wiper(group, drawn)
     cells = len(drawn.start)
     order = dearest_first(wiper, cells)
     ordered = jax.tree.map(lambda x: x[order] if np.ndim(x) else x, wiper)
     back, lanes = np.argsort(order), lane_count("float64", cells)
-    found = batch(ordered, drawn.start[order].T, np.int32(cells), np.float64(rtol), lanes)
+    found = batch(ordered, drawn.start[order].T, np.int32(cells), np.float64(RTOL), lanes)
     return jax.tree.map(lambda x: np.asarray(x)[back] if np.ndim(x) else x, found)
 
 

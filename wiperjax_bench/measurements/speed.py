@@ -24,7 +24,7 @@ import xarray as xr
 from ..harness import measure
 from ..harness.alone import Alone
 from ..harness.keep import Parts
-from ..rivals.compiled import Compiled
+from ..rivals.compiled import Compiled, prepared
 from ..rivals.diffrax_phases import PerPhase
 from ..rivals.engine import RTOL, Engine
 from ..rivals.heyoka_phases import Taylor
@@ -44,8 +44,6 @@ class Numba(Compiled):
     """The scalar loop with statistics and without an event log, as the engine is run."""
 
     def prepare(self, scene, setting):
-        from ..rivals.compiled import prepared
-
         call = prepared(scene, setting, self.threads, mark=0.0)
         call.answer = super().prepare(scene, setting).answer  # type: ignore[attr-defined]
         return call

@@ -41,7 +41,7 @@ EXPLICIT = {
 }
 
 
-def bisect(grows: Callable[[float], bool], eigenvalue: float, tries: int = 12) -> float:
+def bisect(grows: Callable[[float], bool], eigenvalue: float) -> float:
     """Return the largest step [s] at which ``grows`` is false; inf where none grows in `RANGE`."""
     low, high = 0.01 / eigenvalue, RANGE / eigenvalue
     if not grows(high):
@@ -50,7 +50,7 @@ def bisect(grows: Callable[[float], bool], eigenvalue: float, tries: int = 12) -
         if not inside:
             return np.inf
         high = float(inside[0])
-    for _ in range(tries):
+    for _ in range(12):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if grows(middle) else (middle, high)
     return float(np.sqrt(low * high))
