@@ -241,6 +241,12 @@ def test_a_sentence_says_who_leads_at_which_error_and_by_which_factor():
     assert "does not reach it on any scene" in compare.statements(coarse)[3]
 
 
+def test_a_library_that_is_missing_has_the_version_none(monkeypatch):
+    monkeypatch.setattr(measure, "LIBRARIES", ("wiperjax", "wiperjax-without-this"))
+    found = measure.versions()
+    assert found["wiperjax"] == wiperjax.__version__ and found["wiperjax-without-this"] == "none"
+
+
 def test_interleaved_repeats_take_turns():
     order = []
     costs = measure.interleaved([lambda: order.append(0), lambda: order.append(1)], 3)

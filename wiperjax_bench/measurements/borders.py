@@ -7,9 +7,7 @@ own errors are in the chart: a full grid of its resolution would be millions.
 """
 
 import importlib.util
-import json
 import shutil
-import time
 from pathlib import Path
 from typing import Any
 
@@ -92,14 +90,8 @@ def run(output: Path, *, quick: bool = False, count: int = 2000, seed: int = 7, 
             add(*row)
     names = ("method", "step", "simulations", "wrong", "far", "beyond", "unseen")
     data = {name: ("row", [row.get(name, np.nan) for row in rows]) for name in names}
-    attrs = {
-        "title": "borders known for so many simulations",
-        "points": count,
-        "machine": measure.machine(),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "versions": json.dumps(measure.versions(), sort_keys=True),
-    }
-    dataset = xr.Dataset(data, attrs=attrs)
+    attrs = measure.attributes("borders known for so many simulations")
+    dataset = xr.Dataset(data, attrs=attrs | {"points": count})
     dataset.to_netcdf(output, engine="h5netcdf")
     return dataset
 

@@ -142,8 +142,8 @@ def _dataset(found: list[dict], rows: list[list], every: int) -> xr.Dataset:
     verdicts["verdict"] = ("judged", np.array([row[2] for row in rows], "U16"))
     return xr.Dataset(
         columns | {"group": ("blade", group)} | verdicts,
-        attrs={
-            "title": "blades drawn wide, at default settings",
+        attrs=measure.attributes("blades drawn wide, at default settings")
+        | {
             "groups": json.dumps(wide.GROUPS),
             "events": json.dumps({e.name: int(e) for e in Event}),
             "chunk": CHUNK,
@@ -151,7 +151,5 @@ def _dataset(found: list[dict], rows: list[list], every: int) -> xr.Dataset:
             "every": every,
             "duration": DURATION,
             "cpu": sum(part["cpu"] for part in found),
-            "machine": measure.machine(),
-            "versions": json.dumps(measure.versions(), sort_keys=True),
         },
     )

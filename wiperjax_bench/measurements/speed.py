@@ -85,12 +85,8 @@ def run(
     facts = parts.once("sizes", lambda: scaling(cores, ACCURACY, sizes, min(repeats, 2), say))
     facts |= parts.once("fresh", lambda: fresh_processes(quick, say))
     dataset = table(rows)
-    dataset.attrs |= {
-        "title": "trajectories per second",
-        "machine": measure.machine(),
+    dataset.attrs |= measure.attributes("trajectories per second") | {
         "load": measure.load(),
-        "versions": json.dumps(measure.versions(), sort_keys=True),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "duration": duration,
         "duration_sizes": ACCURACY,
         "repeats": repeats,
@@ -157,7 +153,7 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
     say(f"timing, {repeats} turns")
     costs = measure.interleaved(calls, repeats)
     for row, call, cost in zip(rows, calls, costs, strict=True):
-        row |= timed(cost, row["cells"])
+        row |= per_trajectory(cost, row["cells"])
         if row["method"].startswith("engine"):
             row |= call.result if isinstance(call.result, dict) else effort(call.result)
         say(f"  {row['method']} rtol {row['rtol']:g}: {row['per_second']:.4g} trajectories/s")
@@ -183,8 +179,8 @@ def engine_call(variant: tuple, cells: int, duration: float, rtol: float):
     return Engine(*variant).prepare(families.workload(cells, duration), rtol)
 
 
-def timed(cost: measure.Cost, cells: int) -> dict[str, float]:
-    """Return the columns of a cost, per trajectory."""
+def per_trajectory(cost: measure.Cost, cells: int) -> dict[str, float]:
+    """Return the columns of a cost."""
     return {
         "wall": cost.wall / cells,
         "wall_low": cost.low / cells,

@@ -12,7 +12,6 @@ neither of the first two stiffnesses: they are measured on the same blade.
 """
 
 import dataclasses
-import json
 from collections.abc import Callable
 from functools import partial
 
@@ -25,7 +24,7 @@ import xarray as xr
 import wiperjax
 from wiperjax import SteadyBelt, Wiper
 
-from ..harness.measure import machine, versions
+from ..harness.measure import attributes
 from ..rivals import moreau_jean
 from ..rivals.penalty import SmoothContact, damping_ratio
 from ..rivals.regularised import scaled_field
@@ -270,10 +269,6 @@ def measure(
             "solver": names,
             "unit": ("problem", [UNITS[problem] for problem in chosen]),
         },
-        attrs={
-            "title": "largest stable step of each method",
-            **{f"set_valued_step_{name}": step for name, step in free.items()},
-            "machine": machine(),
-            "versions": json.dumps(versions(), sort_keys=True),
-        },
+        attrs=attributes("largest stable step of each method")
+        | {f"set_valued_step_{name}": step for name, step in free.items()},
     )
