@@ -97,8 +97,8 @@ def failures(
 def limits(output: Output = Path("limits.h5"), quick: Quick = False) -> None:
     """Largest stable step of each method against stiffness, measured and in theory.
 
-    Writes the dataset, its picture (.png, .svg; a narrow one beside) and the text under it (.md).
-    A run that was stopped goes on where it was.
+    Writes the dataset, its picture (.png, .svg) and the text under it (.md). Of a run that was
+    stopped nothing is kept.
     """
     begin(output, 1)
     from .measurements import stability_limits

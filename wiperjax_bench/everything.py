@@ -1,4 +1,4 @@
-"""`wiperjax bench all`: every measurement, one after the other."""
+"""`wiperjax bench all`: all measurements but `sweep` and `random`, one after the other."""
 
 import os
 import resource
@@ -17,7 +17,7 @@ def everything(
     quick: Annotated[bool, typer.Option("--quick", help="A small form of it, minutes.")] = False,
     again: Annotated[bool, typer.Option("--again", help="Also what is there already.")] = False,
 ) -> None:
-    """Everything, one part after the other, each in a process of its own.
+    """All but sweep and random, one part after the other, each in a process of its own.
 
     A part whose text is there is kept: a run that was stopped goes on where it was.
     """

@@ -195,6 +195,12 @@ def test_measured_limit_of_smooth_contact_is_that_of_theory(problem):
 
 
 @pytest.mark.slow
+def test_the_engine_has_the_limit_of_its_solver():
+    theory, measured = limits.methods("spring")["engine, Tsit5"](5.0)
+    assert measured == pytest.approx(theory, rel=0.01)
+
+
+@pytest.mark.slow
 def test_moreau_jean_has_the_limit_of_its_theta():
     ways = limits.methods("spring")
     theory, measured = ways["Moreau-Jean, theta = 0"](5.0)

@@ -97,7 +97,7 @@ def test_the_scalar_loop_converges_to_the_exact_block():
 @pytest.mark.slow
 def test_the_batch_of_one_thread_equals_that_of_all():
     scene = families.batch(200)
-    one, all_ = (compiled.run(scene, 1e-6, threads=n, mark=0.0) for n in (1, None))
+    one, all_ = (compiled.prepared(scene, 1e-6, n, mark=0.0)() for n in (1, None))
     # two compilations of one source: equal but for the rounding that fast arithmetic may move, and
     # which, in a cell or two, decides whether a step just passes: those differ by the tolerance
     np.testing.assert_array_equal(one.events, all_.events)
@@ -239,6 +239,12 @@ def test_a_sentence_says_who_leads_at_which_error_and_by_which_factor():
     assert "only the rival reaches it on squeal" in compare.statements(coarse)[3]
     coarse.state_error.loc[{"solver": "numba scalar loop"}] *= 1e6
     assert "does not reach it on any scene" in compare.statements(coarse)[3]
+
+
+def test_a_library_that_is_missing_has_the_version_none(monkeypatch):
+    monkeypatch.setattr(measure, "LIBRARIES", ("wiperjax", "wiperjax-without-this"))
+    found = measure.versions()
+    assert found["wiperjax"] == wiperjax.__version__ and found["wiperjax-without-this"] == "none"
 
 
 def test_interleaved_repeats_take_turns():

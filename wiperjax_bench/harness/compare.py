@@ -36,16 +36,16 @@ def cost_at(error, cost, target: float) -> float:
     return float(np.exp(np.interp(np.log(target), x, np.log(cost[::-1]))))
 
 
-def ratios(dataset: xr.Dataset, ours: str = OURS, clock: str = "wall") -> xr.DataArray:
-    """Return cost of each method over the cost of ours, over (scene, method, error).
+def ratios(dataset: xr.Dataset, clock: str = "wall") -> xr.DataArray:
+    """Return cost of each method over that of `OURS`, over (scene, method, error).
 
     Above 1: ours is faster. NaN: the method does not reach this error; 0: it does, ours does not.
     """
     table = np.full((dataset.sizes["scene"], dataset.sizes["solver"], len(TARGETS)), np.nan)
     for i, scene in enumerate(dataset.scene.values):
         mine = ([], [])
-        if ours in dataset.solver.values:
-            mine = curve(dataset, scene, ours, clock)[:2]
+        if OURS in dataset.solver.values:
+            mine = curve(dataset, scene, OURS, clock)[:2]
         for j, method in enumerate(dataset.solver.values):
             theirs = curve(dataset, scene, method, clock)[:2]
             for k, target in enumerate(TARGETS):

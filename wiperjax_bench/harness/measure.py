@@ -1,13 +1,13 @@
 """Timing: interleaved repeats, medians with their spread, wall and processor time."""
 
 import contextlib
+import json
 import os
 import platform
 import re
 import subprocess
 import time
 from collections.abc import Callable, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ import wiperjax
 from wiperjax.machine import provenance
 
 LIBRARIES = (
+    "wiperjax",
     "jax",
     "jaxlib",
     "diffrax",
@@ -73,14 +74,20 @@ def interleaved(
     ]
 
 
+def attributes(title: str) -> dict[str, str]:
+    """Return the attributes that every dataset has: what it is, where, when and with what made."""
+    return {
+        "title": title,
+        "machine": machine(),
+        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "versions": json.dumps(versions(), sort_keys=True),
+    }
+
+
 def versions() -> dict[str, str]:
     """Return the versions of everything that has a part in the numbers, and the commit if known."""
-    found = {"python": platform.python_version(), "wiperjax": wiperjax.__version__}
-    for name in LIBRARIES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
+    found = {"python": platform.python_version()}
+    found |= {name: provenance.version(name) for name in LIBRARIES}
     here = Path(wiperjax.__file__).parent
     ask = ["git", "-C", str(here), "describe", "--always", "--dirty", "--exclude", "*"]
     with contextlib.suppress(OSError, subprocess.CalledProcessError):  # no git, or no checkout

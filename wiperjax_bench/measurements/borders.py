@@ -7,9 +7,7 @@ own errors are in the chart: a full grid of its resolution would be millions.
 """
 
 import importlib.util
-import json
 import shutil
-import time
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +23,7 @@ from wiperjax.maps.refine.points import ROOM, Points
 from wiperjax.maps.refine.replay import replay
 from wiperjax.maps.refine.search import Search
 from wiperjax.specs.load import parse_sweep
+from wiperjax.specs.refine import Refine
 from wiperjax.vocabulary.codes import SETTLED
 
 from ..harness import measure
@@ -45,6 +44,7 @@ QUICK = {
     "blade": {"normal_load": 15},
     "run": {"transient": 0.1, "window": 0.1},
 }
+LENGTHEN = Refine.model_fields["lengthen"].default  # as in a refinement
 FINER = 4  # levels beyond the finest, for points that no method has
 ADAPTIVE = (100, 200, 400, 800, 1600)
 
@@ -90,21 +90,15 @@ def run(output: Path, *, quick: bool = False, count: int = 2000, seed: int = 7, 
             add(*row)
     names = ("method", "step", "simulations", "wrong", "far", "beyond", "unseen")
     data = {name: ("row", [row.get(name, np.nan) for row in rows]) for name in names}
-    attrs = {
-        "title": "borders known for so many simulations",
-        "points": count,
-        "machine": measure.machine(),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "versions": json.dumps(measure.versions(), sort_keys=True),
-    }
-    dataset = xr.Dataset(data, attrs=attrs)
+    attrs = measure.attributes("borders known for so many simulations")
+    dataset = xr.Dataset(data, attrs=attrs | {"points": count})
     dataset.to_netcdf(output, engine="h5netcdf")
     return dataset
 
 
-def direct(spec: Any, grid: Grid, count: int, seed: int, lengthen: int = 4):
+def direct(spec: Any, grid: Grid, count: int, seed: int):
     """Numbers of random points of a grid, and their classes, each simulated; what is not settled
-    with the longer window, as in a refinement.
+    with the longer window.
     """
     rng = np.random.default_rng(seed)
     index = np.unique(grid.flat(rng.integers(0, grid.shape, (count, grid.dim))))
@@ -121,7 +115,7 @@ def direct(spec: Any, grid: Grid, count: int, seed: int, lengthen: int = 4):
     code = found["label"].astype(int)
     again = np.flatnonzero(found["settled"] == SETTLED["no"])
     if len(again):
-        code[again] = columns(index[again], lengthen)["label"]
+        code[again] = columns(index[again], LENGTHEN)["label"]
     return index, code
 
 

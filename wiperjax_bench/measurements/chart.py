@@ -5,7 +5,6 @@ in interleaved repeats. A finished scene is kept at once in `<output>.parts/`, s
 stopped goes on where it was.
 """
 
-import json
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -83,11 +82,8 @@ def run(
         for name in names
     ]
     dataset = assemble(tables, chosen)
-    dataset.attrs |= {
-        "title": "speed against accuracy of stick, slip and flight trajectories",
-        "machine": measure.machine(),
-        "versions": json.dumps(measure.versions(), sort_keys=True),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    title = "speed against accuracy of stick, slip and flight trajectories"
+    dataset.attrs |= measure.attributes(title) | {
         "quick": int(quick),
         "repeats": repeats,
         "cores": 1,

@@ -5,7 +5,6 @@ accelerator is busy only with many lanes. Whether its events are right is judged
 against the scalar loop at rtol 1e-12 on this machine's processor.
 """
 
-import json
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -22,7 +21,7 @@ from ..harness import measure
 from ..rivals.engine import RTOL, Engine
 from ..scenes import families
 from . import errors
-from .speed import ACCURACY, PLAINEST, Remembering, effort, timed
+from .speed import ACCURACY, PLAINEST, Remembering, effort, per_trajectory
 
 KINDS = ("cpu", "gpu")
 SIZES = (2**17, 2**20)
@@ -87,19 +86,16 @@ def run(output: Path, kind: str, *, quick: bool = False, repeats: int = 3, say=p
     ]
     costs = measure.interleaved(calls, repeats)
     for row, call, cost in zip(rows, calls, costs, strict=True):
-        row |= timed(cost, row["cells"]) | effort(call.result)
+        row |= per_trajectory(cost, row["cells"]) | effort(call.result)
         turns = sum(float(work.executed) for _, work in call.result) / row["lanes"]
         row["turn"] = cost.wall / turns  # s
     memory = jax.devices()[0].memory_stats() or {}  # none of the host's processor
     dataset = xr.Dataset(
         {key: ("row", [row[key] for row in rows]) for key in rows[0] if key != "method"},
         coords={"method": ("row", [row["method"] for row in rows])},
-        attrs={
-            "title": "trajectories per second on one device",
+        attrs=measure.attributes("trajectories per second on one device")
+        | {
             "device": name,
-            "machine": measure.machine(),
-            "versions": json.dumps(measure.versions(), sort_keys=True),
-            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             "duration": duration,
             "repeats": repeats,
             "peak_bytes": float(memory.get("peak_bytes_in_use", np.nan)),

@@ -1,6 +1,6 @@
 """Parts of the engine's loop, each larger than the one before, to be timed by themselves.
 
-They are functions inside the engine; each takes a problem and the state of its lanes.
+Each takes a problem and the state of its lanes; the last two are the engine's own.
 """
 
 from collections.abc import Callable
@@ -10,8 +10,7 @@ import jax.numpy as jnp
 
 from wiperjax.contact.regimes import vector_field
 from wiperjax.engine.carry.state import TERM
-from wiperjax.engine.step import flow as advance
-from wiperjax.engine.step import jump as change
+from wiperjax.engine.step import flow, jump
 from wiperjax.engine.trial.step_control import error_norm, rounding_share, step_factor
 from wiperjax.numerics.fusion_barrier import keep
 from wiperjax.numerics.runge_kutta import rk_step
@@ -53,16 +52,6 @@ def control(problem, state):
     growth = state.step / state.last_step
     factor = step_factor(error + 1e-8, state.last_error, growth, error <= 1, 5)
     return step.y1, step.stages, step.rate1, state.step * factor
-
-
-def flow(problem, state):
-    """The whole flow: the same, the first event placed, the step committed, statistics."""
-    return advance(problem, state)
-
-
-def jump(problem, state):
-    """The event that is due: impact, reset, new regime."""
-    return change(problem, state)
 
 
 EVENTS = "events: detection, location, commit, statistics"

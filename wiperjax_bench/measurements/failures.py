@@ -9,7 +9,6 @@ here, or the method cannot express the scene.
 """
 
 import contextlib
-import json
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -26,7 +25,7 @@ import wiperjax
 from ..harness.batching import arrays, over_cells
 from ..harness.interface import Answer, NotForThisScene, Rival
 from ..harness.keep import Parts
-from ..harness.measure import load, machine, versions
+from ..harness.measure import attributes, load
 from ..rivals import every
 from ..scenes.hard import SCENES
 from ..scenes.scene import Scene
@@ -150,14 +149,8 @@ def measure(
             "about": ("scene", [scene.about for scene in built.values()]),
             "promise": ("scene", [scene.promise for scene in built.values()]),
         },
-        attrs={
-            "title": "where each method fails",
-            "tolerance": TOLERANCE,
-            "machine": machine(),
-            "versions": json.dumps(versions(), sort_keys=True),
-            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "load_average": load(),
-        },
+        attrs=attributes("where each method fails")
+        | {"tolerance": TOLERANCE, "load_average": load()},
     )
 
 
@@ -178,7 +171,7 @@ def measure_rival(rival: Rival, built: dict[str, Scene], exact: dict, settings, 
                 break
             if name not in exact:
                 exact[name] = reference(scene)
-            answer, spent = timed(call)
+            answer, spent = answer_and_time(call)
             outcome = judge(answer, exact[name])
             off = float(error(answer, exact[name]).max())
             each = spent / len(answer.position)
@@ -238,7 +231,7 @@ def run(
     return measure(chosen, few if quick else None, 3 if quick else None, tell, parts)
 
 
-def timed(call: Callable) -> tuple[Answer, float]:
+def answer_and_time(call: Callable) -> tuple[Answer, float]:
     """Return the answer of a prepared method and the wall time [s] of one call.
 
     Of the engine that is its single solve, vmapped: a batch with refill is not made for four cells.

@@ -37,8 +37,8 @@ def compile_() -> dict[str, float]:
     return {"compile": times[0], "block": times[1]}
 
 
-def memory(count: int = 1_000_000) -> dict[str, float]:
-    """Return the largest resident memory of a batch of ``count`` very short trajectories."""
+def memory() -> dict[str, float]:
+    """Return the largest resident memory of a batch of a million very short trajectories."""
     from wiperjax.machine.jax_settings import configure
 
     configure(1, keep=False)
@@ -49,7 +49,7 @@ def memory(count: int = 1_000_000) -> dict[str, float]:
     from ..rivals.engine import Engine
     from ..scenes.families import workload
 
-    Engine(diffrax.Tsit5).prepare(workload(count, 1e-5), 1e-6)()
+    Engine(diffrax.Tsit5).prepare(workload(1_000_000, 1e-5), 1e-6)()
     return {"memory_gib": peak_memory() / 2**30}
 
 

@@ -6,8 +6,6 @@ engine's Dopri8 at rtol 1e-9; the scalar loop at 1e-10 confirms it: cells on whi
 are undecided (chaotic, or on the edge of a class) and are the floor of every row.
 """
 
-import json
-import time
 from functools import partial
 from pathlib import Path
 
@@ -67,9 +65,9 @@ def scalar_evaluate(spec, index: np.ndarray, finer: int = 1, room: int | None = 
     """Return the columns of cells as `cells.batch.evaluate` does, by the scalar loop."""
     scene, run = scene_of(spec, index), spec.run
     samples = finer * spec.samples
-    r = compiled.run(
+    r = compiled.prepared(
         scene, spec.rtol, threads=None, mark=run.transient, samples=samples, window=run.window
-    )
+    )()
     result = np.array([Result.FINISHED, Result.COLLAPSED, Result.STEP_TOO_SMALL,
                        Result.STEP_BUDGET_SPENT, Result.NON_FINITE])[r.result]  # fmt: skip
     done = result == Result.FINISHED
@@ -118,7 +116,8 @@ def run(output: Path, *, quick: bool = False, count: int = 2048, seed: int = 5, 
     """
     rng = np.random.default_rng(seed)
     count = 24 if quick else count
-    index = np.sort(rng.choice(41 * 11 * 21, count, replace=False))
+    size = parse_sweep(SWEEP, "bench maps").size
+    index = np.sort(rng.choice(size, count, replace=False))
     parts = Parts(output, {"count": count, "seed": seed, "sweep": SWEEP})
 
     def columns(code, changes):
@@ -161,24 +160,21 @@ def run(output: Path, *, quick: bool = False, count: int = 2048, seed: int = 5, 
             f"{row['wrong']:.2%} of classes differ, {row['steps']:.0f} steps a cell"
         )
     asked = QUICK if quick else SETTINGS
-    timed = parts.once("seconds", lambda: seconds(asked, index, 1 if quick else 3), say)
-    for row, cost in zip(rows, timed, strict=True):
+    costs = parts.once("seconds", lambda: seconds(asked, index, 1 if quick else 3), say)
+    for row, cost in zip(rows, costs, strict=True):
         row |= cost
     units = {name: "s" for name in rows[0] if name.startswith(("wall", "cpu"))}
     data = {k: ("row", [r[k] for r in rows], {"units": units.get(k, "1")}) for k in rows[0]}
     dataset = xr.Dataset(
         data,
-        attrs={
-            "title": "classes and map variables against a reference",
+        attrs=measure.attributes("classes and map variables against a reference")
+        | {
             "cells": count,
             "references": " and ".join(
                 " ".join([code, *map(str, changes.values())]) for code, changes in references
             ),
             "undecided": float(np.mean(~settled)),
-            "machine": measure.machine(),
-            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             "load": measure.load(),
-            "versions": json.dumps(measure.versions(), sort_keys=True),
         },
     )
     dataset.to_netcdf(output, engine="h5netcdf")

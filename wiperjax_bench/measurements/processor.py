@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import lax
 
 
-def timed(call, repeats: int = 5) -> float:
+def least_time(call, repeats: int = 5) -> float:
     """Return the least processor time of a call [s], after one to compile."""
     call()
     costs = []
@@ -38,7 +38,7 @@ def peak(precision: str) -> float:
             return lax.fori_loop(0, turns, body, x)
 
         given = jnp.ones(n, precision), jnp.asarray(0.999, precision), jnp.asarray(1e-3, precision)
-        seconds = timed(lambda: jax.block_until_ready(loop(*given)), 3)
+        seconds = least_time(lambda: jax.block_until_ready(loop(*given)), 3)
         return 2 * n * chain * turns / seconds
 
     return max(speed(n, chain) for n in (1024, 4096) for chain in (8, 16, 32))
@@ -54,4 +54,4 @@ def bandwidth(size: int) -> float:
 
     turns = max(20, int(2e9 / size))
     x, y = jnp.full(n, 1e-9), jnp.full(n, 1e-9)
-    return 3 * size * turns / timed(lambda: jax.block_until_ready(loop(x, y)))
+    return 3 * size * turns / least_time(lambda: jax.block_until_ready(loop(x, y)))

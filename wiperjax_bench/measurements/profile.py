@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -28,7 +29,7 @@ from ..scenes.families import workload
 from ..scenes.scene import Scene
 from .engine_parts import LADDER
 from .operations import Work, count
-from .processor import bandwidth, peak, timed
+from .processor import bandwidth, least_time, peak
 
 
 class Profile(NamedTuple):
@@ -66,32 +67,22 @@ class Bench:
     """Lanes in the middle of their motion, and loops over parts of the engine on them."""
 
     def __init__(self, precision: str, lanes: int, rounds: int = 150):
-        # so long that no lane ends
-        case = case_of(workload(lanes, 10.0), precision)
-        self.problem = case.problem
-        self.lanes, self.precision = lanes, precision
-        parts, self.tree = jax.tree.flatten(case)
-        self.where = [i for i, x in enumerate(parts) if isinstance(x, jax.Array)]
-        self.leaves = parts
-        self.given = [parts[i] for i in self.where]
+        self.lanes = lanes
+        self.case = case_of(workload(lanes, 10.0), precision)  # so long that no lane ends
+        flows = flows_per_jump(self.case.problem.solver)
 
         def turn(problem, state):
-            for _ in range(3):
+            for _ in range(flows):
                 state = flow(problem, state)
             return jump(problem, state)
 
-        def begin(given):
-            problem, q, v, start = self.rebuild(given)
+        @eqx.filter_jit
+        def begin(case):
+            problem, q, v, start = case
             state = initial_state(problem, q, v, jnp.broadcast_to(start, (lanes,)))
             return lax.fori_loop(0, rounds, lambda _, s: turn(problem, s), state)
 
-        self.state = jax.jit(begin)(self.given)
-
-    def rebuild(self, given):
-        full = list(self.leaves)
-        for i, x in zip(self.where, given, strict=True):
-            full[i] = x
-        return jax.tree.unflatten(self.tree, full)
+        self.state = begin(self.case)
 
     def measure(self, part: Callable, turns: int) -> tuple[float, Work]:
         """Return (seconds, work) a lane of ``part(problem, state)``, which returns a state.
@@ -99,8 +90,7 @@ class Bench:
         If it returns something else, all of that is kept alive by comparisons, and the state stays.
         """
 
-        def once(given, state):
-            problem = self.rebuild(given)[0]
+        def once(problem, state):
             found = part(problem, state)
             if isinstance(found, type(state)):
                 return found
@@ -111,34 +101,28 @@ class Bench:
             x = state.position[0]
             return state._replace(position=(jnp.where(huge, x * 1.0000001, x), *state.position[1:]))
 
-        @jax.jit
-        def loop(given, state):
-            return lax.fori_loop(0, turns, lambda _, s: once(given, s), state)
+        @eqx.filter_jit
+        def loop(problem, state):
+            return lax.fori_loop(0, turns, lambda _, s: once(problem, s), state)
 
-        seconds = timed(lambda: jax.block_until_ready(loop(self.given, self.state)), 3)
-        work = count(jax.make_jaxpr(once)(self.given, self.state).jaxpr)
+        given = self.case.problem, self.state
+        seconds = least_time(lambda: jax.block_until_ready(loop(*given)), 3)
+        work = count(eqx.filter_make_jaxpr(once)(*given)[0].jaxpr)
         return seconds / turns / self.lanes, Work(*(v // self.lanes for v in work))
 
 
 def whole(precision: str, cells: int, lanes: int, flows: int) -> tuple[float, Any, Any]:
     """Return (seconds, outcome, effort) of a batch of ``cells``, 20 ms each."""
     case = case_of(workload(cells, 0.02), precision)
-    parts, tree = jax.tree.flatten(case)
-    where = [i for i, x in enumerate(parts) if isinstance(x, jax.Array)]
 
-    @jax.jit
-    def program(given):
-        full = list(parts)
-        for i, x in zip(where, given, strict=True):
-            full[i] = x
-        pool = Pool(jax.tree.unflatten(tree, full), jnp.asarray(cells, jnp.int32))
-        rows, _, effort = run_pool(pool, lanes, flows)
+    @eqx.filter_jit
+    def program(case):
+        rows, _, effort = run_pool(Pool(case, jnp.asarray(cells, jnp.int32)), lanes, flows)
         outcome = rows.tree()
         return (outcome.steps, outcome.events), effort
 
-    given = [parts[i] for i in where]
-    seconds = timed(lambda: jax.block_until_ready(program(given)), 3)
-    return seconds, *jax.tree.map(np.asarray, program(given))
+    seconds = least_time(lambda: jax.block_until_ready(program(case)), 3)
+    return seconds, *jax.tree.map(np.asarray, program(case))
 
 
 def run(precision: str = "float64", quick: bool = False, say=print) -> Profile:

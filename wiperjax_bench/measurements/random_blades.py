@@ -46,14 +46,14 @@ def batch(wiper, start, count, rtol, lanes):
     return run_pool(Pool(case, count), lanes)[0].tree()
 
 
-def blades(group: int, drawn: wide.Drawn, rtol: float = RTOL):
+def blades(group: int, drawn: wide.Drawn):
     """Return the `Outcome` of ``drawn``, as NumPy arrays in its order."""
     wiper = wide.wiper(group, drawn)
     cells = len(drawn.start)
     order = dearest_first(wiper, cells)
     ordered = jax.tree.map(lambda x: x[order] if np.ndim(x) else x, wiper)
     back, lanes = np.argsort(order), lane_count("float64", cells)
-    found = batch(ordered, drawn.start[order].T, np.int32(cells), np.float64(rtol), lanes)
+    found = batch(ordered, drawn.start[order].T, np.int32(cells), np.float64(RTOL), lanes)
     return jax.tree.map(lambda x: np.asarray(x)[back] if np.ndim(x) else x, found)
 
 
@@ -142,8 +142,8 @@ def _dataset(found: list[dict], rows: list[list], every: int) -> xr.Dataset:
     verdicts["verdict"] = ("judged", np.array([row[2] for row in rows], "U16"))
     return xr.Dataset(
         columns | {"group": ("blade", group)} | verdicts,
-        attrs={
-            "title": "blades drawn wide, at default settings",
+        attrs=measure.attributes("blades drawn wide, at default settings")
+        | {
             "groups": json.dumps(wide.GROUPS),
             "events": json.dumps({e.name: int(e) for e in Event}),
             "chunk": CHUNK,
@@ -151,7 +151,5 @@ def _dataset(found: list[dict], rows: list[list], every: int) -> xr.Dataset:
             "every": every,
             "duration": DURATION,
             "cpu": sum(part["cpu"] for part in found),
-            "machine": measure.machine(),
-            "versions": json.dumps(measure.versions(), sort_keys=True),
         },
     )

@@ -4,7 +4,6 @@ In the chart one number refines both. Here each goes by itself, at a tolerance t
 that it shows which of the two is to blame for an error, and what each costs, explicit and implicit.
 """
 
-import json
 import time
 from functools import partial
 
@@ -65,14 +64,8 @@ def run(output, *, quick: bool = False, say=print) -> xr.Dataset:
          for k, u in units.items()},
         coords={"scene": list(names), "solver": solvers, "width": list(WIDTHS),
                 "sink": list(SINKS)},
-        attrs={
-            "title": "smoothed friction and contact, each by itself",
-            "rtol": RTOL,
-            "machine": measure.machine(),
-            "versions": json.dumps(measure.versions(), sort_keys=True),
-            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-            "load": measure.load(),
-        },
+        attrs=measure.attributes("smoothed friction and contact, each by itself")
+        | {"rtol": RTOL, "load": measure.load()},
     )  # fmt: skip
     dataset.to_netcdf(output, engine="h5netcdf")
     parts.clear()

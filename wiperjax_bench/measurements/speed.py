@@ -24,7 +24,7 @@ import xarray as xr
 from ..harness import measure
 from ..harness.alone import Alone
 from ..harness.keep import Parts
-from ..rivals.compiled import Compiled
+from ..rivals.compiled import Compiled, prepared
 from ..rivals.diffrax_phases import PerPhase
 from ..rivals.engine import RTOL, Engine
 from ..rivals.heyoka_phases import Taylor
@@ -44,8 +44,6 @@ class Numba(Compiled):
     """The scalar loop with statistics and without an event log, as the engine is run."""
 
     def prepare(self, scene, setting):
-        from ..rivals.compiled import prepared
-
         call = prepared(scene, setting, self.threads, mark=0.0)
         call.answer = super().prepare(scene, setting).answer  # type: ignore[attr-defined]
         return call
@@ -87,12 +85,8 @@ def run(
     facts = parts.once("sizes", lambda: scaling(cores, ACCURACY, sizes, min(repeats, 2), say))
     facts |= parts.once("fresh", lambda: fresh_processes(quick, say))
     dataset = table(rows)
-    dataset.attrs |= {
-        "title": "trajectories per second",
-        "machine": measure.machine(),
+    dataset.attrs |= measure.attributes("trajectories per second") | {
         "load": measure.load(),
-        "versions": json.dumps(measure.versions(), sort_keys=True),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "duration": duration,
         "duration_sizes": ACCURACY,
         "repeats": repeats,
@@ -159,7 +153,7 @@ def compare(cores: int, duration: float, trajectories: int, repeats: int, quick:
     say(f"timing, {repeats} turns")
     costs = measure.interleaved(calls, repeats)
     for row, call, cost in zip(rows, calls, costs, strict=True):
-        row |= timed(cost, row["cells"])
+        row |= per_trajectory(cost, row["cells"])
         if row["method"].startswith("engine"):
             row |= call.result if isinstance(call.result, dict) else effort(call.result)
         say(f"  {row['method']} rtol {row['rtol']:g}: {row['per_second']:.4g} trajectories/s")
@@ -185,8 +179,8 @@ def engine_call(variant: tuple, cells: int, duration: float, rtol: float):
     return Engine(*variant).prepare(families.workload(cells, duration), rtol)
 
 
-def timed(cost: measure.Cost, cells: int) -> dict[str, float]:
-    """Return the columns of a cost, per trajectory."""
+def per_trajectory(cost: measure.Cost, cells: int) -> dict[str, float]:
+    """Return the columns of a cost."""
     return {
         "wall": cost.wall / cells,
         "wall_low": cost.low / cells,

@@ -148,14 +148,13 @@ def run(output: Path, *, sizes: tuple[int, ...], repeats: int = 3, say=print) ->
     dataset = xr.Dataset(
         columns,
         coords={"cells": list(sizes), "repeat": range(repeats)},
-        attrs={
-            "title": "a sweep from the command line, the bare engine, and the scalar loop",
+        attrs=measure.attributes(
+            "a sweep from the command line, the bare engine, and the scalar loop"
+        )
+        | {
             "motion": RUN["transient"] + RUN["window"],
             "cores": cores,
-            "machine": measure.machine(),
-            "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             "load": measure.load(),
-            "versions": json.dumps(measure.versions(), sort_keys=True),
         },
     )
     dataset.to_netcdf(output, engine="h5netcdf")

@@ -163,7 +163,7 @@ def text(dataset: xr.Dataset, folder: Path | None = None) -> str:
     return "\n".join(lines)
 
 
-def variants(file: Path, clock: str = "wall") -> list[str]:
+def variants(file: Path) -> list[str]:
     """Return error and cost of every variant of the engine on the chart's random batch."""
     if not file.exists():
         return []
@@ -184,10 +184,10 @@ def variants(file: Path, clock: str = "wall") -> list[str]:
     for name in (n for n in part.solver.values if str(n).startswith("engine")):
         for step in range(part.sizes["step"]):
             one = part.sel(solver=name).isel(step=step)
-            if not np.isfinite(one[clock]):
+            if not np.isfinite(one.wall):
                 continue
             rows.append(
-                f"| {name} | {float(one.setting):.0e} | {float(one[clock]) * 1e6:.1f} | "
+                f"| {name} | {float(one.setting):.0e} | {float(one.wall) * 1e6:.1f} | "
                 f"{float(one.steps):.0f} | {float(one.state_error):.1e} | "
                 f"{float(one.state_error_p90):.1e} | {float(one.event_time_error):.1e} | "
                 f"{float(one.wrong_events):.1%} |"

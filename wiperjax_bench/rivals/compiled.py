@@ -10,6 +10,8 @@ from ..harness.interface import Answer, NotForThisScene
 from ..scenes.scene import Scene
 
 FAILED = 2  # result codes from here on are failures
+ATTEMPTS = 10**7  # most steps of a cell, rejected ones too
+ZENO_TIME = 1e-8  # s
 
 
 def cells_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -90,29 +92,21 @@ def _motions(scene: Scene, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return motion, np.tile(np.concatenate([ends, [np.inf]]), (cells, 1)), np.append(kinds, 0)
 
 
-def run(
+def prepared(
     scene: Scene,
     rtol: float,
-    *,
     threads: int | None = 1,
+    *,
     events: int = 0,
     mark: float = np.inf,
     samples: int = 0,
     window: float = 0.0,
-    budget: int = 10**7,
-    zeno_time: float = 1e-8,
 ) -> Any:
-    """Return the `scalar.batch.Record` of all cells of ``scene``.
+    """Return a call that computes all cells of ``scene`` and returns their `scalar.batch.Record`.
 
     ``threads`` None: all cores; ``events``: length of each cell's log; statistics are gathered
     from ``mark`` [s] on, and x at the ends of ``samples`` parts of ``window`` [s] after it.
     """
-    return prepared(scene, rtol, threads, events, mark, samples, window, budget, zeno_time)()
-
-
-def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, samples=0, window=0.0,
-             budget=10**7, zeno_time=1e-8):  # fmt: skip
-    """Return a callable without arguments that computes what `run` returns."""
     import numba
 
     from ..scalar import batch
@@ -123,7 +117,7 @@ def prepared(scene, rtol, threads: int | None = 1, events=0, mark=np.inf, sample
     blades, motions, breaks, kinds = cells_of(scene)
     cells = batch.Cells(blades, motions, breaks, kinds, scene.start, sx, sv, scene.sample_times)
     task = batch.Task(
-        float(scene.duration), rtol, zeno_time, budget, float(mark), window / max(samples, 1)
+        float(scene.duration), rtol, ZENO_TIME, ATTEMPTS, float(mark), window / max(samples, 1)
     )
     kernel = batch.one_by_one if threads == 1 else batch.on_all_cores
     all_threads = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
