@@ -22,7 +22,7 @@ from ..machine.interrupt import heeded
 from ..machine.phases import Account, account, during
 from ..specs.load import load_sweep, parse_sweep
 from ..store.blocks import BlockStore
-from ..store.manifest import parts_of, unlike
+from ..store.manifest import parts_of
 from ..store.map_file import finalize
 from ..store.mending import finished, kept_levels, not_gone_on_with, salvage
 from ..store.whole import listed, open_map
@@ -72,7 +72,7 @@ def sweep(
 
     - `block`: cells computed, and lost at worst, together; `block_size` if None. A sweep that
         is resumed keeps its own. Whole lines, where cells go on from each other.
-    - `evaluate`: what computes cells, `wiperjax.maps.cells.batch.evaluate` if None.
+    - `evaluate`: what computes cells, `wiperjax.maps.cells.evaluate.evaluate` if None.
     - `workers`: who computes, as `maps.cluster.connect` gives them; this process if None.
     - `identity`: what else must agree between parts of one map (such as the kind of device), text
         -> text.
@@ -165,12 +165,6 @@ def _check(resume, force, progress, block, evaluate, output) -> None:
         raise ValueError(f"evaluate must be a function, but was {checks.shown(evaluate)}")
     if output is not None:
         checks.path("output", output)
-
-
-def check_made_by(path: Path, attrs: Mapping[str, Any], known: Mapping[str, str]) -> None:
-    """Raises `StoreError` unless the map at `path` was made as this process would make it."""
-    if said := unlike(json.loads(attrs.get("identity", "{}")), known):
-        raise StoreError(f"{path}: was made otherwise ({said}); sweep it anew")
 
 
 def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
