@@ -29,11 +29,6 @@ def stored(attrs: Mapping[str, Any]) -> Thresholds:
     return Thresholds(**found)
 
 
-def label(columns: Mapping[str, Any], thresholds: Any = None) -> np.ndarray:
-    """Class codes (`schema.LABELS`) of cells; see `classify`."""
-    return classify(columns, thresholds)["label"]
-
-
 def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np.ndarray]:
     """Codes `label`, `mechanism` and `band` of cells, int8, of the shape of the columns; also
     `settled` if it is among these.
