@@ -22,7 +22,7 @@ from .options import (
     told_of,
 )
 from .tables import cost, print_map, print_phases, print_plan
-from .who import Processes, Scheduler, Workers, check_who, cores, who_computes
+from .who import Processes, Scheduler, Workers, check_who
 
 Derivatives = Annotated[
     bool,
@@ -74,10 +74,8 @@ def sweep(
     begun = time.monotonic()
     if force and resume:
         raise ValueError("--force starts anew and --resume continues: give one of them")
-    check_who(workers, scheduler, local_cluster)
-    embedded = scheduler is None and local_cluster is None
-    if embedded:
-        configure(workers)  # before the file is read: a system of one's own may start jax's device
+    who = check_who(workers, scheduler, local_cluster)
+    who.configure()  # before the file is read: a system of one's own may start jax's device
     spec = load_sweep(file, model)
     if sensitivities:
         with told_of(file):
@@ -94,7 +92,7 @@ def sweep(
     redraw = check_map_and_picture(
         output, drawing, f"{name} of {spec.digest()}", file, force, resume
     )
-    print_plan(spec, cores(workers, scheduler, local_cluster), finer)
+    print_plan(spec, who.cores, finer)
 
     from ..maps.driver import sweep as sweep_map
     from ..store.manifest import parts_of
@@ -108,7 +106,7 @@ def sweep(
     )  # fmt: skip
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     chosen |= {"resume": resume, "force": force, "command": shlex.join(words)}
-    with who_computes(embedded, scheduler, local_cluster) as others:
+    with who.connected() as others:
         try:
             spec = chosen_model(spec, others.get("workers"))
             dataset = sweep_map(spec, output, **others, **chosen)
@@ -121,7 +119,7 @@ def sweep(
     if finer is not None:
         from .refine import run
 
-        run(output, finer, workers, scheduler, local_cluster, words[1:])
+        run(output, finer, who, words[1:])
     if drawing is not None:
         from ..plots import plot_file
 
