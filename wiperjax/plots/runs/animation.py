@@ -136,7 +136,7 @@ def lip_scene(ds: xr.Dataset) -> LipScene:
     belt = np.asarray(ds["belt_velocity"], dtype=float)
     travel = 1e3 * np.concatenate([[0.0], np.cumsum(0.5 * (belt[1:] + belt[:-1]) * np.diff(time))])
     force = np.column_stack([ds["friction_force"], ds["normal_force"]])
-    names = {code: name.lower() for code, name in flag_names(ds["regime"]).items()}
+    names = flag_names(ds["regime"])
     regimes = [names[int(code)] for code in np.asarray(ds["regime"])]
     return LipScene(length, time, tip, hinge, belt, travel, force, regimes)
 
