@@ -241,7 +241,7 @@ def test_anatomy_of_a_class():
     ]
     assert class_counts.anatomy(ds, "squeal") == [("stick_slip", "squeal", 1)]
     settled = ("case", np.array([0, 1, 0, 2, 1]))
-    assert class_counts.unsettled(ds.assign(settled=settled)) == 2
+    assert class_counts.unsettled_count(ds.assign(settled=settled)) == 2
 
 
 @pytest.mark.parametrize("result", sorted(set(RESULTS) - {"finished", "collapsed"}))

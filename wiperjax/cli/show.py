@@ -212,7 +212,7 @@ def info(
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
     from ..datasets.run_dataset import is_run
-    from ..noise.class_counts import anatomy, unsettled, untold
+    from ..noise.class_counts import anatomy, unsettled_count, untold_count
     from ..store.levels import is_refined
     from ..store.whole import borders, open_map, sound
 
@@ -225,10 +225,10 @@ def info(
         if "label" in dataset:
             print_classes(dataset)
             of = counted(dataset)
-            if fast := untold(dataset):
+            if fast := untold_count(dataset):
                 why = "carried, too fast for the finest samples, or of no two periods"
                 print(f"not told     {fast} {of}: {why}")
-            if lost := unsettled(dataset):
+            if lost := unsettled_count(dataset):
                 print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
             if "mechanism" in dataset:
                 for mechanism, band, count in anatomy(dataset):

@@ -1,4 +1,4 @@
-"""Single files that survive: atomic writes, clear errors, reading maps.
+"""Single files that survive: atomic writes, clear errors.
 
 Each file is written to a temporary name, flushed to the disk and renamed, so it is there whole or
 not at all.

@@ -1,7 +1,7 @@
 """Class of one run: the columns of a map, taken from the samples and events of a trajectory.
 
-The rules are those of maps (`labels.classify`), so a scene and the cell of a map that stands for it
-are called the same. Regimes and impacts come from the events; levels, forces and the cost of slips
+The rules are those of maps (`classify`), so a scene and the cell of a map that stands for it are
+called the same. Regimes and impacts come from the events; levels, forces and the cost of slips
 from what the engine gathered beside the samples: these are exact. Frequencies are of the samples.
 """
 
