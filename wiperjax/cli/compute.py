@@ -15,8 +15,8 @@ from .options import (
     STILL_SUFFIXES,
     Force,
     SweptModel,
-    check_input,
-    check_output,
+    check_source,
+    check_target,
     configure,
     interrupted,
     told_of,
@@ -195,14 +195,14 @@ def check_map_and_picture(
 
     redraw = force or (resume and BlockStore.may_replace(output))
     if not (resume and output.is_file()):  # else the driver looks whether it is this map
-        check_output(output, MAP_SUFFIXES, redraw, file)
+        check_target(output, MAP_SUFFIXES, redraw, file)
     if drawing is None:
         return redraw
     if resume and not redraw and drawing.is_file():
         from ..plots.files import subject_of
 
         redraw = subject_of(drawing) == shows
-    check_output(drawing, STILL_SUFFIXES, redraw, file)
+    check_target(drawing, STILL_SUFFIXES, redraw, file)
     return redraw
 
 
@@ -244,7 +244,7 @@ def verify(
     seed: Annotated[int, typer.Option(min=0, help="Which cells are drawn.")] = 0,
 ) -> None:
     """Compute a random sample of the cells of a map again and compare."""
-    check_input(file)
+    check_source(file)
     configure(None)
     from ..maps.verify import verify as verify_map
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import check_input, check_once, interrupted
+from .options import check_once, check_source, interrupted
 from .tables import cost, print_borders
 from .who import Processes, Scheduler, Who, Workers, check_who
 
@@ -56,7 +56,7 @@ def refine(
 
     One that was stopped goes on where it was: give the same command again.
     """
-    check_input(file)
+    check_source(file)
     given: dict[str, Any] = {
         "levels": levels, "resolution": resolution, "on": on, "box": boxes(box),
         "max_cells": max_cells, "probes": probes,
