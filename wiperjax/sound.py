@@ -27,7 +27,7 @@ from .datasets.run_dataset import (
     settled,
     signal,
 )
-from .machine.files import check_output, replacing
+from .machine.files import check_output, write_bytes
 from .vocabulary import checks
 from .vocabulary.ranges import FINITE, POSITIVE, Range
 
@@ -78,8 +78,7 @@ class Sound:
         checks.path("path", path)
         checks.flag("force", force)
         check_output(path, force)
-        with replacing(path) as temporary:
-            temporary.write_bytes(self.wav())
+        write_bytes(Path(path), self.wav())
 
     def wav(self) -> bytes:
         """What the WAV file holds."""

@@ -485,17 +485,20 @@ def test_the_command_line_alone_imports_nothing_heavy():
             "--box must name each axis once, but named normal_load twice",
         ),
         ("plot .", "-o must be given: . has no name to call a file after"),
-        ("plot half.h5 -o p.png", "half.h5: is not finished; name half.h5.parts to look at what"),
+        (
+            "plot half.h5 -o p.png",
+            "half.h5: does not exist; an unfinished sweep is in half.h5.parts",
+        ),
         ("listen there.h5 -o drawn.png", "drawn.png: must end in .wav"),
         ("listen there.h5 -o .", "the output must name a file that ends in .wav"),
         (
             "explore there.h5 --static p.html --cell belt_speed=1;normal_load=3",
             "--cell must be AXIS=NUMBER, such as normal_load=15, was belt_speed=1;",
         ),
-        ("plot none.h5 -o p.png", "none.h5: No such file or directory"),
+        ("plot none.h5 -o p.png", "none.h5: does not exist"),
         ("info none.h5", "none.h5: does not exist"),
         ("info s.toml", "s.toml: is not a readable map"),
-        ("verify none.h5", "none.h5: No such file or directory"),
+        ("verify none.h5", "none.h5: does not exist"),
     ],
 )
 def test_refused_before_any_work(words, line, folder, stubs, capsys):

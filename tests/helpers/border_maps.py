@@ -67,3 +67,14 @@ def coarse_map(path, evaluate, **options):
 def refined(path, evaluate, **settings):
     """Borders of the map at `path`."""
     return refine(path, evaluate=evaluate, progress=False, **settings)
+
+
+def places_of(grid, values):
+    """Places (points, dim) in steps of a grid of values of its axes, edge units."""
+    found = []
+    for name in grid.names:
+        along, rank = grid.along[name], np.arange(grid.shape[grid.names.index(name)], dtype=float)
+        if along[0] > along[-1]:
+            along, rank = along[::-1], rank[::-1]
+        found.append(np.interp(np.asarray(values[name], dtype=float), along, rank))
+    return np.stack(found, axis=-1)

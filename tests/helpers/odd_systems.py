@@ -55,6 +55,18 @@ class OnWiping(own_systems.Oscillator):
     belt: wiperjax.AbstractBelt = wiperjax.WipingBelt(0.5, 0.05)
 
 
+class LipOnWiping(OnWiping):
+    """A lip that is carried over, on a belt that turns by default."""
+
+    lip_length: float = wiperjax.parameter(0.006, "m", above=0)
+
+
+class LipInTheAir(own_systems.Ball):
+    """A lip, and no belt that could carry it over."""
+
+    lip_length: float = wiperjax.parameter(0.006, "m", above=0)
+
+
 class Running(wiperjax.SteadyBelt):
     """A belt of one's own, made of one of the package."""
 

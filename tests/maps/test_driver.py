@@ -104,8 +104,8 @@ def test_columns_that_the_engine_does_not_return_are_not_stored(tmp_path):
 
 
 def test_a_raster_over_time_is_stored_block_by_block(tmp_path, monkeypatch):
-    monkeypatch.setattr(map_file.slabs, "__defaults__", (40,))
-    monkeypatch.setattr(map_file.chunk_shape, "__defaults__", (16, 40))
+    monkeypatch.setattr(map_file, "SLAB_CELLS", 40)
+    monkeypatch.setattr(map_file, "CHUNK_CELLS", 16)
     spec, path = make_spec(raster=7), tmp_path / "map.h5"
 
     def with_raster(spec, index):

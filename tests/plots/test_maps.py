@@ -107,7 +107,7 @@ def realistic_map(**size) -> xr.Dataset:
     """Map with labels."""
     spec = reference_spec(**size)
     columns = realistic_columns(spec)
-    columns["label"] = classes.label(columns, spec.classes)
+    columns["label"] = classes.classify(columns, spec.classes)["label"]
     return map_dataset.assemble(spec, columns)
 
 

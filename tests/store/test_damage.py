@@ -33,8 +33,8 @@ def whole(tmp_path_factory):
     """A finished map of eight blocks, in chunks of 16 cells; never changed."""
     path = tmp_path_factory.mktemp("whole") / "map.h5"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(map_file.slabs, "__defaults__", (40,))
-        patch.setattr(map_file.chunk_shape, "__defaults__", (16, 40))
+        patch.setattr(map_file, "SLAB_CELLS", 40)
+        patch.setattr(map_file, "CHUNK_CELLS", 16)
         stub.run(make_spec(), path, command=COMMAND)
     return path
 

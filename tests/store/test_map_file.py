@@ -43,8 +43,8 @@ def test_slabs_cover_the_map_once_in_order_and_chunks_fit_in_them(shape):
 
 
 def test_a_map_larger_than_a_slab_is_put_together_right(tmp_path, monkeypatch):
-    monkeypatch.setattr(map_file.slabs, "__defaults__", (40,))
-    monkeypatch.setattr(map_file.chunk_shape, "__defaults__", (16, 40))
+    monkeypatch.setattr(map_file, "SLAB_CELLS", 40)
+    monkeypatch.setattr(map_file, "CHUNK_CELLS", 16)
     assert_same_map_of = make_spec()
     run(assert_same_map_of, tmp_path / "map.h5", block=33)
     assert_same_map(tmp_path / "map.h5", assert_same_map_of)
@@ -115,8 +115,8 @@ def test_memory_is_that_of_a_block(tmp_path, monkeypatch):
     """The same peak for 2 500 cells and for 25 000, event log included, but for the record of
     checksums: 2 kB for each of its chunks, which here have 500 numbers and ordinarily 32 768.
     """
-    monkeypatch.setattr(map_file.slabs, "__defaults__", (2000,))
-    monkeypatch.setattr(map_file.chunk_shape, "__defaults__", (500, 2000))
+    monkeypatch.setattr(map_file, "SLAB_CELLS", 2000)
+    monkeypatch.setattr(map_file, "CHUNK_CELLS", 500)
 
     def peak(angles):
         spec = make_spec(angles, 50, 10, event_log=20, samples=16)

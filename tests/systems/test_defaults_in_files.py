@@ -56,6 +56,21 @@ def test_a_belt_that_turns_by_default_needs_no_table():
     assert (belt.amplitude, belt.frequency) == (0.5, 0.05)
 
 
+def test_notes_of_a_lip_are_of_the_belt_that_its_class_has():
+    """Those of a file without a table [belt] asked for the numbers of a steady one: KeyError."""
+    narrow = {"quiet_velocity": 1e-3, "reversal_window": 0.01}
+    axes, run = {"lip_length": {"values": [0.006, 0.01]}}, {"transient": 0.0, "window": 30.0}
+
+    def notes(name):
+        tables = {"system": f"odd_systems:{name}", "axes": axes, "run": run, "classes": narrow}
+        both = scene(name, classes=narrow), wiperjax.parse_sweep(tables)
+        return [[note for note in spec.notes() if "lip lengths" in note] for spec in both]
+
+    for (note,) in notes("LipOnWiping"):
+        assert note.startswith("classes.reversal_window is 0.01 s, but the glass needs up to 0.")
+    assert notes("LipInTheAir") == [[], []]
+
+
 def test_a_belt_of_ones_own_has_no_place_in_files():
     words = r"belt.kind: is missing; it must be 'steady', 'wiping' or 'trapezoid', .*, Running$"
     with pytest.raises(SpecError, match=f"^scene: {words}"):

@@ -145,7 +145,7 @@ def test_command_line_refuses_what_is_no_run(tmp_path, capsys):
     for words, line in (
         (["map.h5", "-o", "a.wav"], "map.h5: is a map; only a run can be heard"),
         (["map.h5", "-o", "a.mp3"], "a.mp3: must end in .wav"),
-        (["none.h5", "-o", "a.wav"], "none.h5: No such file or directory"),
+        (["none.h5", "-o", "a.wav"], "none.h5: does not exist"),
     ):
         words = [str(tmp_path / word) if "." in word else word for word in words]
         assert main(["listen", *words]) == 1

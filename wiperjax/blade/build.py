@@ -13,8 +13,9 @@ from ..contact.friction import CLASSES as LAW_CLASSES
 from ..contact.friction import AbstractFriction
 from ..specs.laws import Law, law_of
 from ..specs.tables import Start
+from ..vocabulary import checks
 from ..vocabulary.codes import Regime, Result
-from ..vocabulary.kinds import BELTS, FRICTIONS, LAW_PARAMETERS, known
+from ..vocabulary.kinds import BELTS, LAW_PARAMETERS
 from ..vocabulary.parameters import PARAMETERS
 from .steady_slip import map_shape, steady_slip
 from .wiper import Wiper
@@ -32,9 +33,8 @@ def build_wiper(
 
     Raises ValueError for an unknown kind or name, and for impossible values.
     """
-    keys = known("belt_kind", belt_kind, BELTS)
+    keys = BELTS[checks.choice("belt_kind", belt_kind, BELTS)]
     if isinstance(friction, str):
-        known("friction", friction, FRICTIONS)
         friction = law_of("friction", friction)
     law = friction.keys
     own = {name for name, entry in PARAMETERS.items() if entry.table == "blade"} - LAW_PARAMETERS

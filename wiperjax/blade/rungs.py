@@ -11,8 +11,8 @@ sweep file runs on any of them. Their one coordinate is the tip's place x along 
 import numpy as np
 
 from ..contact.system import AbstractSystem
+from ..vocabulary import checks
 from ..vocabulary.kinds import MODELS as MODELS
-from ..vocabulary.kinds import known
 from .bar import Bar
 from .block import Block, block_of
 from .wiper import Wiper
@@ -24,7 +24,7 @@ def on_rung(wiper: Wiper, model: str) -> AbstractSystem:
     Raises ValueError for another name, and for a block or bar of a wiper with hinge mass: its
     normal force depends on the acceleration, which only the full model resolves.
     """
-    known("model", model, MODELS)
+    checks.choice("model", model, MODELS)
     if model == "lip":
         return wiper
     if np.any(np.asarray(wiper.hinge_mass) != 0):

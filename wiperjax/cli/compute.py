@@ -15,14 +15,14 @@ from .options import (
     STILL_SUFFIXES,
     Force,
     SweptModel,
-    check_input,
-    check_output,
+    check_source,
+    check_target,
     configure,
     interrupted,
     told_of,
 )
 from .tables import cost, print_map, print_phases, print_plan
-from .who import Processes, Scheduler, Workers, check_who, cores, who_computes
+from .who import Processes, Scheduler, Workers, check_who
 
 Derivatives = Annotated[
     bool,
@@ -74,10 +74,8 @@ def sweep(
     begun = time.monotonic()
     if force and resume:
         raise ValueError("--force starts anew and --resume continues: give one of them")
-    check_who(workers, scheduler, local_cluster)
-    embedded = scheduler is None and local_cluster is None
-    if embedded:
-        configure(workers)  # before the file is read: a system of one's own may start jax's device
+    who = check_who(workers, scheduler, local_cluster)
+    who.configure()  # before the file is read: a system of one's own may start jax's device
     spec = load_sweep(file, model)
     if sensitivities:
         with told_of(file):
@@ -94,7 +92,7 @@ def sweep(
     redraw = check_map_and_picture(
         output, drawing, f"{name} of {spec.digest()}", file, force, resume
     )
-    print_plan(spec, cores(workers, scheduler, local_cluster), finer)
+    print_plan(spec, who.cores, finer)
 
     from ..maps.driver import sweep as sweep_map
     from ..store.manifest import parts_of
@@ -108,7 +106,7 @@ def sweep(
     )  # fmt: skip
     chosen: dict[str, Any] = {} if block is None else {"block": block}
     chosen |= {"resume": resume, "force": force, "command": shlex.join(words)}
-    with who_computes(embedded, scheduler, local_cluster) as others:
+    with who.connected() as others:
         try:
             spec = chosen_model(spec, others.get("workers"))
             dataset = sweep_map(spec, output, **others, **chosen)
@@ -121,7 +119,7 @@ def sweep(
     if finer is not None:
         from .refine import run
 
-        run(output, finer, workers, scheduler, local_cluster, words[1:])
+        run(output, finer, who, words[1:])
     if drawing is not None:
         from ..plots import plot_file
 
@@ -197,14 +195,14 @@ def check_map_and_picture(
 
     redraw = force or (resume and BlockStore.may_replace(output))
     if not (resume and output.is_file()):  # else the driver looks whether it is this map
-        check_output(output, MAP_SUFFIXES, redraw, file)
+        check_target(output, MAP_SUFFIXES, redraw, file)
     if drawing is None:
         return redraw
     if resume and not redraw and drawing.is_file():
         from ..plots.files import subject_of
 
         redraw = subject_of(drawing) == shows
-    check_output(drawing, STILL_SUFFIXES, redraw, file)
+    check_target(drawing, STILL_SUFFIXES, redraw, file)
     return redraw
 
 
@@ -246,7 +244,7 @@ def verify(
     seed: Annotated[int, typer.Option(min=0, help="Which cells are drawn.")] = 0,
 ) -> None:
     """Compute a random sample of the cells of a map again and compare."""
-    check_input(file)
+    check_source(file)
     configure(None)
     from ..maps.verify import verify as verify_map
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .options import Force, check_input, check_output, configure, cuts
+from .options import Force, check_source, check_target, configure, cuts
 
 
 def explore(
@@ -48,12 +48,12 @@ def explore(
     ] = "127.0.0.1",
 ) -> None:
     """Look into a map in a browser: click on a cell, see and hear its motion."""
-    check_input(file)
+    check_source(file)
     cells = [dict(cuts(one.split(","), "--cell") or {}) for one in cell] if cell else None
     if static is None and (cells or force):
         raise ValueError("--cell and --force are for --static PAGE.html")
     if static is not None:
-        check_output(static, (".html",), force, file)
+        check_target(static, (".html",), force, file)
     configure(None)
     try:
         import bokeh  # noqa: F401

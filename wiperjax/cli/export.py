@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .options import Force, check_input, check_output
+from .options import Force, check_source, check_target
 from .tables import print_end
 
 
@@ -21,8 +21,8 @@ def export(
     from ..exports import FORMATS, is_modes
     from ..exports import export as write
 
-    check_output(output, tuple(FORMATS), force, file)
-    check_input(file)
+    check_target(output, tuple(FORMATS), force, file)
+    check_source(file)
     from ..datasets.run_dataset import is_run
     from ..machine.files import StoreError
     from ..store.whole import open_map

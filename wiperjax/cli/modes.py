@@ -12,7 +12,7 @@ from .options import (
     STILL_SUFFIXES,
     Force,
     Model,
-    check_output,
+    check_target,
     configure,
     told_of,
 )
@@ -41,13 +41,13 @@ def modes(
 ) -> None:
     """Complex eigenvalues of steady sliding: of a scene, over a sweep, or beside a map."""
     if output is not None:
-        check_output(output, MAP_SUFFIXES, force, file)
+        check_target(output, MAP_SUFFIXES, force, file)
     configure(1)
     found = _found(file, model)
     over = found["growth_rate"].shape if "growth_rate" in found else ()
     picture = None if output is None or max(over, default=1) < 2 else output.with_suffix(".png")
     if picture is not None:
-        check_output(picture, STILL_SUFFIXES, force, file)
+        check_target(picture, STILL_SUFFIXES, force, file)
     if "growth_rate" in found:
         print_modes_over(found)
     else:

@@ -13,7 +13,7 @@ from .options import (
     Force,
     Model,
     beside,
-    check_output,
+    check_target,
     command_line,
     configure,
     told_of,
@@ -32,7 +32,7 @@ def simulate(
 
     configure(1)  # before the file is read: a system of one's own may start jax's device
     spec = load_scene(file, model)
-    check_output(output, MAP_SUFFIXES, force, file)
+    check_target(output, MAP_SUFFIXES, force, file)
     print_notes(spec)
 
     from ..runs.scene import run_scene
@@ -81,9 +81,9 @@ def follow(
     pictures = {"overview": output.with_suffix(".png")}
     if plane is not None:
         pictures["curves"] = beside(output, "-curves.png")
-    check_output(output, MAP_SUFFIXES, force, file)
+    check_target(output, MAP_SUFFIXES, force, file)
     for path in pictures.values():
-        check_output(path, PICTURE_SUFFIXES, force, file)
+        check_target(path, PICTURE_SUFFIXES, force, file)
 
     from ..cycles.branch.from_scene import follow_scene
     from ..plots import plot_file
@@ -116,7 +116,7 @@ def ladder(
     for file in files:
         load_scene(file, "lip")  # wrong ones, and what has no rungs, are named before any work
     if output is not None:
-        check_output(output, (".md",), force, *files)
+        check_target(output, (".md",), force, *files)
     from ..maps.compare_rungs import compare, preface, summary, table
 
     results = []

@@ -76,17 +76,13 @@ Curves = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 
 
-def check_input(path: Path) -> None:
-    """Raises OSError or StoreError if `path` can be neither read nor is an unfinished sweep."""
-    from ..machine.files import StoreError, check_input
-    from ..store.manifest import parts_of
+def check_source(path: Path) -> None:
+    """Raises OSError or StoreError if `path` is neither a folder nor a file that can be read."""
+    from ..store.whole import check_exists
 
     if path.is_dir():
         return
-    check_input(path)
-    if not path.exists():
-        if (parts := parts_of(path)).is_dir():
-            raise StoreError(f"{path}: is not finished; name {parts} to look at what there is")
+    check_exists(path)
     with path.open("rb"):
         pass
 
@@ -109,7 +105,7 @@ def beside(path: Path, ending: str) -> Path:
     return path.with_name(Path(path.name.removesuffix(".parts")).stem + ending)
 
 
-def check_output(path: Path, suffixes: Sequence[str], force: bool, *sources: Path) -> None:
+def check_target(path: Path, suffixes: Sequence[str], force: bool, *sources: Path) -> None:
     """Raises ValueError or StoreError if `path` is no place for a new file made from `sources`."""
     if not path.name:  # "" or "."
         raise ValueError(f"the output must name a file that ends in {' or '.join(suffixes)}")

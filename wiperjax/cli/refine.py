@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import check_input, check_once, configure, interrupted
+from .options import check_once, check_source, interrupted
 from .tables import cost, print_borders
-from .who import Processes, Scheduler, Workers, check_who, who_computes
+from .who import Processes, Scheduler, Who, Workers, check_who
 
 STATED = "as --resolution needs, or [refine] of the map's file says"
 Levels = Annotated[
@@ -56,7 +56,7 @@ def refine(
 
     One that was stopped goes on where it was: give the same command again.
     """
-    check_input(file)
+    check_source(file)
     given: dict[str, Any] = {
         "levels": levels, "resolution": resolution, "on": on, "box": boxes(box),
         "max_cells": max_cells, "probes": probes,
@@ -64,27 +64,17 @@ def refine(
     settings = {name: value for name, value in given.items() if value is not None}
     if levels is None and resolution is None:
         settings = _stated(file, settings)
-    check_who(workers, scheduler, local_cluster)
-    run(file, settings, workers, scheduler, local_cluster, sys.argv[1:])
+    run(file, settings, check_who(workers, scheduler, local_cluster), sys.argv[1:])
 
 
-def run(
-    file: Path,
-    settings: dict[str, Any],
-    workers: int | None,
-    scheduler: str | None,
-    local_cluster: int | None,
-    words: list[str],
-) -> None:
+def run(file: Path, settings: dict[str, Any], who: Who, words: list[str]) -> None:
     """Refines a map and says what was found; `words` of the command, for the file."""
     begun = time.monotonic()
-    embedded = scheduler is None and local_cluster is None
-    if embedded:
-        configure(workers)
+    who.configure()
     from ..maps.refine.driver import refine as refine_map
 
     command = shlex.join(["wiperjax", *words])
-    with who_computes(embedded, scheduler, local_cluster) as others:
+    with who.connected() as others:
         try:
             found = refine_map(file, command=command, **others, **settings)
         except KeyboardInterrupt as stopped:

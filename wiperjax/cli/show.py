@@ -17,8 +17,8 @@ from .options import (
     End,
     Force,
     beside,
-    check_input,
-    check_output,
+    check_source,
+    check_target,
     cuts,
 )
 from .tables import (
@@ -106,12 +106,12 @@ def plot(
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
 ) -> None:
     if output is not None:  # whether it exists is said last: after what is wrong with the picture
-        check_output(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, True, file)
-    check_input(file)
+        check_target(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, True, file)
+    check_source(file)
     if every and picture is not None:
         raise ValueError("--all draws every picture and --picture one: give one of them")
     if curves is not None:
-        check_input(curves)
+        check_source(curves)
     options = {
         "start": start,
         "stop": stop,
@@ -173,8 +173,8 @@ def listen(
     stop: End = None,
 ) -> None:
     output = output or beside(file, ".wav")
-    check_output(output, SOUND_SUFFIXES, force, file)
-    check_input(file)
+    check_target(output, SOUND_SUFFIXES, force, file)
+    check_source(file)
     from ..datasets.run_dataset import is_run
     from ..machine.files import StoreError
     from ..sound import sound
@@ -212,7 +212,7 @@ def info(
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
     from ..datasets.run_dataset import is_run
-    from ..noise.class_counts import anatomy, unsettled, untold
+    from ..noise.class_counts import anatomy, unsettled_count, untold_count
     from ..store.levels import is_refined
     from ..store.whole import borders, open_map, sound
 
@@ -225,10 +225,10 @@ def info(
         if "label" in dataset:
             print_classes(dataset)
             of = counted(dataset)
-            if fast := untold(dataset):
+            if fast := untold_count(dataset):
                 why = "carried, too fast for the finest samples, or of no two periods"
                 print(f"not told     {fast} {of}: {why}")
-            if lost := unsettled(dataset):
+            if lost := unsettled_count(dataset):
                 print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
             if "mechanism" in dataset:
                 for mechanism, band, count in anatomy(dataset):

@@ -2,9 +2,11 @@
 
 import contextlib
 import os
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
+
+from .options import configure
 
 Workers = Annotated[int | None, typer.Option(min=1, help="Cores to use.", show_default="all")]
 Scheduler = Annotated[
@@ -15,24 +17,47 @@ Processes = Annotated[
 ]
 
 
-def check_who(workers: int | None, scheduler: str | None, processes: int | None) -> None:
-    """Raises ValueError if more than one says who computes."""
-    if sum(choice is not None for choice in (workers, scheduler, processes)) > 1:
+class Who(NamedTuple):
+    """What `check_who` made of the three options, of which one at most is given."""
+
+    workers: int | None
+    scheduler: str | None
+    processes: int | None
+
+    @property
+    def cores(self) -> int:
+        """On how many cores cells will be computed; 1 where a cluster alone knows."""
+        if self.scheduler:
+            return 1
+        return self.processes or self.workers or len(os.sched_getaffinity(0))
+
+    @property
+    def embedded(self) -> bool:
+        """Whether this process computes itself."""
+        return self.scheduler is None and self.processes is None
+
+    def configure(self) -> None:
+        """Settings of this process, if it computes; before the first `import jax`."""
+        if self.embedded:
+            configure(self.workers)
+
+    @contextlib.contextmanager
+    def connected(self):
+        """The `workers` of `driver.sweep` while they are connected; none where it computes
+        itself.
+        """
+        if self.embedded:
+            yield {}
+            return
+        from ..maps.cluster import connect
+
+        with connect(self.scheduler, self.processes) as workers:
+            yield {"workers": workers}
+
+
+def check_who(workers: int | None, scheduler: str | None, processes: int | None) -> Who:
+    """Who computes. Raises ValueError if more than one option says so."""
+    who = Who(workers, scheduler, processes)
+    if sum(choice is not None for choice in who) > 1:
         raise ValueError("--workers, --scheduler and --local-cluster exclude each other")
-
-
-def cores(workers: int | None, scheduler: str | None, processes: int | None) -> int:
-    """On how many cores cells will be computed; 1 where a cluster alone knows."""
-    return 1 if scheduler else processes or workers or len(os.sched_getaffinity(0))
-
-
-@contextlib.contextmanager
-def who_computes(embedded: bool, scheduler: str | None, processes: int | None):
-    """The `workers` of `driver.sweep` while they are connected; none where it computes itself."""
-    if embedded:
-        yield {}
-        return
-    from ..maps.cluster import connect
-
-    with connect(scheduler, processes) as workers:
-        yield {"workers": workers}
+    return who

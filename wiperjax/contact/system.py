@@ -201,3 +201,10 @@ def like(value, model):
 
 def cast(values, models):
     return tuple(like(x, y) for x, y in zip(values, models, strict=True))
+
+
+def system_attributes(system: AbstractSystem) -> dict[str, str | int]:
+    """Attributes that tell in a file whose a run, branch or curve is: its class, and whether that
+    is a blade.
+    """
+    return {"system": type(system).__name__, "of_a_blade": int(system.of_a_blade)}

@@ -15,7 +15,6 @@ from ..vocabulary.cf import plain_attributes
 from ..vocabulary.codes import LABELS
 from ..vocabulary.columns import FORCES, SYSTEM, attributes_of, column_of, ordered
 from ..vocabulary.kinds import MODELS, WIPER
-from ..vocabulary.parameters import PARAMETERS
 
 
 def raster_index(samples: int, instants: int) -> list[int]:
@@ -59,7 +58,7 @@ def select(columns: Mapping[str, Any], length: int, starts: int = 0) -> dict[str
 def describe(spec: Any) -> dict[str, Any]:
     """All of a map but its numbers (shape, coordinates, attributes), as plain types for JSON."""
     coords = {}
-    known = _parameters(spec)
+    known = spec.parameter_table
     for name, values in spec.axes_values().items():
         entry = known.get(name)
         coords[name] = {
@@ -70,19 +69,19 @@ def describe(spec: Any) -> dict[str, Any]:
             },
         }
     further = {}
-    if getattr(spec, "system", WIPER) != WIPER:
+    if spec.system != WIPER:
         further["coordinate"] = {
             "values": list(spec.family.coordinates),
             "dtype": "str",
             "attrs": {"long_name": "coordinate of the system"},
         }
-    if (instants := getattr(spec.run, "raster", None)) is not None:
+    if (instants := spec.run.raster) is not None:
         step = spec.run.window / spec.samples
         further["raster_time"] = {
             "values": [k * step for k in raster_index(spec.samples, instants)],
             "attrs": {"units": "s", "long_name": "time since the start of the settled window"},
         }
-    if (events := getattr(spec.run, "event_log", None)) is not None:
+    if (events := spec.run.event_log) is not None:
         further["event"] = {
             "values": list(range(events)),
             "dtype": "int32",
@@ -91,14 +90,9 @@ def describe(spec: Any) -> dict[str, Any]:
     return {
         "shape": [int(n) for n in spec.shape],
         "coords": coords,
-        "further_coords": further | _starts(getattr(spec, "starts", None)),
+        "further_coords": further | _starts(spec.starts),
         "attrs": _attributes(spec),
     }
-
-
-def _parameters(spec: Any) -> Mapping[str, Any]:
-    """What is known of the parameters of a specification; of a stand-in for one, the wiper's."""
-    return getattr(spec, "parameter_table", PARAMETERS)
 
 
 def _starts(starts: Any) -> dict[str, Any]:
@@ -146,7 +140,7 @@ def _attributes(spec: Any) -> dict[str, Any]:
         "title": spec.title or _title(meaning),
         "seed": "none: a sweep draws no random numbers",
     }
-    units, known = [], _parameters(spec)
+    units, known = [], spec.parameter_table
     for name, value in sorted(meaning.get("fixed", {}).items()):
         entry = known.get(name)
         attrs[name] = float(entry.to_edge(value)) if entry else value
@@ -163,11 +157,11 @@ def _attributes(spec: Any) -> dict[str, Any]:
             attrs[FORCES] = "per metre of blade"
     else:
         attrs["model"] = str(meaning.get("model", "lip"))
-        attrs |= getattr(spec, "choice", {})
+        attrs |= spec.choice
     start = {key: value for key, value in (meaning.get("start") or {}).items() if value is not None}
     usual = MODELS.get(attrs.get("model", ""), "that of the system")
     attrs["start"] = json.dumps(start, sort_keys=True) if start else usual
-    if (starts := getattr(spec, "starts", None)) is not None:
+    if (starts := spec.starts) is not None:
         attrs["start"] = "several, the dimension start"
         if starts.random is not None:
             attrs["seed"] = starts.seed
@@ -179,10 +173,8 @@ def _attributes(spec: Any) -> dict[str, Any]:
                 attrs[prefix + key] = value
     # The specification three times: as it was written, as it is read again by `verify`, as it is
     # compared.
-    attrs["specification_text"] = str(getattr(spec, "text", ""))
-    document = getattr(spec, "document", None)
-    if document is not None:
-        attrs["specification"] = json.dumps(document())  # the order of the axes counts
+    attrs["specification_text"] = spec.text
+    attrs["specification"] = json.dumps(spec.document())  # the order of the axes counts
     attrs["specification_canonical"] = spec.canonical()
     attrs["specification_digest"] = spec.digest()
     return attrs

@@ -36,7 +36,7 @@ def check_quantity(ds: xr.Dataset, quantity: str) -> xr.DataArray:
 
 def regime_spans(ds: xr.Dataset) -> Iterator[tuple[float, float, str]]:
     """Start, end (s) and name of each stretch of time in one regime, within the samples of `ds`."""
-    names = {code: name.lower() for code, name in flag_names(ds["regime"]).items()}
+    names = flag_names(ds["regime"])
     time = np.asarray(ds["time"], dtype=float)
     if ds.sizes.get("event", 0) and "regime_after" in ds:
         codes = np.concatenate(
@@ -63,7 +63,7 @@ def event_times(ds: xr.Dataset) -> dict[str, np.ndarray]:
     start, stop = float(ds["time"][0]), float(ds["time"][-1])
     inside = (times >= start) & (times <= stop)
     return {
-        name.lower(): times[inside & (kinds == code)]
+        name: times[inside & (kinds == code)]
         for code, name in flag_names(ds["event_kind"]).items()
         if (inside & (kinds == code)).any()
     }

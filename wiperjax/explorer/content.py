@@ -35,6 +35,7 @@ MOST_TURNS = 12_000  # points of the phase portrait: a round of it has some twen
 MOST_TICKS = 2000  # of one kind of event
 LONG = 10.0  # s: a run whose times are shown in seconds
 DECADES = 4  # of the spectrum
+ROOM = 0.08  # of an axis, beside what it shows
 
 PICTURES = ("history", "portrait", "spectrum", "spectrogram", "ticks", "friction", "lip")
 
@@ -107,10 +108,10 @@ def thinned(*curves: np.ndarray, most: int = MOST_POINTS, even: bool = True) -> 
     return np.unique(np.concatenate([*ends, *chosen]))
 
 
-def with_room(values: np.ndarray, share: float = 0.08) -> tuple[float, float]:
-    """The ends of an axis that shows all of `values`, and `share` more on either side."""
+def with_room(values: np.ndarray) -> tuple[float, float]:
+    """The ends of an axis that shows all of `values`, and `ROOM` more on either side."""
     low, high = float(np.min(values)), float(np.max(values))
-    room = share * (high - low) or 0.5 * abs(high) or 1.0
+    room = ROOM * (high - low) or 0.5 * abs(high) or 1.0
     return low - room, high + room
 
 
@@ -155,7 +156,7 @@ def _portrait(content: Content, part: xr.Dataset) -> None:
     chosen = thinned(x, v, most=MOST_TURNS)
     x, v = x[chosen], v[chosen]
     codes = np.asarray(part["regime"], dtype=int)[chosen]
-    names = {code: name.lower() for code, name in flag_names(part["regime"]).items()}
+    names = flag_names(part["regime"])
     cuts = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
     spans = [(a, min(b + 1, len(codes))) for a, b in zip(cuts, cuts[1:], strict=False)]
     content.columns["orbit"] = {
@@ -248,7 +249,7 @@ def _friction(content: Content, part: xr.Dataset) -> None:
     speed = np.insert(speed, np.searchsorted(speed, 0.0), [-1e-12, 1e-12])
     law = -np.sign(speed) * coefficient(part, np.abs(speed))
     content.columns["law"] = {"slip": speed, "mu": law}
-    names = {code: name.lower() for code, name in flag_names(part["regime"]).items()}
+    names = flag_names(part["regime"])
     chosen = thinned(slip, share, most=1500)
     codes = np.asarray(part["regime"], dtype=int)[touching][chosen]
     content.columns["force"] = {

@@ -11,7 +11,6 @@ from ..plots.style.palette import REGIMES, UNKNOWN, readable
 
 FRAMES = 150
 PERIODS = 6  # that are shown, of a motion that has some
-ARROW = 0.6  # length of the largest force, in lengths of the lip
 
 
 def lip_frames(
@@ -26,8 +25,7 @@ def lip_frames(
     scene = lip_scene(part)
     count = min(FRAMES, scene.time.size)
     k = np.linspace(0, scene.time.size - 1, count).round().astype(int)
-    largest = float(np.linalg.norm(scene.force, axis=1).max(initial=0.0)) or 1.0
-    push = ARROW * scene.length / largest * scene.force[k]
+    push = scene.push[k]
     (x, y), (place, speed) = scene.tip[k].T, orbit(part, 0)
     columns = {
         "x": x, "y": y, "hinge": scene.hinge[k], "travel": scene.travel[k],
@@ -38,6 +36,5 @@ def lip_frames(
         "regime": [readable(scene.regimes[i]) for i in k],
         "length": np.full(count, scene.length),
     }  # fmt: skip
-    reach = max(1.35 * scene.length, 1.1 * float(np.abs(scene.tip[:, 0]).max()))
-    low = -0.2 * scene.length
+    reach, low = scene.reach, -0.2 * scene.length
     return columns, {"along": (-reach, reach), "height": (low, 2 * reach * 0.62 + low)}

@@ -47,9 +47,9 @@ def toggle(label: str, width: int) -> Any:
     return models.Toggle(label=label, width=width, syncable=False, stylesheets=[SHEET])
 
 
-def button(label: str, width: int = 170) -> Any:
+def button(label: str) -> Any:
     """A button."""
-    return models.Button(label=label, width=width, stylesheets=[SHEET])
+    return models.Button(label=label, width=170, stylesheets=[SHEET])
 
 
 def slider(title: str, texts: list[str], value: int, width: int, **options: Any) -> Any:

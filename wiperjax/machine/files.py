@@ -1,4 +1,4 @@
-"""Single files that survive: atomic writes, clear errors, reading maps.
+"""Single files that survive: atomic writes, clear errors.
 
 Each file is written to a temporary name, flushed to the disk and renamed, so it is there whole or
 not at all.
@@ -83,10 +83,8 @@ def sync_folder(folder: Path) -> None:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Writes a file at once or not at all, flushed to the disk."""
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def check_input(path: str | Path) -> None:

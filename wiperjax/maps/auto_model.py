@@ -38,7 +38,7 @@ def on_chosen_model(spec: Any, *, evaluate: Evaluate | None = None, workers: Any
     """The sweep `spec` on the model that a probe chooses, if it asks for one by `auto`; else as it
     is. `evaluate`, `workers`: as in `sweep`.
     """
-    if getattr(spec, "model", None) != AUTO:
+    if spec.model != AUTO:
         return spec
     blocks, _ = computing(spec, evaluate, workers)
     here = evaluate is None and workers is None
@@ -50,7 +50,7 @@ def as_chosen_for(output: Path, spec: Any) -> Any:
     one was and `spec` asks for it by `auto`; else as it is. That the map is of this sweep, the
     driver sees to.
     """
-    if getattr(spec, "model", None) != AUTO:
+    if spec.model != AUTO:
         return spec
     attrs: Mapping[str, Any] = {}
     if (found := manifest.read(manifest.parts_of(output))) is not None:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ..blade.numbers import numbers, traceable
-from ..contact.system import AbstractSystem
+from ..contact.system import AbstractSystem, system_attributes
 from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
 from ..engine.lanes import Outcome, Pool, run_pool
@@ -161,6 +161,6 @@ def _labelled(system, starts, outcome: Outcome, settle: float, window: float) ->
         "velocity_rms": settled(totals.deviation(window), "rms output velocity about its mean"),
         "result": code(outcome.result, "how the trajectory ended", RESULTS),
     }
-    attrs = maker() | cf.of_system(system) | {"settle": settle, "window": window}
+    attrs = maker() | system_attributes(system) | {"settle": settle, "window": window}
     axis = list(system.coordinates) or [f"q{k}" for k in range(len(starts[0]))]
     return xr.Dataset(variables, coords={"axis": axis}, attrs=attrs)

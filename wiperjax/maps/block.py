@@ -129,7 +129,7 @@ def _evaluate_block(spec, index, evaluate, neighbours):
     def look(spec, index, ended):
         return _first_look(spec, index, ended, evaluate)
 
-    if getattr(spec, "starts", None) is None:
+    if spec.starts is None:
         columns, occupancy = look(spec, index, None)
         room = getattr(spec, "room", len(index))
         found = Cells(spec, index, columns, None, room, occupancy)

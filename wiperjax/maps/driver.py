@@ -20,9 +20,10 @@ from ..machine import provenance
 from ..machine.files import StoreError, check_move, check_output, log
 from ..machine.interrupt import heeded
 from ..machine.phases import Account, account, during
-from ..specs.load import load_sweep, parse_sweep
+from ..specs.load import spec_of
+from ..specs.sweep import SweepSpec
 from ..store.blocks import BlockStore
-from ..store.manifest import parts_of, unlike
+from ..store.manifest import parts_of
 from ..store.map_file import finalize
 from ..store.mending import finished, kept_levels, not_gone_on_with, salvage
 from ..store.whole import listed, open_map
@@ -72,7 +73,7 @@ def sweep(
 
     - `block`: cells computed, and lost at worst, together; `block_size` if None. A sweep that
         is resumed keeps its own. Whole lines, where cells go on from each other.
-    - `evaluate`: what computes cells, `wiperjax.maps.cells.batch.evaluate` if None.
+    - `evaluate`: what computes cells, `wiperjax.maps.cells.evaluate.evaluate` if None.
     - `workers`: who computes, as `maps.cluster.connect` gives them; this process if None.
     - `identity`: what else must agree between parts of one map (such as the kind of device), text
         -> text.
@@ -84,7 +85,10 @@ def sweep(
     """
     _check(resume, force, progress, block, evaluate, output)
     source = Path(spec) if isinstance(spec, str | os.PathLike) else None
-    spec = _sweep(spec)
+    spec = spec_of(SweepSpec, spec)
+    if not hasattr(spec, "axes_values"):
+        must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
+        raise ValueError(f"{must}, but was {checks.shown(spec)}")
     if output is not None and resume:
         spec = as_chosen_for(Path(output), spec)
     spec = on_chosen_model(spec, evaluate=evaluate, workers=workers)
@@ -167,12 +171,6 @@ def _check(resume, force, progress, block, evaluate, output) -> None:
         checks.path("output", output)
 
 
-def check_made_by(path: Path, attrs: Mapping[str, Any], known: Mapping[str, str]) -> None:
-    """Raises `StoreError` unless the map at `path` was made as this process would make it."""
-    if said := unlike(json.loads(attrs.get("identity", "{}")), known):
-        raise StoreError(f"{path}: was made otherwise ({said}); sweep it anew")
-
-
 def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
     """Computes what a store lacks. Raises: `SweepInterrupted` on Ctrl-C, with the `hint`."""
     with Report(store.cells, title=task.spec.title, show=task.progress) as report:
@@ -181,19 +179,6 @@ def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
                 _compute(task, store, report, check)
         except KeyboardInterrupt:
             raise SweepInterrupted(hint()) from None
-
-
-def _sweep(spec: Any) -> Any:
-    """The sweep that `spec` is, names or describes; its notes, if read only here."""
-    if isinstance(spec, str | os.PathLike | Mapping):
-        sweep = parse_sweep(spec) if isinstance(spec, Mapping) else load_sweep(Path(spec))
-        for note in sweep.notes():
-            log.warning("note: %s", note)
-        return sweep
-    if not hasattr(spec, "axes_values"):
-        must = "spec must be a sweep, a mapping shaped like a sweep file, or the path of one"
-        raise ValueError(f"{must}, but was {checks.shown(spec)}")
-    return spec
 
 
 def _compute(task: Task, store: BlockStore, report: Report, check: Callable[[], None]) -> None:

@@ -27,13 +27,12 @@ class Report:
     def __init__(
         self,
         cells: int,
-        done: int = 0,
         title: str = "",
         console: Console | None = None,
         show: bool = True,
     ):
         self.cells = cells
-        self.done = done
+        self.done = 0
         self.title = title
         self.classes: Counter[str] = Counter()
         self.results: Counter[str] = Counter()

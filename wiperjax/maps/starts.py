@@ -25,7 +25,7 @@ Look = Callable[[Any, np.ndarray, Any], tuple[Columns, float | None]]
 
 def ended_columns(spec: Any) -> tuple[str, ...]:
     """Columns of a motion of a sweep from which another can go on."""
-    return ENDED if getattr(spec, "system", WIPER) == WIPER else ENDED_ELSEWHERE
+    return ENDED if spec.system == WIPER else ENDED_ELSEWHERE
 
 
 class Cells(NamedTuple):
@@ -80,8 +80,7 @@ def together(spec: Any, parts: Sequence[Columns]) -> Columns:
 
 def line_cells(spec: Any) -> int:
     """Cells that must be in one block: a whole line of the axis that is swept, else one."""
-    starts = getattr(spec, "starts", None)
-    return spec.shape[-1] if starts is not None and starts.ways else 1
+    return spec.shape[-1] if spec.starts is not None and spec.starts.ways else 1
 
 
 def whole_lines(spec: Any, cells: int) -> int:

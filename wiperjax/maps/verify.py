@@ -72,7 +72,7 @@ def verify(
         finer points beside.
     - `tolerance`: largest relative difference that passes.
     - `spec`: the sweep; read from the map if None.
-    - `evaluate`: as in `run`.
+    - `evaluate`: as in `sweep`.
 
     Raises: `StoreError` if `path` is no map, is damaged or has no checksums, or `spec` is not
         what it was made from.

@@ -60,7 +60,7 @@ def anatomy(ds: xr.Dataset, label: str = "other") -> list[tuple[str, str, int]]:
     return sorted(rows, key=lambda row: -row[2])
 
 
-def untold(ds: xr.Dataset) -> int:
+def untold_count(ds: xr.Dataset) -> int:
     """Number of noisy cells whose frequency the finest samples do not tell."""
     if "frequency_told" not in ds:
         return 0
@@ -68,7 +68,7 @@ def untold(ds: xr.Dataset) -> int:
     return int(np.sum((np.asarray(ds["frequency_told"]) == TOLD["no"]) & ~quiet))
 
 
-def unsettled(ds: xr.Dataset) -> int:
+def unsettled_count(ds: xr.Dataset) -> int:
     """Number of cells whose motion had not settled in the window, or is irregular for good."""
     return int(np.sum(np.asarray(ds["settled"]) == SETTLED["no"])) if "settled" in ds else 0
 

@@ -29,11 +29,6 @@ def stored(attrs: Mapping[str, Any]) -> Thresholds:
     return Thresholds(**found)
 
 
-def label(columns: Mapping[str, Any], thresholds: Any = None) -> np.ndarray:
-    """Class codes (`schema.LABELS`) of cells; see `classify`."""
-    return classify(columns, thresholds)["label"]
-
-
 def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np.ndarray]:
     """Codes `label`, `mechanism` and `band` of cells, int8, of the shape of the columns; also
     `settled` if it is among these.
@@ -48,7 +43,7 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
         `velocity_rms_stroke` (m/s), `stick_fraction_stroke`, `flight_fraction_stroke`,
         `impact_impulse_reversal` and `impact_impulse_max` (N s/m), `tone_time_before` and
         `tone_time_after` (s), `stick_count`;
-        `frequency_told` (`schema.TOLD`) where the frequency is NaN for want of samples.
+        `frequency_told` (`codes.TOLD`) where the frequency is NaN for want of samples.
     - `thresholds`: `Thresholds`, or anything with its attributes; the defaults if None.
 
     A finished cell with NaN among the columns its class rests on is `failed`, never silently
@@ -141,7 +136,7 @@ def _heard(columns: Mapping[str, Any], limits: Any) -> _Heard:
 
 
 def _label(seen: _Heard, limits: Any) -> np.ndarray:
-    """Codes of `schema.LABELS`."""
+    """Codes of `codes.LABELS`."""
     sounds, frequency = ~seen.quiet & ~seen.carried, seen.frequency
     low, high = limits.squeal_band
     squeal = sounds & (frequency >= low) & (frequency <= high)
@@ -165,7 +160,7 @@ def _label(seen: _Heard, limits: Any) -> np.ndarray:
 
 
 def _mechanism(seen: _Heard, limits: Any, unheard, reversal) -> np.ndarray:
-    """Codes of `schema.MECHANISMS`."""
+    """Codes of `codes.MECHANISMS`."""
     impulse = seen.of("impact_impulse_reversal")
     hit = (impulse > 0) & (impulse >= seen.of("impact_impulse_max"))  # the hardest hit of all
     # a tone that lasts for a part of the stroke: it sticks in every second period at least
@@ -185,7 +180,7 @@ def _mechanism(seen: _Heard, limits: Any, unheard, reversal) -> np.ndarray:
 
 
 def _band(seen: _Heard, limits: Any, unnamed) -> np.ndarray:
-    """Codes of `schema.BANDS`; none where `unnamed`, or where no frequency makes the sound."""
+    """Codes of `codes.BANDS`; none where `unnamed`, or where no frequency makes the sound."""
     found = (
         ("none", unnamed | seen.carried | seen.unseen),
         ("chatter", seen.frequency < limits.chatter_band[1]),

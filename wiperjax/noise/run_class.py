@@ -1,7 +1,7 @@
 """Class of one run: the columns of a map, taken from the samples and events of a trajectory.
 
-The rules are those of maps (`labels.classify`), so a scene and the cell of a map that stands for it
-are called the same. Regimes and impacts come from the events; levels, forces and the cost of slips
+The rules are those of maps (`classify`), so a scene and the cell of a map that stands for it are
+called the same. Regimes and impacts come from the events; levels, forces and the cost of slips
 from what the engine gathered beside the samples: these are exact. Frequencies are of the samples.
 """
 
@@ -13,7 +13,7 @@ import xarray as xr
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
-from ..vocabulary.kinds import BELT_KINDS, known, since_reversal, usual_transient
+from ..vocabulary.kinds import BELT_KINDS, since_reversal, usual_transient
 from ..vocabulary.ranges import FEWEST_SETTLED, Range
 from ..vocabulary.thresholds import FEWEST_PERIODS, Thresholds, silence
 from .classes import classify, stored
@@ -58,7 +58,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         )
     limits = thresholds if thresholds is not None else stored(run.attrs)
     kind, end = str(run.attrs["belt_kind"]), float(run["final_time"])
-    belt = known("belt_kind", kind, BELT_KINDS) if kind else None
+    belt = BELT_KINDS[checks.choice("belt_kind", kind, BELT_KINDS)] if kind else None
     if transient is not None:
         transient = checks.number("transient", transient, Range(0, end, high_open=True, unit="s"))
     else:
@@ -158,7 +158,7 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
     """Shares of time in stick and flight and impacts after `start`; with a `window`, those of the
     strokes, and the hardest impact in it.
     """
-    names = {code: name for code, name in flag_names(run["regime"]).items()}
+    names = flag_names(run["regime"])
     times = np.asarray(run["event_time"], dtype=float)
     after = np.asarray(run["regime_after"], dtype=int)
     first = int(run["regime_before"][0]) if times.size else int(run["final_regime"])

@@ -38,7 +38,7 @@ def signal_columns(
     - `signal`: mean tip velocity [m/s] over each sample interval, (cells, samples); NaN where a
         cell ended. Of float32 on a steady belt the spectra are float32.
     - `interval`: time [s] between samples.
-    - `limits`: thresholds, as `labels.Thresholds`.
+    - `limits`: thresholds, as `vocabulary.thresholds.Thresholds`.
     - `quiet_below`: [m/s], a number or (cells,): motion that counts as none when settling is
         judged.
     - `since`: time [s] of the middle of each sample since the nearest passage of V through zero,
@@ -88,7 +88,7 @@ def signal_columns(
     )
     found["frequency_told"] = np.where(told, TOLD["yes"], TOLD["no"])
     pitch = found["dominant_frequency"]
-    found["settled"] = settled(signal, interval, pitch, limits.settled_change, quiet_below)
+    found["settled"] = settled_codes(signal, interval, pitch, limits.settled_change, quiet_below)
     if halves_agree is not None:
         _name_tones(found, limits.tone_time, quiet_below)
         found["settled"] = np.where(halves_agree, found["settled"], SETTLED["unknown"])
@@ -122,7 +122,7 @@ def _name_tones(found: dict[str, np.ndarray], least: float, quiet_below: np.ndar
     found["frequency_told"] = np.where(heard, told, found["frequency_told"])
 
 
-def settled(
+def settled_codes(
     signal: np.ndarray, interval: float, pitch: np.ndarray, change: float, quiet_below: Any = 0.0
 ) -> np.ndarray:
     """Codes of `SETTLED`, (cells,): whether both halves of each signal tell the same.

@@ -40,6 +40,7 @@ LOBE = 0.2  # twice the highest side lobe of slow motion: half as high it would 
 BESIDE = 3.0  # cycles from a line, whose own width ends at two, to what it has to stand out of,
 STANDS_OUT, FAINTEST = 4.0, 1e-3  # by that factor, and above that share of the slow motion
 HIDDEN = 1 / (1 - np.sinc(0.5) ** 2)  # most that a hidden line has, over what means leave out of it
+REFINED = 4  # lines that place a fundamental: the strongest one and its next multiples
 MARGIN = 1.2  # for motion that is not the same throughout its window
 
 
@@ -75,7 +76,6 @@ def strongest_lines(
     averaged: bool = False,
     inner: Any = None,
     minimum_cycles: float = 1.5,
-    harmonics: int = 4,
 ) -> Lines:
     """Strongest spectral line of each signal, and whether the samples tell it.
 
@@ -90,7 +90,6 @@ def strongest_lines(
     - `inner`: variance inside the intervals, shape (..., samples), or its mean, (..., 1); None
         where there is none.
     - `minimum_cycles`: lines with fewer cycles in the window than this are not looked for.
-    - `harmonics`: lines (the strongest one and its multiples) used in the last refinement.
 
     Returns: `Lines` of shape (...,). Those of a signal do not depend on its neighbours, to the bit.
 
@@ -115,9 +114,7 @@ def strongest_lines(
     bins = Bins.of(samples, averaged, flat.dtype.name)
     rows = max(1, CHUNK // bins.length)
     found = [
-        _strongest(
-            flat[part], None if hidden is None else hidden[part], bins, minimum_cycles, harmonics
-        )
+        _strongest(flat[part], None if hidden is None else hidden[part], bins, minimum_cycles)
         for part in (slice(start, start + rows) for start in range(0, len(flat), rows))
     ] or [Lines(np.zeros(0), np.zeros(0, bool))]
     frequency, told = (
@@ -126,7 +123,7 @@ def strongest_lines(
     return Lines(frequency / sample_interval, told)
 
 
-def _strongest(signal, inner, bins: Bins, minimum_cycles: float, harmonics: int) -> Lines:
+def _strongest(signal, inner, bins: Bins, minimum_cycles: float) -> Lines:
     """`strongest_lines` of the rows of `signal` (rows, samples), in cycles per sample."""
     window = bins.window
     finite = np.isfinite(signal).all(axis=1)
@@ -154,7 +151,7 @@ def _strongest(signal, inner, bins: Bins, minimum_cycles: float, harmonics: int)
     found &= (top >= left) & (top >= right)  # else all is skirt: no line
     bend = left - 2.0 * top + right
     offset = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, 1.0), 0.0)
-    place = refined(spectrum, peak + offset, bins, harmonics)
+    place = refined(spectrum, peak + offset, bins, REFINED)
     frequency = np.where(found, place / bins.length, np.nan)
     if inner is None or bins.response is None:
         return Lines(frequency, finite)

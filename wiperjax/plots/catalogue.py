@@ -55,10 +55,6 @@ def _value(ds: xr.Dataset, quantity: str = "velocity_rms", **options: Any):
     return planes.value_map(ds, quantity, **options)
 
 
-def _run_page(part: xr.Dataset, whole: xr.Dataset) -> Figure:
-    return page.run_overview(part, whole)
-
-
 _PLANE = ("x", "y", "at")
 _TIMES = ("start", "stop")
 _SHARES = ("stick_fraction", "flight_fraction", "velocity_rms")
@@ -141,7 +137,7 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
     },
     "run": {
         "overview": Picture(
-            "all of the stills below on one page", _run_page, _TIMES, _MOTION, last_periods
+            "all of the stills below on one page", page.run_overview, _TIMES, _MOTION, last_periods
         ),
         "history": Picture(
             "velocity, position and forces over time, with bands of regime",

@@ -12,7 +12,7 @@ import xarray as xr
 
 from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
-from ..contact.system import AbstractSystem
+from ..contact.system import AbstractSystem, system_attributes
 from ..engine.carry.problem import Problem
 from ..engine.carry.state import EventLog, State, final_velocity
 from ..engine.observers.told import told
@@ -102,7 +102,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     stated = {name: unit for name, (_, unit) in parameters.items() if unit is not None}
     attrs = {
         **provenance.maker(),
-        **cf.of_system(given),
+        **system_attributes(given),
         **beside({name: value for name, (value, _) in parameters.items()}),
         **({"parameter_units": units_text(beside(stated))} if stated else {}),
         **attributes,

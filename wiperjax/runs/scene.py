@@ -4,7 +4,6 @@ import json
 import os
 import time
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,9 +13,8 @@ from ..contact.belts import SteadyBelt
 from ..engine.observers.reversal import ReversalTotals
 from ..engine.observers.totals import RegimeTotals
 from ..machine import provenance
-from ..machine.files import log
 from ..numerics.runge_kutta import SOLVERS
-from ..specs.load import load_scene, parse_scene
+from ..specs.load import spec_of
 from ..specs.scene import SceneSpec
 from ..systems.build import belt_of, build, start
 from ..vocabulary import cf, checks
@@ -44,7 +42,9 @@ def run_scene(
 
     Raises ValueError for anything else, and for a start that is impossible for these parameters.
     """
-    begun, spec = time.perf_counter(), _scene(spec)
+    begun, spec = time.perf_counter(), spec_of(SceneSpec, spec)
+    such_as = "a scene, a mapping shaped like a scene file, or the path of one"
+    checks.instance("spec", spec, SceneSpec, such_as)
     parameters, table = spec.parameters(), spec.parameter_table
     if strange := [name for name in varied if name not in parameters]:
         raise ValueError(not_there(str(strange[0]), "scene", parameters))
@@ -100,15 +100,3 @@ def _system(spec: SceneSpec) -> dict[str, str]:
         found |= {"model": spec.model, "title": spec.title or "trajectory of a wiper lip"}
         usual = MODELS[spec.model]
     return found | {"start": usual if start.kind == "default" else begins}
-
-
-def _scene(spec: Any) -> SceneSpec:
-    """Return the scene that ``spec`` is, names or describes; its notes, if read only here."""
-    if isinstance(spec, str | os.PathLike | Mapping):
-        scene = parse_scene(spec) if isinstance(spec, Mapping) else load_scene(Path(spec))
-        for note in scene.notes():
-            log.warning("note: %s", note)
-        return scene
-    such_as = "a scene, a mapping shaped like a scene file, or the path of one"
-    checks.instance("spec", spec, SceneSpec, such_as)
-    return spec

@@ -1,10 +1,12 @@
 """Sweep and scene files: what they mean, and one clear line when they are wrong.
 
 `load_sweep` and `load_scene` read a TOML file into a frozen specification. Each table is checked by
-itself in `tables.py`; what concerns two tables at once is checked here. Every fault becomes a
-`SpecError` whose text names the file, the key, what it must be and what it was. Imports no jax.
+itself in `tables.py`; what concerns two tables at once in `system.py`, `sweep.py`, `scene.py` and
+the families. Every fault becomes a `SpecError` whose text names the file, the key, what it must be
+and what it was. Imports no jax.
 """
 
+import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from ..machine.files import log
 from ..machine.paths import oddity
 from ..vocabulary import checks
 from ..vocabulary.wording import shorten
@@ -53,6 +56,27 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> SceneSpec:
     return _parse(SceneSpec, data, source)
 
 
+def spec_of(kind: type[_Spec], given: _Spec | Mapping[str, Any] | str | os.PathLike[str]) -> _Spec:
+    """The specification that a mapping is shaped like, or that the file of a path holds, its notes
+    logged as warnings; what is neither as it is: whoever calls says what else may be given.
+
+    Raises: SpecError, one line.
+    """
+    if isinstance(given, Mapping):
+        spec = _parse(kind, given, _word(kind))
+    elif isinstance(given, str | os.PathLike):
+        spec = _load(kind, Path(given), None)
+    else:
+        return given
+    for note in spec.notes():
+        log.warning("note: %s", note)
+    return spec
+
+
+def _word(kind: type[_Spec]) -> str:
+    return "scene" if kind is SceneSpec else "sweep"
+
+
 def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
     checks.path("path", path)
     text = _read(Path(path))
@@ -63,7 +87,7 @@ def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
     except (RecursionError, ValueError):  # of its parser: tables in tables, numbers without end
         must = "must be written with fewer brackets within brackets, and shorter numbers"
         raise SpecError(f"{path}: {must}") from None
-    needed = f"what is needed here is a {'scene' if kind is SceneSpec else 'sweep'}"
+    needed = f"what is needed here is a {_word(kind)}"
     if kind is SceneSpec and "axes" in data:
         raise SpecError(f"{path}: has [axes], so it is a sweep; {needed}")
     run = data.get("run")

@@ -3,7 +3,7 @@
 import numpy as np
 from pydantic import model_validator
 
-from ..vocabulary.kinds import BELTS, usual_transient
+from ..vocabulary.kinds import usual_transient
 from .laws import law_notes
 from .system import System
 from .tables import Classes, SceneRun
@@ -60,8 +60,4 @@ class SceneSpec(System):
         named = "run.duration less run.transient"
         lines = settled_notes(self.transient, window, named, classes, known)
         lines += law_notes(self.family.law(self), known)
-        if self.belt_kind in (None, "steady") or "lip_length" not in known:
-            return lines
-        names = (*BELTS[self.belt.kind].values(), "lip_length")
-        given = {name: np.abs(known[name]) for name in names}
-        return lines + flip_notes(self.belt.kind, given, classes.reversal_window)
+        return lines + flip_notes(self.belt_kind, known, classes.reversal_window)

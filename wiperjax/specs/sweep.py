@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, PrivateAttr, model_validator
 
-from ..vocabulary.kinds import BELTS, WIPER
+from ..vocabulary.kinds import WIPER
 from ..vocabulary.ranges import MOST_CELLS
 from ..vocabulary.wording import digits
 from .axis import Axis
@@ -232,11 +232,7 @@ class SweepSpec(System):
             what = f"classes.reversal_window is {around:g} s, less than a sample ({interval:.3g} s)"
             lines.append(f"{what}: a cell with no sample so soon after a turn is called failed")
         lines += law_notes(self.family.law(self), known)
-        if self.belt_kind != "steady" and "lip_length" in known:
-            names = (*BELTS[self.belt.kind].values(), "lip_length")
-            given = {name: np.abs(known[name]) for name in names}
-            lines += flip_notes(self.belt.kind, given, around)
-        return lines
+        return lines + flip_notes(self.belt_kind, known, around)
 
     def canonical(self) -> str:
         """JSON of everything that determines the numbers of the map, and of nothing else.

@@ -1,6 +1,6 @@
 """Tables of sweep and scene files, each checked by itself: types, ranges, shapes.
 
-What concerns two tables at once is checked in `spec.py`.
+What concerns two tables at once is checked in `system.py`, `sweep.py`, `scene.py` and the families.
 """
 
 import inspect
@@ -120,7 +120,7 @@ class Blade(limited("_BladeKeys", _BLADE_KEYS)):
 
 
 class Belt(limited("_BeltKeys", _BELT_KEYS)):
-    """Motion of the glass (edge units); which keys go with which kind is checked in `spec.py`."""
+    """Motion of the glass (edge units); which keys go with which kind is checked in `system.py`."""
 
     kind: BeltName = "steady"
 

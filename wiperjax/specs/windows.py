@@ -66,18 +66,21 @@ def _lacks(start: float, window: float, around: float, frequency: np.ndarray, tu
     return ~turn | (np.abs(since) <= around) & (window <= around - since)
 
 
-def flip_notes(kind: str, given: Mapping[str, np.ndarray], around: float) -> list[str]:
+def flip_notes(kind: str | None, known: Mapping[str, np.ndarray], around: float) -> list[str]:
     """Lines on a reversal window, `around` V = 0 [s], within which no lip flips over in the slowest
     cell.
 
-    `given`: the values of the numbers of a belt of this `kind`, and of `lip_length`, in SI units.
+    None of a system without a belt (`kind` None) or a lip, or with a belt that never turns.
+    `known`: parameter -> its values in SI units.
     """
+    if kind in (None, "steady") or "lip_length" not in known:
+        return []
     time = flip_time(
         kind,
-        given["belt_speed"].min(),
-        given["belt_frequency"].min(),
-        given["belt_ramp"].max() if "belt_ramp" in given else 0.0,
-        given["lip_length"].max(),
+        np.abs(known["belt_speed"]).min(),
+        known["belt_frequency"].min(),
+        known["belt_ramp"].max() if "belt_ramp" in known else 0.0,
+        np.abs(known["lip_length"]).max(),
     )
     if time <= 1.05 * around:
         return []

@@ -17,7 +17,7 @@ import hashlib
 import json
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -60,6 +60,17 @@ def add(file: BinaryIO) -> None:
     content = line + b"\n" + zlib.compress(rest)
     file.seek(size)
     file.write(content + FOOT.pack(MAGIC, len(content), hashlib.sha256(content).digest()))
+
+
+def seal(path: Path, last: Mapping[str, float], group: str = "/") -> None:
+    """Ends the HDF5 file at `path`: numbers that stand among the attributes of a `group` become
+    those of `last`, which are known now that all is written and read back; then the record.
+    """
+    with h5py.File(path, "r+") as file:
+        for name, value in last.items():
+            file[group].attrs.modify(name, value)  # in its place: needs no room on the disk
+    with open(path, "r+b") as file:
+        add(file)
 
 
 def damages(path: str | Path) -> list[Piece] | None:

@@ -80,11 +80,7 @@ def write_levels(
                 _write_dataset(file.create_group(BORDERS), borders)
             target.finish()
         _read_back(temporary, levels)
-        with h5py.File(temporary, "r+") as file:
-            for name, value in last().items():
-                file[BORDERS].attrs.modify(name, value)  # in its place: needs no room on the disk
-        with open(temporary, "r+b") as file:
-            checksums.add(file)
+        checksums.seal(temporary, last(), BORDERS)
         if checksums.mark(path) != mark:
             raise StoreError(
                 f"{path}: was changed or replaced meanwhile: it is not the map whose borders were "

@@ -36,16 +36,14 @@ SLAB_CELLS = 131_072  # most cells held at once while the map is written
 Slab = tuple[slice, ...]
 
 
-def chunk_shape(
-    shape: Sequence[int], chunk_cells: int = CHUNK_CELLS, slab_cells: int = SLAB_CELLS
-) -> tuple[int, ...]:
+def chunk_shape(shape: Sequence[int]) -> tuple[int, ...]:
     """Chunk of a map of this shape: near-cubic, and such that a row of chunks fits into a slab.
 
     Cubic chunks make slices along all axes equally cheap. Slabs are contiguous in C order, so the
     leading axes give way where one layer of chunks would be larger than a slab.
     """
     chunk = [1] * len(shape)
-    left, budget = len(shape), float(chunk_cells)
+    left, budget = len(shape), float(CHUNK_CELLS)
     for axis in sorted(
         range(len(shape)), key=lambda k: shape[k]
     ):  # short axes first: the rest share what they leave
@@ -54,24 +52,22 @@ def chunk_shape(
         left -= 1
     for axis in range(len(shape)):
         layer = math.prod(shape[axis + 1 :])
-        if layer <= slab_cells:
-            chunk[axis] = max(1, min(chunk[axis], slab_cells // layer))
+        if layer <= SLAB_CELLS:
+            chunk[axis] = max(1, min(chunk[axis], SLAB_CELLS // layer))
             break
         chunk[axis] = 1
     return tuple(chunk)
 
 
-def slabs(
-    shape: Sequence[int], chunk: Sequence[int], slab_cells: int = SLAB_CELLS
-) -> Iterator[tuple[int, int, Slab]]:
+def slabs(shape: Sequence[int], chunk: Sequence[int]) -> Iterator[tuple[int, int, Slab]]:
     """First cell, one after the last, and index of each slab; they cover the map once, in C
     order.
     """
     split = next(
-        (k for k in range(len(shape)) if math.prod(shape[k + 1 :]) <= slab_cells), len(shape) - 1
+        (k for k in range(len(shape)) if math.prod(shape[k + 1 :]) <= SLAB_CELLS), len(shape) - 1
     )
     layer = math.prod(shape[split + 1 :])
-    thickness = chunk[split] * max(1, slab_cells // (layer * chunk[split]))
+    thickness = chunk[split] * max(1, SLAB_CELLS // (layer * chunk[split]))
     for outer in np.ndindex(*shape[:split]):
         base = int(np.ravel_multi_index(outer, shape[:split])) if split else 0
         for low in range(0, shape[split], thickness):
@@ -114,11 +110,7 @@ def finalize(
             sums = _write(store, target, dict(attributes or {}))
             target.finish()
         _verify(temporary, sums)
-        with h5py.File(temporary, "r+") as file:
-            for name, value in last().items():
-                file.attrs.modify(name, value)  # in its place: needs no room on the disk
-        with open(temporary, "r+b") as file:
-            checksums.add(file)
+        checksums.seal(temporary, last())
         if groups is not None:
             mark = checksums.mark(temporary)
             write_levels(temporary, mark, *groups, store.parts / ".levels.tmp")

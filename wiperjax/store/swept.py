@@ -47,9 +47,13 @@ def check_swept(ds: xr.Dataset, path: str | Path, read: bool = True) -> None:
         raise StoreError(f"{path}: is not a map that a sweep made")
 
 
-def check_made_from(spec: Any, ds: xr.Dataset, path: str | Path) -> None:
-    """Raises `StoreError` that says what differs unless a map was made from the sweep `spec`."""
-    if said := otherwise(ds.attrs, spec):
+def check_made_from(
+    spec: Any, ds: xr.Dataset, path: str | Path, identity: Mapping[str, str] | None = None
+) -> None:
+    """Raises `StoreError` that says what differs unless a map was made from the sweep `spec`, and
+    by what has this `identity`, if one is given.
+    """
+    if said := otherwise(ds.attrs, spec, identity):
         raise StoreError(f"{path}: was made otherwise ({said}); sweep it anew")
 
 

@@ -8,12 +8,6 @@ import numpy as np
 import xarray as xr
 
 
-def of_system(system: Any) -> dict[str, Any]:
-    """Return the attributes that tell whose a run, branch or curve is: its class, and whether that
-    is a blade."""
-    return {"system": type(system).__name__, "of_a_blade": int(system.of_a_blade)}
-
-
 def plain_attributes(attrs: Mapping[str, Any]) -> dict[str, Any]:
     """Attributes as types that netCDF can hold: text, numbers, arrays; None is left out."""
     plain: dict[str, Any] = {}

@@ -67,10 +67,7 @@ def parameters(values: Mapping[str, Any], names: Mapping[str, str] | None = None
         names: argument -> name in `PARAMETERS`, where it is another.
     """
     for name, value in values.items():
-        if is_traced(value):
-            continue
-        entry = PARAMETERS[(names or {}).get(name, name)]
-        parameter(name, value, entry)
+        parameter(name, value, PARAMETERS[(names or {}).get(name, name)])
 
 
 def parameter(name: str, value: Any, entry: Parameter) -> None:

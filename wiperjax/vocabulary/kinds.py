@@ -204,10 +204,3 @@ FRICTIONS: Mapping[str, Mapping[str, str]] = MappingProxyType(
 
 LAW_PARAMETERS = frozenset(name for keys in FRICTIONS.values() for name in keys.values())
 """Parameters of the blade that are numbers of some law: a blade has those of its own law."""
-
-
-def known(what: str, kind: Any, kinds: Mapping[str, Any]) -> Any:
-    """The entry of ``kind``. Raises ValueError, listing those there are, for another kind."""
-    if not isinstance(kind, str) or kind not in kinds:
-        raise ValueError(f"{what} must be one of {', '.join(kinds)}, but was {kind!r}")
-    return kinds[kind]

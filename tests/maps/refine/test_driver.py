@@ -432,7 +432,7 @@ window = 0.2
     with pytest.raises(SpecError, match="refine.box.attack_angle: must be .low, high. inside"):
         load_sweep(with_table)
     assert main(["refine", str(tmp_path / "map.h5"), "--levels", "2"]) == 1
-    assert "No such file" in capsys.readouterr().err
+    assert "does not exist" in capsys.readouterr().err
     coarse_map(tmp_path / "map.h5", DISC)
     assert main(["refine", str(tmp_path / "map.h5"), "--levels", "2", "--box", "speed"]) == 1
     assert "--box must be AXIS=LOW:HIGH" in capsys.readouterr().err

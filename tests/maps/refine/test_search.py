@@ -4,10 +4,10 @@ import shutil
 
 import numpy as np
 import pytest
-from border_maps import AXES, coarse_map, engine, refined, unit
+from border_maps import AXES, coarse_map, engine, places_of, refined, unit
 
 from wiperjax.cli import main
-from wiperjax.maps.refine.replay import places_of, replay
+from wiperjax.maps.refine.replay import replay
 from wiperjax.store.whole import open_map
 from wiperjax.vocabulary.codes import CROSSINGS, LABELS
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from border_maps import AXES, border_spec, coarse_map, engine, refined
+from border_maps import AXES, border_spec, coarse_map, engine, places_of, refined
 
 from wiperjax.cli import main
 from wiperjax.maps.refine.cubes import Cubes
 from wiperjax.maps.refine.grid import Grid
 from wiperjax.maps.refine.judge import REASONS
-from wiperjax.maps.refine.replay import places_of, replay
+from wiperjax.maps.refine.replay import replay
 from wiperjax.vocabulary.codes import BANDS
 
 PLANE = ("attack_angle", "belt_speed")

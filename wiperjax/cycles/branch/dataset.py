@@ -4,10 +4,10 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
-from ...contact.system import AbstractSystem
+from ...contact.system import AbstractSystem, system_attributes
 from ...datasets.branch_dataset import check_over
 from ...machine import provenance
-from ...vocabulary import cf, checks
+from ...vocabulary import checks
 from .follow import Branch
 
 COLUMNS = {  # name: (unit for a blade, meaning)
@@ -86,7 +86,7 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
         attrs={
             **provenance.maker(),
             "over": name,
-            **cf.of_system(first.system),
+            **system_attributes(first.system),
             "ends": "; ".join(branch.ends),
         },
     )

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
-from ...contact.system import AbstractSystem
+from ...contact.system import AbstractSystem, system_attributes
 from ...engine.arguments import check_state, check_system, longest_step
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
@@ -160,7 +160,7 @@ def _table(given: AbstractSystem, over: str, values, highs: np.ndarray, columns)
             "result": (plane, result.astype(np.int8), flags),
         },
         coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
-        attrs={**maker(), "over": name, **cf.of_system(given)},
+        attrs={**maker(), "over": name, **system_attributes(given)},
     )
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from ...blade import numbers
+from ...contact.system import system_attributes
 from ...datasets.branch_dataset import check_over
 from ...machine import provenance
 from ...vocabulary import cf, checks
@@ -88,6 +89,6 @@ def curves_dataset(curves: list[Curve]) -> xr.Dataset:
             **provenance.maker(),
             "over": names[0],
             "second": names[1],
-            **cf.of_system(system),
+            **system_attributes(system),
         },
     )

@@ -18,7 +18,7 @@ def smooth(record: Totals, window, xp=jnp) -> dict[str, Any]:
     (jax.numpy or numpy).
     """
     # Of the time as it was added up, which is the window but for rounding: what sticks throughout
-    # has the share 1 itself, in any precision. By that `labels` tells a tip that is carried.
+    # has the share 1 itself, in any precision. By that `noise.classes` tells a tip that is carried.
     counted = record.stick_time + record.slip_time + record.flight_time
     counted = xp.where(counted > 0, counted, 1.0)
     return {

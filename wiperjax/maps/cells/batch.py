@@ -50,7 +50,7 @@ def evaluate(
     number of cells): for so many cells with the plain number of samples the program is compiled.
     Calls of one room share it, if they have at most room / finer cells.
 
-    ``ended``: columns of as many motions that these go on from (`build.continued_state`); default:
+    ``ended``: columns of as many motions that these go on from (`systems.build.go_on`); default:
     the start of ``spec``.
     """
     built, position, velocity = prepare(spec, index, room, ended)

@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .bank import Bank, Columns
+from ..starts import Columns
+from .bank import Bank
 from .criterion import Criterion
 from .search import Answer, Request
 

@@ -9,9 +9,8 @@ from ...datasets.map_dataset import select
 from ...machine.files import StoreError
 from ...store.levels import Level, read_levels
 from ...vocabulary.columns import column_of
-from .grid import Grid
-
-Columns = dict[str, np.ndarray]
+from ..starts import Columns
+from .grid import Grid, merged, positions
 
 
 class Bank:
@@ -27,19 +26,16 @@ class Bank:
         columns = select(columns, len(index))
         columns = {name: x for name, x in columns.items() if not column_of(name).along}
         factor = np.broadcast_to(np.asarray(factor, dtype=np.int16), len(index))
-        keep = ~np.isin(self.index, index, assume_unique=True)
-        every = np.concatenate([self.index[keep], index])
-        order = np.argsort(every)
-        if self.columns:
-            columns = {n: np.concatenate([v[keep], columns[n]]) for n, v in self.columns.items()}
-        self.index, self.columns = every[order], {n: v[order] for n, v in columns.items()}
-        self.factor = np.concatenate([self.factor[keep], factor])[order]
+        self.index, join = merged(self.index, index)
+        self.factor = join(self.factor, factor)
+        self.columns = {
+            name: join(self.columns.get(name, columns[name][:0]), columns[name])
+            for name in self.columns or columns
+        }
 
     def find(self, index: np.ndarray) -> np.ndarray:
         """Positions of the points `index`, -1 for those that are not there."""
-        place = np.searchsorted(self.index, index)
-        there = np.append(self.index, -1)[place] == index
-        return np.where(there, place, -1)
+        return positions(self.index, index)
 
     def take(self, place: np.ndarray) -> Columns:
         """Columns of the points at positions."""

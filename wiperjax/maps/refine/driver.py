@@ -28,15 +28,16 @@ from ...store.blocks import BlockStore
 from ...store.folder import LOCK, clear, remove_temporary
 from ...store.levels import is_refined, write_levels
 from ...store.partial import Reader
-from ...store.swept import sweep_of
+from ...store.swept import check_made_from, sweep_of
 from ...store.whole import borders, open_finished
 from ...vocabulary import checks
 from ...vocabulary.wording import not_there
 from ..block import Evaluate, block_size
 from ..computing import computing
-from ..driver import SweepInterrupted, Task, check_made_by, fill
+from ..driver import SweepInterrupted, Task, fill
+from ..starts import Columns
 from .answers import Answers
-from .bank import Bank, Columns
+from .bank import Bank
 from .criterion import Criterion
 from .grid import Grid
 from .known import Facts
@@ -88,7 +89,7 @@ def refine(
             return borders(path)
         blocks, known = computing(spec, evaluate, workers)
         known |= dict(identity or {})
-        check_made_by(path, ds.attrs, known)
+        check_made_from(spec, ds, path, known)
         grid = Grid(spec.axes, found.depth(spec.axes))
         criterion = Criterion(found, spec.classes)
         facts, axes = _of_map(path, ds, criterion), {name: ds[name] for name in spec.axes}

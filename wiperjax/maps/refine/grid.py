@@ -4,7 +4,7 @@ Level k has 2^k (n - 1) + 1 values along an axis of n. The finest level numbers 
 level, so that a set of points is a sorted array of whole numbers.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,7 @@ class Grid:
                     f"refine.levels must leave values of axes.{name} that floating point tells "
                     f"apart, but was {levels}"
                 )
-        self.strides = np.append(np.cumprod(self.shape[:0:-1])[::-1], 1).astype(np.int64)
+        self.strides = _strides(self.shape)
 
     @property
     def dim(self) -> int:
@@ -85,15 +85,35 @@ class Grid:
 
     def renumbered(self, flat: np.ndarray, level: int) -> np.ndarray:
         """Numbers of points of this grid in the grid of a `level`, which must have them."""
-        shape = (self.coarse - 1) * 2**level + 1
-        strides = np.append(np.cumprod(shape[:0:-1])[::-1], 1)
+        strides = _strides((self.coarse - 1) * 2**level + 1)
         return (self.places(flat) >> (self.levels - level)) @ strides
 
     def from_level(self, index: np.ndarray, level: int) -> np.ndarray:
         """Numbers in this grid of the points `index` of the grid of a coarser `level`."""
         shape = (self.coarse - 1) * 2**level + 1
-        strides = np.append(np.cumprod(shape[:0:-1])[::-1], 1)
-        return self.flat((np.asarray(index)[..., None] // strides % shape) << (self.levels - level))
+        places = np.asarray(index)[..., None] // _strides(shape) % shape
+        return self.flat(places << (self.levels - level))
+
+
+def _strides(shape: np.ndarray) -> np.ndarray:
+    """Steps between the numbers of neighbours along each axis of a grid, in C order."""
+    return np.append(np.cumprod(shape[:0:-1])[::-1], 1).astype(np.int64)
+
+
+def positions(known: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Positions of the points `index` in the sorted ones `known`, -1 for those not there."""
+    place = np.searchsorted(known, index)
+    return np.where(np.append(known, -1)[place] == index, place, -1)
+
+
+def merged(known: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, Callable]:
+    """The points of both, sorted, and what joins values of the one, (known,), and of the other,
+    (index,), in that order. Of what is in both, those of `index` count.
+    """
+    keep = ~np.isin(known, index, assume_unique=True)
+    every = np.concatenate([known[keep], index])
+    order = np.argsort(every)
+    return every[order], lambda old, new: np.concatenate([old[keep], new])[order]
 
 
 def values(axis: Any, level: int) -> np.ndarray:

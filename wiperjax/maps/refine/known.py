@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .grid import Grid
+from .grid import Grid, merged, positions
 
 
 class Facts(NamedTuple):
@@ -43,18 +43,13 @@ class Known:
 
     def put(self, index: np.ndarray, facts: Facts) -> None:
         """Adds points; those that are known are replaced."""
-        keep = ~np.isin(self.index, index, assume_unique=True)
-        every = np.concatenate([self.index[keep], index])
-        order = np.argsort(every)
-        old = self.facts.take(keep)
-        pieces = (np.concatenate(pair)[order] for pair in zip(old, facts, strict=True))
-        self.index, self.facts = every[order], Facts(*pieces)
+        self.index, join = merged(self.index, index)
+        self.facts = Facts(*map(join, self.facts, facts))
         self._orders.clear()
 
     def find(self, index: np.ndarray) -> np.ndarray:
         """Positions of the points `index`, -1 for those that are not known."""
-        place = np.minimum(np.searchsorted(self.index, index), len(self.index) - 1)
-        return np.where(self.index[place] == index, place, -1)
+        return positions(self.index, index)
 
     def lacking(self, index: np.ndarray) -> np.ndarray:
         """Those of `index` that are not known, each once, sorted."""

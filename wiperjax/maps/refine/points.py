@@ -11,10 +11,9 @@ import numpy as np
 from ...store.levels import is_refined
 from ...store.whole import borders
 from ...vocabulary.ranges import COUNT
+from ..starts import Columns
 from .bank import Bank
 from .grid import Grid
-
-Columns = dict[str, np.ndarray]
 
 ROOM = 4096  # points in a block; blocks of few points share the program of full ones
 

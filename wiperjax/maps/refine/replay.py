@@ -1,10 +1,6 @@
 """A refined map asked: the search done again with the answers in the file, for no simulation."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from ...machine.files import StoreError
 from ...specs.refine import Refine
@@ -34,14 +30,3 @@ def replay(path: str | Path) -> tuple[Search, Criterion]:
     bank, search = Bank.of_file(path, grid), Search(grid, settings, criterion.thresholds, facts)
     search.run(Answers(bank, criterion, settings.lengthen))  # to the end, or that of its budget
     return search, criterion
-
-
-def places_of(grid: Grid, values: Mapping[str, Any]) -> np.ndarray:
-    """Places (points, dim) in steps of a grid of values of its axes, edge units."""
-    found = []
-    for name in grid.names:
-        along, rank = grid.along[name], np.arange(grid.shape[grid.names.index(name)], dtype=float)
-        if along[0] > along[-1]:
-            along, rank = along[::-1], rank[::-1]
-        found.append(np.interp(np.asarray(values[name], dtype=float), along, rank))
-    return np.stack(found, axis=-1)

@@ -209,7 +209,7 @@ def regime_raster(
     if ax is None:
         ax = page((7.0, 5.0)).subplots()
     codes = line["regime_raster"].transpose(along, "raster_time").values
-    names = {code: name for code, name in flag_names(line["regime_raster"]).items()}
+    names = flag_names(line["regime_raster"])
     order = [code for code, name in names.items() if name in REGIMES]
     colours = ListedColormap([*(REGIMES[names[code]] for code in order), UNKNOWN])
     borders = BoundaryNorm(np.arange(len(order) + 2) - 0.5, len(order) + 1)

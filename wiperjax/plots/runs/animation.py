@@ -40,17 +40,17 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
     """
     if not has_lip(ds):
         raise ValueError("the run must be of a Wiper: only its lip can be drawn")
-    length, time, tip, hinge, belt, travel, force, regimes = lip_scene(ds)
+    scene = lip_scene(ds)
+    length, time, tip, hinge, belt, travel, force, regimes = scene
     frames = int(min(max(2, round(seconds * FRAMES_PER_SECOND)), time.size))
     chosen = np.linspace(0, time.size - 1, frames).round().astype(int)
-    largest = float(np.linalg.norm(force, axis=1).max(initial=0.0)) or 1.0
-    scale = ARROW * length / largest
+    arrows = scene.push
 
     figure = page((5.6, 5.6))
     ax, below = figure.subplots(2, 1, height_ratios=[3.6, 1.2])
     slower = frames / FRAMES_PER_SECOND / (time[-1] - time[0])
     set_caption(figure, ds, f"{slower:,.0f} times slower" if slower >= 2 else "")
-    _stage(ax, length, tip, hinge)
+    _stage(ax, scene)
     marks = np.arange(-4, 5) * 0.5 * length
     (glass,) = ax.plot([], [], "|", color=BELT, markersize=9, markeredgewidth=1.6)
     (rod,) = ax.plot([], [], "-", linewidth=5, solid_capstyle="round", zorder=3)
@@ -75,7 +75,7 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
             (marks + travel[k] + 2 * length) % (4 * length) - 2 * length,
             np.full(9, -0.045 * length),
         )
-        push = scale * force[k]
+        push = arrows[k]
         arrow.xy = (x + push[0], y + push[1])
         arrow.set_position((x, y))
         arrow.set_visible(bool(np.linalg.norm(push) > 0.02 * length))
@@ -125,6 +125,17 @@ class LipScene(NamedTuple):
     force: np.ndarray
     regimes: list[str]
 
+    @property
+    def push(self) -> np.ndarray:
+        """The force as arrows (samples, 2): of the largest, `ARROW` lengths of the lip."""
+        largest = float(np.linalg.norm(self.force, axis=1).max(initial=0.0)) or 1.0
+        return ARROW * self.length / largest * self.force
+
+    @property
+    def reach(self) -> float:
+        """How far to either side the lip and its tip are seen."""
+        return max(1.35 * self.length, 1.1 * float(np.abs(self.tip[:, 0]).max()))
+
 
 def lip_scene(ds: xr.Dataset) -> LipScene:
     """What is drawn of a run."""
@@ -136,7 +147,7 @@ def lip_scene(ds: xr.Dataset) -> LipScene:
     belt = np.asarray(ds["belt_velocity"], dtype=float)
     travel = 1e3 * np.concatenate([[0.0], np.cumsum(0.5 * (belt[1:] + belt[:-1]) * np.diff(time))])
     force = np.column_stack([ds["friction_force"], ds["normal_force"]])
-    names = {code: name.lower() for code, name in flag_names(ds["regime"]).items()}
+    names = flag_names(ds["regime"])
     regimes = [names[int(code)] for code in np.asarray(ds["regime"])]
     return LipScene(length, time, tip, hinge, belt, travel, force, regimes)
 
@@ -153,13 +164,13 @@ def _velocities(ax, ds: xr.Dataset, time: np.ndarray, belt: np.ndarray):
     return ax.axvline(time[0], color="black", linewidth=1.0)
 
 
-def _stage(ax, length: float, tip: np.ndarray, hinge: np.ndarray) -> None:
+def _stage(ax, scene: LipScene) -> None:
     """Glass and hinge line, to scale."""
+    length = scene.length
     ax.axhspan(-0.25 * length, 0, color="#D8EDE6", zorder=0)
     ax.axhline(0, color=BELT, linewidth=1.2, zorder=1)
-    reach = max(1.35 * length, 1.1 * float(np.abs(tip[:, 0]).max()))
-    ax.set_xlim(-reach, reach)
-    ax.set_ylim(-0.12 * length, max(1.3 * length, 1.1 * float(hinge.max())))
+    ax.set_xlim(-scene.reach, scene.reach)
+    ax.set_ylim(-0.12 * length, max(1.3 * length, 1.1 * float(scene.hinge.max())))
     ax.set_aspect("equal")
     ax.set_xlabel("along the glass (mm)")
     ax.set_ylabel("height (mm)")

@@ -61,12 +61,11 @@ def regime_legend(ds: xr.Dataset) -> list[Patch | Line2D]:
     return handles
 
 
-def pieces(ds: xr.Dataset, finest: float = FINEST) -> list[Piece]:
-    """Start, end (s) and shares of the regimes of each band: long stays alone, short ones together.
-
-    `finest`: share of the time of `ds` below which a stay is too short to be seen.
+def pieces(ds: xr.Dataset) -> list[Piece]:
+    """Start, end (s) and shares of the regimes of each band: long stays alone, short ones, of less
+    than `FINEST` of the time of `ds`, together.
     """
-    least = finest * float(ds["time"][-1] - ds["time"][0])
+    least = FINEST * float(ds["time"][-1] - ds["time"][0])
     found: list[Piece] = []
     short: list[Span] = []
     for span in regime_spans(ds):

@@ -5,7 +5,8 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ...vocabulary.kinds import FRICTION_KINDS, known
+from ...vocabulary import checks
+from ...vocabulary.kinds import FRICTION_KINDS
 from ..style.axes import label, legend_below, page, shown
 from ..style.caption import is_own, set_caption
 from ..style.palette import REGIMES, UNKNOWN, readable
@@ -98,7 +99,7 @@ def law_of(ds: xr.Dataset) -> str:
     Raises: `ValueError` unless its attributes tell it, and its numbers.
     """
     kind = str(ds.attrs.get("friction", "stribeck")).lower()
-    needed = known("friction", kind, FRICTION_KINDS).keys.values()
+    needed = FRICTION_KINDS[checks.choice("friction", kind, FRICTION_KINDS)].keys.values()
     if missing := [name for name in needed if name not in ds.attrs]:
         only = "the friction law is known of laws of the package only"
         raise ValueError(f"the run has no {missing[0]}: {only}")

@@ -20,7 +20,7 @@ def regime_masks(ds: xr.Dataset) -> Iterator[tuple[str, np.ndarray]]:
     codes = np.asarray(ds["regime"], dtype=int)
     for code, name in flag_names(ds["regime"]).items():
         if (codes == code).any():
-            yield name.lower(), codes == code
+            yield name, codes == code
 
 
 def phase_portrait(

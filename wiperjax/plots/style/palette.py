@@ -21,7 +21,7 @@ HATCHES = {  # pattern and its colour
     "not_computed": ("....", "#FFFFFF"),
 }
 SEVERAL = ("\\\\\\\\", "#333333")  # where the class hangs on the start
-MECHANISMS = {  # what keeps a motion going, as `labels` tells it
+MECHANISMS = {  # what keeps a motion going, as `noise.classes` tells it
     "none": CLASSES["quiet"],
     "self_excited_slip": "#E69F00",
     "stick_slip": "#332288",

@@ -1,7 +1,7 @@
 """Derivatives of the outcomes of a sweep by parameters, and whether they hold.
 
 Forward mode: the tangents of all parameters travel with the lanes of one batch. A derivative is
-stored where it holds and is NaN elsewhere; `schema.VALIDITY` names the reasons, in this order of
+stored where it holds and is NaN elsewhere; `codes.VALIDITY` names the reasons, in this order of
 precedence: the cell has no settled outcome; its motion is not settled; the sequence of events is
 another one a finite-difference step away (checked cells); an event is near grazing. A share of the
 cells is checked by central differences of fourth order at a thousandth of the tolerance.
