@@ -11,8 +11,7 @@ sweep file runs on any of them. Their one coordinate is the tip's place x along 
 import numpy as np
 
 from ..contact.system import AbstractSystem
-from ..vocabulary.kinds import MODELS as MODELS
-from ..vocabulary.kinds import known
+from ..vocabulary.kinds import MODELS, known
 from .bar import Bar
 from .block import Block, block_of
 from .wiper import Wiper

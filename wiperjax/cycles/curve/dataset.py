@@ -3,9 +3,9 @@
 import numpy as np
 import xarray as xr
 
-from ...blade import numbers
 from ...datasets.branch_dataset import check_over
 from ...machine import provenance
+from ...systems import numbers
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import CurveEnd
 from .follow import Curve
