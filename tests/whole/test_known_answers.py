@@ -1,11 +1,11 @@
-"""Cases with known answers (VERIFICATION.md), as user-defined systems through `wiperjax.solve`."""
+"""Cases with known answers, as user-defined systems through `wiperjax.solve`."""
 
 import math
 
 import jax
 import numpy as np
 import pytest
-from problems import CASES_V8, EXACT, periodic_impacts
+from problems import EXACT, IMPACT_CASES, periodic_impacts
 from systems import Ball, Block, Rod, StopOscillator, events, trajectory
 
 import wiperjax
@@ -129,7 +129,7 @@ def advanced(state, system, period):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("w, e, psi, speed, multipliers", CASES_V8)
+@pytest.mark.parametrize("w, e, psi, speed, multipliers", IMPACT_CASES)
 def test_v8_forced_impact_oscillator(w, e, psi, speed, multipliers):
     phase, v = periodic_impacts(w, e)
     assert v == pytest.approx(speed, rel=1e-12)
