@@ -1,4 +1,4 @@
-"""Velocities after an event: the blow of an impact, and the limit of a sequence of them."""
+"""Velocities after an event: those behind an impact, and the limit of a sequence of impacts."""
 
 from typing import NamedTuple
 

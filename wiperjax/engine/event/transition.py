@@ -129,7 +129,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
 def _bounce(before: Contact, after: Contact, leaving):
     """Return how long a flight with the normal speed ``leaving`` lasts by the free acceleration at
     its top and, to first order, the dashpots: what they add to it is linear in the speed, and known
-    on both sides of the blow.
+    on both sides of the impact.
     """
     slope = (after.b_n - before.b_n) / (leaving - smaller(before.normal_speed, 0.0))
     top = after.b_n - slope * leaving
