@@ -78,7 +78,8 @@ class Bar(OnBelt):
 
     def on_sides(self, sides):
         # the last side is that of the pressing force, which is not the lip's
-        return Bar(self.lip.on_sides(sides[:-1]), tuple(sides))
+        lip = self.lip.on_sides(sides[:-1])
+        return eqx.tree_at(lambda bar: bar.lip, super().on_sides(sides), lip)
 
     def prepared(self):
         return eqx.tree_at(lambda bar: bar.lip, self, self.lip.prepared())
