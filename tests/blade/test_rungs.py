@@ -21,6 +21,7 @@ from wiperjax.contact.space import contact
 from wiperjax.maps import compare_rungs
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import SpecError, load_scene, parse_scene, parse_sweep
+from wiperjax.vocabulary.kinds import MODELS
 
 WIPER = wiperjax.Wiper(attack_angle=0.1, support_damping=3.0, hinge_damping=1e-5, gravity=9.81)
 BELTS = {
@@ -106,15 +107,43 @@ def test_block_has_the_linearisation_of_the_lip(degrees, speed):
     np.testing.assert_allclose(-2.4e-3 * damp, slip.c_eff, rtol=1e-9, atol=1e-9)
 
 
+def unstable_speeds(rung):
+    """Belt speeds (low, high) [m/s] between which steady slip of a block is unstable.
+
+    Lyapunov's first method: m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 grows where mu'(V) is below
+    -c_b/N. The Stribeck curve is steepest at v_s ((delta - 1)/delta)^(1/delta), so that the speeds
+    form one interval, which begins at rest for delta = 1. NaN if no speed is unstable; high is inf
+    if none is stable.
+    """
+    law = rung.friction
+    scale, shape = float(law.stribeck_speed), float(law.shape)
+    fall = float(law.static - law.minimum) / scale
+    allowed = float(law.viscous_slope + rung.damping / rung.load)
+
+    def excess(u):  # -mu' of the falling part, less what damping and viscosity allow; u = V/v_s
+        return fall * shape * u ** (shape - 1) * np.exp(-(u**shape)) - allowed
+
+    top = ((shape - 1) / shape) ** (1 / shape)
+    if not excess(top) > 0:
+        return np.nan, np.nan
+    low = 0.0 if excess(0.0) > 0 else brentq(excess, 0.0, top, xtol=1e-15)
+    if allowed <= 0:
+        return scale * low, np.inf
+    far = top + 1.0
+    while excess(far) > 0:
+        far *= 2
+    return scale * low, scale * brentq(excess, top, far, xtol=1e-15)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("degrees", "hopf"), [(-30, 0.5766), (-10, 0.5017), (0, 0.4511), (10, 0.3937), (30, 0.2470)]
 )
 def test_block_loses_stability_where_the_lip_does(degrees, hopf):
-    """VERIFICATION.md V11: Hopf speeds of the reference blade, four digits."""
+    """docs/model.md, section 10: Hopf speeds of the reference blade, four digits."""
     belt = wiperjax.SteadyBelt(hopf)
     rung = block.block_of(wiperjax.Wiper(belt=belt, attack_angle=np.radians(degrees)))
-    low, high = block.unstable_speeds(rung)
+    low, high = unstable_speeds(rung)
     fall, load, damping = 0.7, float(rung.load), float(rung.damping)
     closed = 0.1 * np.log(fall * load / (0.1 * (damping + 0.02 * load)))
     assert low == 0 and high == pytest.approx(closed, rel=1e-12)
@@ -132,20 +161,18 @@ def oscillator(shape, speed, damping):
 
 def test_range_of_unstable_speeds():
     round_law = oscillator(2.0, 0.2, 3.0)
-    low, high = block.unstable_speeds(round_law)
+    low, high = unstable_speeds(round_law)
     for speed in (low, high):  # the very slopes balance there
         slope = jax.grad(round_law.law.coefficient)(speed)
         assert 3.0 + 12 * slope == pytest.approx(0, abs=1e-9)
     assert 0 < low < 0.3 / np.sqrt(2) < high
-    assert np.isnan(block.unstable_speeds(oscillator(2.0, 0.2, 9.0))).all()
-    assert block.unstable_speeds(oscillator(1.0, 0.2, -1.0)) == (0.0, np.inf)
-    with pytest.raises(ValueError, match="Stribeck friction, but had Coulomb"):
-        block.unstable_speeds(replace(round_law, friction=Coulomb(1.0, 0.5)))
+    assert np.isnan(unstable_speeds(oscillator(2.0, 0.2, 9.0))).all()
+    assert unstable_speeds(oscillator(1.0, 0.2, -1.0)) == (0.0, np.inf)
 
 
 @pytest.mark.slow
 def test_squeal_oscillator_grows_inside_its_range_and_dies_outside():
-    low, high = block.unstable_speeds(oscillator(2.0, 0.2, 3.0))
+    low, high = unstable_speeds(oscillator(2.0, 0.2, 3.0))
     span = 0.03  # s, 17 periods
     for speed in (0.9 * low, 1.1 * low, 0.97 * high, 1.03 * high):
         system = oscillator(2.0, speed, 3.0)
@@ -165,7 +192,7 @@ def test_squeal_oscillator_grows_inside_its_range_and_dies_outside():
     ("m", "k", "static", "dynamic", "v"), [(1, 1, 1, 0.5, 0.2), (1, 100, 0.4, 0.25, 0.05)]
 )
 def test_block_on_a_belt(m, k, static, dynamic, v):
-    """VERIFICATION.md V5: times of stick and slip in closed form."""
+    """Times of stick and slip in closed form."""
     friction = Coulomb(float(static), float(dynamic))
     belt = wiperjax.SteadyBelt(float(v))
     system = block.Block(belt, friction, float(m), 0.0, float(k), 0.0, 1.0, reach=100.0)
@@ -191,7 +218,7 @@ def test_model_is_a_key_of_files():
     with pytest.raises(SpecError, match=r"^scene: start.position: .*y = 0.* was 0.0001 m$"):
         parse_scene(data | {"model": "block", "start": {"position": [1e-3, 1e-4]}})
     sweep = {"axes": {"belt_speed": {"values": [0.1]}}, "run": {"transient": 0.1, "window": 0.1}}
-    specs = [parse_sweep(sweep | {"model": model}) for model in ladder.MODELS]
+    specs = [parse_sweep(sweep | {"model": model}) for model in MODELS]
     assert len({spec.digest() for spec in specs}) == 3
     assert specs[2].digest() == parse_sweep(sweep).digest()
     assert load_scene(noises.SWEEPS / "scenes" / "squeal.toml", "bar").model == "bar"
@@ -317,7 +344,7 @@ def test_ladder_of_squeal():
     rungs = compare_rungs.compare(
         noises.SWEEPS / "scenes" / "squeal.toml", hinged=False, costs=lambda s: dict.fromkeys(s, 2)
     )
-    assert [rung.model for rung in rungs] == list(ladder.MODELS)
+    assert [rung.model for rung in rungs] == list(MODELS)
     assert compare_rungs.lowest_sufficient(rungs) == "block"  # as docs/ladder.md says
     block, bar, lip = rungs
     assert bar.frequency == pytest.approx(lip.frequency, rel=1e-4)

@@ -1,4 +1,4 @@
-"""Steady slip: closed forms of VERIFICATION.md V11, docs/model.md by hand, and simulations."""
+"""Steady slip: closed forms, docs/model.md by hand, and simulations."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ import wiperjax
 from wiperjax.blade.steady_slip import steady_slip, steady_slip_branches
 from wiperjax.vocabulary.declared import SET_BY_THE_ENGINE
 
-HOPF = {-30: 0.5766, -10: 0.5017, 0: 0.4511, 10: 0.3937, 30: 0.2470}  # V11, degrees -> m/s
+HOPF = {-30: 0.5766, -10: 0.5017, 0: 0.4511, 10: 0.3937, 30: 0.2470}  # degrees -> m/s
 CELLS = 64
 
 

@@ -7,10 +7,12 @@ import pytest
 
 import wiperjax
 from wiperjax import Coulomb, parameter
+from wiperjax.blade.rungs import on_rung
 from wiperjax.contact import fits
 from wiperjax.cycles.find import find_cycle
 from wiperjax.engine.arguments import check_state
 from wiperjax.systems.oscillator import Oscillator
+from wiperjax.vocabulary.kinds import MODELS
 
 NUMBERS = "must return 1 numbers, one a coordinate, but returned"
 PAIRS = "must return two tuples of 1 numbers, one a coordinate, but returned"
@@ -121,6 +123,18 @@ def test_laws_and_belts_that_are_none(words):
         wiperjax.solve(Oscillator(**PARTS[words]), 1.0)
     with pytest.raises(ValueError, match=f"^{words}"):
         find_cycle(Oscillator(**PARTS[words]), settle=1.0)
+
+
+BELTS = [words for words in PARTS if isinstance(PARTS[words].get("belt"), wiperjax.AbstractBelt)]
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("words", BELTS)
+def test_a_blade_asks_its_belt_as_every_system_does(words, model):
+    """On every rung: where the speed of a belt jumped, what stuck on it was carried along."""
+    blade = on_rung(wiperjax.Wiper(**PARTS[words]), model)
+    with pytest.raises(ValueError, match=f"^{words}"):
+        wiperjax.solve(blade, 1e-3)
 
 
 class Breaking(wiperjax.SteadyBelt):
@@ -239,3 +253,23 @@ def test_a_unit_force_moves_the_contact_its_own_way():
     several = Leaning(up=np.array([0.1, 2.0]), along=np.array([0.1, 2.0]))
     with pytest.raises(ValueError, match=r"^Leaning.directions .* W was 1.0, 1.0 and 2.0$"):
         fits.check(several, (jnp.zeros(2), jnp.ones(2)), (jnp.zeros(2),) * 2, (2,))
+
+
+class Switched(own_systems.Oscillator):
+    sides: tuple | None = None
+
+
+@pytest.mark.parametrize("sides", [(1.0, -1.0), ()])
+def test_the_fields_of_piece_and_sides_are_set_where_there_are_such(sides):
+    found = Switched().on_piece(2).on_sides((0.0, 0.0)).on_sides(list(sides))
+    assert found.piece == 2 and found.sides == sides
+    ball = own_systems.Ball()
+    assert ball.on_piece(2) is ball and ball.on_sides(sides) is ball
+
+
+def test_a_parameter_that_the_engine_would_set_is_refused():
+    class Cut(own_systems.Ball):
+        piece: float = parameter(0.3, "m")
+
+    with pytest.raises(ValueError, match="^parameter must have another name, .* sets 'piece'$"):
+        Cut()

@@ -1,7 +1,6 @@
 """A prescribed motion of one's own goes on where a piece of it ends: what jumps there would carry
 along what rests on it, by no force and no impact."""
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import own_systems
@@ -13,7 +12,7 @@ from wiperjax.contact import fits
 
 
 class Pieces(wiperjax.AbstractSystem):
-    """It moves something from 1 s on."""
+    """It moves something from 1 s on: the engine sets ``piece``, as every field of that name."""
 
     piece: int = 0
 
@@ -22,9 +21,6 @@ class Pieces(wiperjax.AbstractSystem):
 
     def first_piece(self, t):
         return (t >= 1.0).astype(int)
-
-    def on_piece(self, piece):
-        return eqx.tree_at(lambda system: system.piece, self, piece)
 
     def since(self, t):
         return jnp.where(self.piece > 0, t - 1.0, 0.0)

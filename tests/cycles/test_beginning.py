@@ -8,10 +8,10 @@ from rows import Row
 from systems import Ring
 
 import wiperjax
-from wiperjax.blade import numbers
 from wiperjax.cycles import close, find_cycle, follow, follow_curves
 from wiperjax.cycles.chart import Turning
 from wiperjax.cycles.return_map import Shooting
+from wiperjax.systems import numbers
 
 
 @pytest.mark.slow

@@ -191,7 +191,7 @@ def test_a_tongue_narrower_than_a_step_is_not_passed_over():
 
 @pytest.fixture(scope="module")
 def two_impacts():
-    """The period-doubled cycle of V8, beyond its doubling over the frequency."""
+    """The period-doubled cycle of the impact oscillator, beyond its doubling over the frequency."""
     cycle = find_cycle(
         StopOscillator(amplitude=1.0, frequency=2.66, restitution=0.8, side=-1.0),
         settle=1200.0,

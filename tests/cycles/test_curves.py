@@ -285,7 +285,7 @@ def test_hopf_curve_of_two_coordinates_has_an_imaginary_pair():
     names, bounds = ("falling", "coupling"), np.array([[0.0, 0.4], [0.3, 1.2]])
     system = Chain()
     plane = Plane(
-        wiperjax.blade.numbers.traceable(system, *names), names, bounds[:, 0], bounds[:, 1]
+        wiperjax.systems.numbers.traceable(system, *names), names, bounds[:, 0], bounds[:, 1]
     )
     where = chart(plane.system, np.zeros(4), 0.0, 2, np.ones(4))
     equations = Hopf(plane, np.append(np.zeros(4), [0.1 / 0.4, 0.7 / 0.9]), where, (), 1.0)

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 import scipy.optimize
 import xarray as xr
-from problems import CASES_V8, periodic_impacts
+from problems import IMPACT_CASES, periodic_impacts
 from systems import Block, Ring, StopOscillator, turn
 
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb
-from wiperjax.blade import numbers
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import chart
 from wiperjax.cycles.branch.dataset import branch_dataset
@@ -26,6 +25,7 @@ from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.first_guess import moving
 from wiperjax.cycles.shooting import shoot
 from wiperjax.remedy.gradient import sensitivities
+from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
 
 
@@ -168,7 +168,7 @@ def test_values_at_which_a_belt_is_none_are_refused():
 
 @pytest.mark.slow
 def test_simulated_means_are_those_of_whole_periods():
-    """A window of 6.3 periods at one value, 5.7 at another: the shares are the exact ones of V5.
+    """A window of 6.3 periods at one value, 5.7 at another: the shares are the exact ones.
 
     On the way down: on the way up the block is left in slip, where it swings for ever.
     """
@@ -250,13 +250,13 @@ def test_v8_multipliers_and_period_doubling_over_the_frequency():
         system, settle=300.0, initial_state=((-0.5,), (0.0,)), period=turn, over="frequency"
     )
     assert cycle.word == "impact" and cycle.minimum == pytest.approx(-0.800586609, abs=1e-8)
-    (pair,) = CASES_V8[0][-1]
+    (pair,) = IMPACT_CASES[0][-1]
     assert np.min(np.abs(cycle.multipliers - pair)) < 1e-7
     branch = follow(cycle, 2.45, 2.8, step=0.1)
     assert branch.ends == ("the end of the range",) * 2
     last = branch.cycles[-1]
     assert branch.parameters[-1] == pytest.approx(2.8)
-    for exact in CASES_V8[1][-1]:
+    for exact in IMPACT_CASES[1][-1]:
         assert np.min(np.abs(last.multipliers - exact)) < 1e-6
     for c in branch.cycles:
         assert np.prod(c.multipliers).real == pytest.approx(e * e, rel=1e-7)
@@ -277,7 +277,7 @@ def test_v8_multipliers_and_period_doubling_over_the_frequency():
 
 @pytest.mark.slow
 def test_squeal_and_the_unstable_cycle_that_bounds_it():
-    """Subcritical Hopf at the speed of V11; squeal ends where stick does, on the same branch."""
+    """Subcritical Hopf at the known speed; squeal ends where stick does, on the same branch."""
     blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(1.35))
     upright = ((0.0, 0.0), (0.0, 0.0))
     squeal = find_cycle(blade, settle=0.05, initial_state=upright, over="belt_speed")

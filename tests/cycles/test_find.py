@@ -12,7 +12,6 @@ from systems import Block, Ring
 
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb
-from wiperjax.blade import numbers
 from wiperjax.cycles.branch.bifurcations import change
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.chart import Turning, chart
@@ -21,6 +20,7 @@ from wiperjax.cycles.find import _closed, _dies, _near, find_cycle, once
 from wiperjax.cycles.first_guess import Guess, _middle
 from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.cycles.shooting import Lost
+from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
 
 

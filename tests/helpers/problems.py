@@ -1,6 +1,6 @@
 """Problems with exact answers about the events of `systems`.
 
-Numbers are those of VERIFICATION.md (V2 to V10); every one is a closed form unless it says more.
+Every number is a closed form unless it says more.
 """
 
 import math
@@ -30,7 +30,7 @@ class Problem:
 
 
 def stop_oscillator() -> Problem:
-    """V2."""
+    """From rest onto a stop, again and again."""
     m, k, f, e = 1e-3, 100.0, 9.81e-3, 0.9
     w = math.sqrt(k / m)
     # from rest at q = 1: q = -f/k + (1 + f/k) cos(w t)
@@ -41,7 +41,7 @@ def stop_oscillator() -> Problem:
         times.append(times[-1] + (2 / w) * math.atan((speed / w) / (f / k)))
     assert math.isclose(times[4], 4.470208524666856e-02, rel_tol=1e-13)
     return Problem(
-        "V2 oscillator against a stop",
+        "oscillator against a stop",
         StopOscillator(mass=m, stiffness=k, load=f, restitution=e),
         ((1.0,), (0.0,)),
         0.046,
@@ -51,11 +51,11 @@ def stop_oscillator() -> Problem:
 
 
 def coulomb_oscillator() -> Problem:
-    """V3."""
+    """It turns every half period until friction holds it."""
     t1 = 0.4324077755705378
     turns = [t1 + i * math.pi for i in range(8)]
     return Problem(
-        "V3 Coulomb oscillator",
+        "Coulomb oscillator",
         Block(1.0, 1.0),
         ((12.0,), (6.0,)),
         30.0,
@@ -66,7 +66,7 @@ def coulomb_oscillator() -> Problem:
 
 
 def block_on_belt(m, k, fs, fd, v) -> Problem:
-    """V5: started at the release, where stick ends at x = Fs/k."""
+    """Started at the release, where stick ends at x = Fs/k."""
     a, w = (fs - fd) / k, math.sqrt(k / m)
     slip, stick = (2 / w) * (math.pi - math.atan(w * a / v)), 2 * a / v
     lead = 0.3 * stick
@@ -76,7 +76,7 @@ def block_on_belt(m, k, fs, fd, v) -> Problem:
         times += [t, t + slip]
         t += slip + stick
     return Problem(
-        "V5 block on a belt",
+        "block on a belt",
         Block(fs, fd, m, k, belt=v),
         ((fs / k - v * lead,), (v,)),
         t - 0.1 * stick,
@@ -87,11 +87,11 @@ def block_on_belt(m, k, fs, fd, v) -> Problem:
 
 
 def dropped_ball(e) -> Problem:
-    """V9, with the completed sequence as one event at its end."""
+    """Bounces to rest, with the completed sequence as one event at its end."""
     height, g = 1.3, 9.81
     fall = math.sqrt(2 * height / g)
     return Problem(
-        f"V9 dropped ball, e = {e}",
+        f"dropped ball, e = {e}",
         Ball(g, e),
         ((height,), (0.0,)),
         fall * (1 + e) / (1 - e) + 0.5,
@@ -101,7 +101,7 @@ def dropped_ball(e) -> Problem:
     )
 
 
-CASES_V8 = [
+IMPACT_CASES = [
     (2.5, 0.8, 3.0056503737490265, 0.6453521784141956, (-0.16494164 + 0.78281176j,)),
     (2.8, 0.8, None, 0.3361772699756701, (-2.95809507, -0.21635545)),
 ]

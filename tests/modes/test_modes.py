@@ -13,7 +13,7 @@ from wiperjax import Coulomb
 from wiperjax.blade.rungs import on_rung
 from wiperjax.cli import main
 from wiperjax.modes.over import VERDICTS, beside, shares
-from wiperjax.modes.table import modes_of, place_near
+from wiperjax.modes.table import modes_of
 from wiperjax.systems.chain import Chain3
 from wiperjax.systems.flutter import ModeCoupling
 from wiperjax.systems.head_and_tip import HeadAndTip
@@ -97,7 +97,7 @@ def test_every_lip_on_a_belt_that_turns_is_sought_at_its_peak():
             numbers = {"belt": belt, "attack_angle": math.radians(-30)}
             lip = wiperjax.Wiper(**numbers)
             for system in (lip, on_rung(lip, "bar"), SoftLip(**numbers)):
-                places.setdefault(type(system), []).append(place_near(system))
+                places.setdefault(type(system), []).append(system.sliding_near())
         for turning, steady in places.values():
             np.testing.assert_allclose(turning, steady, rtol=1e-9)
 
@@ -168,7 +168,7 @@ def test_steady_sliding_of_a_soft_lip_is_found_where_moments_balance(degrees, sp
     found = wiperjax.modes(lip)
     exact = length * math.sin(phi), -depth(phi)
     np.testing.assert_allclose(found.position, exact, rtol=1e-9)
-    np.testing.assert_allclose(place_near(lip), exact, rtol=1e-9)
+    np.testing.assert_allclose(lip.sliding_near(), exact, rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from wiperjax import SteadyBelt, Wiper, WipingBelt
-from wiperjax.blade.numbers import traceable
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.contact.regimes import slip_sign
 from wiperjax.numerics import kept
 from wiperjax.numerics.kept import Kept, as_arrays
+from wiperjax.systems.numbers import traceable
 
 TRACED = []
 

@@ -9,10 +9,10 @@ import pytest
 
 import wiperjax
 from wiperjax import remedy
-from wiperjax.blade import numbers
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import find_cycle
 from wiperjax.noise.run_class import assess, words
+from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
 from wiperjax.systems.woodpecker import Woodpecker
 

@@ -1,11 +1,11 @@
-"""Cases with known answers (VERIFICATION.md), as user-defined systems through `wiperjax.solve`."""
+"""Cases with known answers, as user-defined systems through `wiperjax.solve`."""
 
 import math
 
 import jax
 import numpy as np
 import pytest
-from problems import CASES_V8, EXACT, periodic_impacts
+from problems import EXACT, IMPACT_CASES, periodic_impacts
 from systems import Ball, Block, Rod, StopOscillator, events, trajectory
 
 import wiperjax
@@ -26,7 +26,7 @@ def test_event_times_and_final_state(problem):
         assert float(s.final_position[0]) == pytest.approx(problem.final, rel=1e-9, abs=1e-10)
 
 
-def test_v2_velocities_before_the_impacts():
+def test_velocities_before_the_impacts():
     problem = EXACT[0]
     e, m = problem.system.restitution, problem.system.mass
     s = trajectory(problem.system, problem.duration, problem.start)
@@ -42,7 +42,7 @@ def test_v2_velocities_before_the_impacts():
         (Block(0.4, 0.25, 1.0, 100.0, belt=0.05), 0.00772015325445528, -0.0522015325445528),
     ],
 )
-def test_v5_extremes(system, x_max, v_min):
+def test_extremes(system, x_max, v_min):
     """x_max where v = 0, v_min where the spring carries the friction, at known times."""
     k, v = system.stiffness, system.belt
     fs, fd, w = system.static, system.dynamic, math.sqrt(k / system.mass)
@@ -70,7 +70,7 @@ def last_reversal(system, start, periods):
     "b, r, x_max",
     [(2.0, 0.3, 0.297676184991529), (1.5, 0.4, 0.653197264742181), (3.0, 0.05, 0.124629079300970)],
 )
-def test_v6_den_hartog(b, r, x_max):
+def test_den_hartog(b, r, x_max):
     """Started on the non-stop steady state, it stays there."""
     v, u = 1 / (1 - b * b), math.sin(math.pi / b) / (b * (1 + math.cos(math.pi / b)))
     # x' = 0 at x_max and phase delta of the force: V cos delta = x_max, V sin delta = -r U
@@ -81,7 +81,7 @@ def test_v6_den_hartog(b, r, x_max):
     assert last == pytest.approx(40 * math.pi / b, rel=1e-9)
 
 
-def test_v6_den_hartog_from_rest():
+def test_den_hartog_from_rest():
     """The transient from rest ends on the steady state."""
     _, position = last_reversal(
         Block(0.3, 0.3, amplitude=1.0, frequency=2.0), ((0.0,), (0.0,)), 120
@@ -92,7 +92,7 @@ def test_v6_den_hartog_from_rest():
 @pytest.mark.parametrize(
     "b, f, eta", [(2.0, 0.5, 0.968245836551854), (1.5, 0.4, 0.886942313043338)]
 )
-def test_v6_block_on_a_shaken_surface(b, f, eta):
+def test_block_on_a_shaken_surface(b, f, eta):
     """Surface position sin(b t); eta is relative to it."""
     system = Block(f, f, surface=b, frequency=b)
     last, position = last_reversal(system, ((0.0,), (0.0,)), 120)
@@ -110,7 +110,7 @@ def test_a_growing_force_releases_a_block_that_does_not_move(amplitude, rtol):
 
 
 @pytest.mark.parametrize("factor, sticks", [(0.999, False), (1.001, True)])
-def test_v6_sticks_for_ever_above_the_threshold(factor, sticks):
+def test_sticks_for_ever_above_the_threshold(factor, sticks):
     b = 1.2
     f = factor * abs(1 - b * b)
     # in stick x = sin(b t): needs |x + x''| = |1 - b^2| |sin(b t)| <= f
@@ -129,8 +129,8 @@ def advanced(state, system, period):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("w, e, psi, speed, multipliers", CASES_V8)
-def test_v8_forced_impact_oscillator(w, e, psi, speed, multipliers):
+@pytest.mark.parametrize("w, e, psi, speed, multipliers", IMPACT_CASES)
+def test_forced_impact_oscillator(w, e, psi, speed, multipliers):
     phase, v = periodic_impacts(w, e)
     assert v == pytest.approx(speed, rel=1e-12)
     if psi is not None:
@@ -159,7 +159,7 @@ def test_v8_forced_impact_oscillator(w, e, psi, speed, multipliers):
 
 
 @pytest.mark.slow
-def test_v8_lowest_point():
+def test_lowest_point():
     psi, v = periodic_impacts(2.5, 0.8)
     system = StopOscillator(amplitude=1.0, frequency=2.5, phase=psi, restitution=0.8, side=-1.0)
     period = 2 * math.pi / 2.5
@@ -172,7 +172,7 @@ def test_v8_lowest_point():
 
 
 @pytest.mark.slow
-def test_v9_rests_after_zeno_with_its_weight():
+def test_rests_after_zeno_with_its_weight():
     e, height = 0.6, 0.4
     end = math.sqrt(2 * height / 9.81) * (1 + e) / (1 - e)
     s = trajectory(
@@ -191,7 +191,7 @@ def test_v9_rests_after_zeno_with_its_weight():
         (1.0, 1.90314990246570),
     ],
 )
-def test_v10_pendulum_is_paradoxical_above_the_threshold(phi, threshold):
+def test_pendulum_is_paradoxical_above_the_threshold(phi, threshold):
     m1, m2 = 1.3, 0.7
     blade = wiperjax.Wiper(hinge_mass=m1, tip_mass=m2)
     (_, cross), (_, normal) = blade.directions(0.0, (blade.lip_length * math.sin(phi), 0.0))
@@ -204,7 +204,7 @@ def test_v10_pendulum_is_paradoxical_above_the_threshold(phi, threshold):
 @pytest.mark.parametrize(
     "e, v_n, p_t", [(0.0, 0.0, -0.4375), (0.5, 0.199852016258, -0.502403846154)]
 )
-def test_v10_impact_without_collision(e, v_n, p_t):
+def test_impact_without_collision(e, v_n, p_t):
     rod, angle = Rod(restitution=e), math.radians(60)
     c = contact(rod, *jax.tree.map(jax.numpy.asarray, (0.0, *rod.start(angle, 1.0))))
     np.testing.assert_allclose([c.w_nn, c.w_tt, c.w_tn], [1.75, 3.25, 1.299038105677], rtol=1e-12)
@@ -215,7 +215,7 @@ def test_v10_impact_without_collision(e, v_n, p_t):
 
 
 @pytest.mark.slow
-def test_v10_impact_without_collision_in_a_trajectory():
+def test_impact_without_collision_in_a_trajectory():
     """The inconsistent rod is resolved at once, by an event of its own name."""
     rod, angle = Rod(restitution=0.5, gravity=10.0), math.radians(60)
     s = trajectory(rod, 1e-3, rod.start(angle, 1.0))

@@ -1,8 +1,7 @@
 """Checks of the reference itself (tests/reference): known answers, identities of mechanics, and
 its own convergence.
 
-Nothing here touches the engine. Section numbers are those of docs/model.md, V numbers those of
-VERIFICATION.md.
+Nothing here touches the engine. Section numbers are those of docs/model.md.
 """
 
 import math
@@ -85,10 +84,10 @@ def test_collapse_is_a_result():
     assert abs(math.asin(run.position[0] / 6e-3)) == pytest.approx(math.radians(89.0), abs=1e-12)
 
 
-# ---- V11 equilibrium, growth
+# ---- equilibrium, growth
 @pytest.mark.parametrize("factor", [0.97, 1.03])
 def test_growth_rate_beside_the_hopf_point(factor):
-    """xi = x - x* obeys m xi'' + c_eff xi' + k_eff xi = 0 (V11); the sign of c_eff changes at
+    """xi = x - x* obeys m xi'' + c_eff xi' + k_eff xi = 0; the sign of c_eff changes at
     0.4511 m/s.
     """
     p, speed = REFERENCE, 0.4511 * factor
@@ -397,7 +396,7 @@ def test_impact_without_hinge_mass():
     "e, after, p_t", [(0.0, (0.0, 0.0), -0.4375), (0.5, (0.0, 0.199852016258), -0.502403846154)]
 )
 def test_impact_without_collision(solver, e, after, p_t):
-    """V10: uniform rod at 60 degrees, mu = 5/3, sliding at 1 with no normal velocity."""
+    """Uniform rod at 60 degrees, mu = 5/3, sliding at 1 with no normal velocity."""
     g_tt, g_tn, g_nn = 3.25, 1.299038105677, 1.75
     if solver == "closed":
         result = poisson_impact(g_tt, g_tn, g_nn, 5.0 / 3.0, e, 1.0, 0.0)
@@ -407,7 +406,7 @@ def test_impact_without_collision(solver, e, after, p_t):
 
 
 def test_bouncing_to_rest():
-    """V9: no springs, constant load, upright blade: a ball under N0/m. At rest after
+    """No springs, constant load, upright blade: a ball under N0/m. At rest after
     sqrt(2h/g)(1+e)/(1-e); the belt drags it with the friction of the mean load, and the whole
     normal impulse is N0 t.
     """
@@ -457,7 +456,7 @@ def test_zeno_limit_does_not_depend_on_the_resolution():
 # ---- Painleve
 @pytest.mark.parametrize("phi, threshold", [(0.3, 2.05003601932968), (1.0, 1.90314990246570)])
 def test_painleve_threshold(phi, threshold):
-    """V10: D changes sign at mu = |tan phi| + (m/M_h)|cot phi|, in one sliding direction only."""
+    """D changes sign at mu = |tan phi| + (m/M_h)|cot phi|, in one sliding direction only."""
     for sign in (1.0, -1.0):
         signs = []
         for mu in (threshold - 1e-12, threshold + 1e-12):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax.blade import numbers, rungs
 from wiperjax.contact import belts, friction
 from wiperjax.engine.observers.totals import Totals
 from wiperjax.maps.block import evaluate_block
@@ -18,6 +17,7 @@ from wiperjax.runs import scene
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.specs.tables import Classes
 from wiperjax.specs.windows import flip_time
+from wiperjax.systems import numbers
 from wiperjax.vocabulary import kinds
 from wiperjax.vocabulary.parameters import PARAMETERS
 from wiperjax.vocabulary.schema import SCHEMA, Column
@@ -149,7 +149,6 @@ def test_every_kind_has_its_class_and_every_class_its_kind():
         for kind, keys in names.items():
             assert set(keys) == {field.name for field in fields(classes[kind])}
             assert set(keys.values()) <= set(PARAMETERS)
-    assert rungs.MODELS is kinds.MODELS
     assert Classes().model_dump() == vars(Thresholds())
 
 

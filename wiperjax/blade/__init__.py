@@ -1,6 +1,5 @@
 """The wiper and its poorer models: systems that the engine runs.
 
 Read `wiper` (the lip), `bar` and `block` (models of one coordinate), `rungs` (one ladder of them),
-`steady_slip` (equilibria and their stability), `numbers` (parameters of a system by name), `build`
-(from the parameters of a cell).
+`steady_slip` (equilibria and their stability), `build` (from the parameters of a cell).
 """

@@ -7,14 +7,13 @@ import jax.numpy as jnp
 
 from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
-from ..contact.system import AbstractSystem
+from ..contact.on_belt import OnBelt
 from ..vocabulary.parameters import PARAMETERS
 from .block import LEAST_LOAD
-from .steady_slip import judged_slip
 from .wiper import Wiper
 
 
-class Bar(AbstractSystem):
+class Bar(OnBelt):
     """The lip held on the glass, y = 0: docs/model.md, section 3, with lambda_n = F + m g.
 
     m x'' = f_t + lambda_t with the moment, support force and friction of ``lip``. As long as the
@@ -74,21 +73,13 @@ class Bar(AbstractSystem):
     def ends(self, t, q, v):
         return (*self.lip.ends(t, (q[0], 0.0), (v[0], 0.0)), False)
 
-    def break_time(self, piece):
-        return self.belt.break_time(piece)
-
-    def first_piece(self, t):
-        return self.belt.first_piece(t)
-
-    def reverses(self, piece):
-        return self.belt.reverses(piece)
-
     def on_piece(self, piece):
         return eqx.tree_at(lambda bar: bar.lip, self, self.lip.on_piece(piece))
 
     def on_sides(self, sides):
         # the last side is that of the pressing force, which is not the lip's
-        return Bar(self.lip.on_sides(sides[:-1]), tuple(sides))
+        lip = self.lip.on_sides(sides[:-1])
+        return eqx.tree_at(lambda bar: bar.lip, super().on_sides(sides), lip)
 
     def prepared(self):
         return eqx.tree_at(lambda bar: bar.lip, self, self.lip.prepared())
@@ -99,8 +90,7 @@ class Bar(AbstractSystem):
 
     def sliding_near(self):
         """The steady slip of the lip, which is its own."""
-        x, (start,) = judged_slip(self.lip).x, self.default_state()[0]
-        return (jnp.where(jnp.isfinite(x), x, start),)
+        return self.lip.sliding_near()[:1]
 
     def scales(self, n):
         (length, _), (speed, _) = self.lip.scales(2)

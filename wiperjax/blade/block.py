@@ -2,13 +2,11 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 
 from ..contact.belts import AbstractBelt, operating_speed
-from ..contact.friction import AbstractFriction, Stribeck
-from ..contact.system import AbstractSystem
+from ..contact.friction import AbstractFriction
+from ..contact.on_belt import OnBelt
 from ..numerics.types import Scalar
 from ..vocabulary.parameters import PARAMETERS
 from .steady_slip import steady_slip
@@ -17,11 +15,11 @@ from .wiper import Wiper
 LEAST_LOAD = 1e-6  # of N0: what presses a bar that would lift off
 
 
-class Block(AbstractSystem):
+class Block(OnBelt):
     """Block on a belt: m x'' + damping x' + stiffness (x - centre) = lambda_t, pressed by ``load``.
 
     Per metre of blade. With the Stribeck law it is the squeal oscillator, with mu_minimum <
-    mu_static and a tiny stribeck_speed the classic stick-slip block (VERIFICATION.md V5).
+    mu_static and a tiny stribeck_speed the classic stick-slip block.
     """
 
     unilateral: ClassVar[bool] = False
@@ -38,10 +36,6 @@ class Block(AbstractSystem):
     load: Scalar  # N/m
     reach: Scalar  # m, |x| at which the lip that it stands for lies flat: COLLAPSED
     piece: Scalar = 0
-
-    @property
-    def law(self) -> AbstractFriction:
-        return self.friction
 
     def free_acceleration(self, t, q, v):
         speed = self.rates(t, q, v)[0]
@@ -70,18 +64,6 @@ class Block(AbstractSystem):
     def ends(self, t, q, v):
         return (True,)
 
-    def break_time(self, piece):
-        return self.belt.break_time(piece)
-
-    def first_piece(self, t):
-        return self.belt.first_piece(t)
-
-    def reverses(self, piece):
-        return self.belt.reverses(piece)
-
-    def on_piece(self, piece):
-        return eqx.tree_at(lambda b: b.piece, self, piece)
-
     def default_state(self):
         """At rest where the spring is relaxed."""
         return (self.centre,), (0.0 * self.centre,)
@@ -99,7 +81,7 @@ def block_of(wiper: Wiper) -> Block:
 
     With phi the angle of steady slip at V (`operating_speed`; the branch that leans farthest along
     the belt's motion), tau = tan(phi), s = sign(V), N the normal force there and mu = mu(|V|),
-    VERIFICATION.md V11 gives the tip m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 with
+    docs/model.md, section 10, gives the tip m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 with
 
         c_b = c tau (tau + s mu) + c_phi/(L cos phi)^2
         k_b = M'(theta)/(L cos phi)^2 + k tau (tau + s mu) + N (s mu tau - 1)/(L cos phi)
@@ -123,37 +105,3 @@ def block_of(wiper: Wiper) -> Block:
         load=slip.normal_force,
         reach=wiper.lip_length * jnp.sin(wiper.collapse_angle),
     )
-
-
-def unstable_speeds(block: Block) -> tuple[float, float]:
-    """Belt speeds (low, high) [m/s] between which steady slip of ``block`` is unstable.
-
-    Lyapunov's first method: m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 grows where mu'(V) is below
-    -c_b/N. The Stribeck curve is steepest at v_s ((delta - 1)/delta)^(1/delta), so that
-    the speeds form one interval; for delta = 1 it begins at rest and ends at
-    v_s ln((mu_s - mu_m) N/(v_s (c_b + beta N))). (nan, nan) if no speed is unstable; high is inf if
-    none is stable. The load is held at its value, as the block does.
-    """
-    law = block.friction
-    if not isinstance(law, Stribeck):
-        raise ValueError(f"block must have Stribeck friction, but had {type(law).__name__}")
-    scale, shape = float(law.stribeck_speed), float(law.shape)
-    fall = float(law.static - law.minimum) / scale
-    allowed = float(law.viscous_slope + block.damping / block.load)
-
-    def excess(u):  # -mu' of the falling part, less what damping and viscosity allow; u = V/v_s
-        return fall * shape * u ** (shape - 1) * np.exp(-(u**shape)) - allowed
-
-    top = ((shape - 1) / shape) ** (1 / shape)
-    if not excess(top) > 0:
-        return np.nan, np.nan
-    from scipy.optimize import root_scalar  # a third of a second, which a lip does not need
-
-    low = 0.0 if excess(0.0) > 0 else root_scalar(excess, bracket=(0.0, top), xtol=1e-15).root
-    if allowed <= 0:
-        return scale * low, np.inf
-    far = top + 1.0
-    while excess(far) > 0:
-        far *= 2
-    high = root_scalar(excess, bracket=(top, far), xtol=1e-15).root
-    return scale * low, scale * high

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..contact.system import AbstractSystem
 from ..vocabulary import checks
-from ..vocabulary.kinds import MODELS as MODELS
+from ..vocabulary.kinds import MODELS
 from .bar import Bar
 from .block import Block, block_of
 from .wiper import Wiper
@@ -29,7 +29,9 @@ def on_rung(wiper: Wiper, model: str) -> AbstractSystem:
         return wiper
     if np.any(np.asarray(wiper.hinge_mass) != 0):
         raise ValueError(f"hinge_mass must be 0 with model {model!r}, but was {wiper.hinge_mass}")
-    return Bar(wiper) if model == "bar" else block_of(wiper)
+    if model == "bar":
+        return Bar(wiper)  # pyright: ignore[reportCallIssue] its belt is a property, not a field
+    return block_of(wiper)
 
 
 def start_on_rung(system: AbstractSystem, start, kind: str):

@@ -1,7 +1,7 @@
 """Steady slip of the wiper over whole maps: where the lip leans, and whether it stays there.
 
 Nothing is typed in by hand: the equilibrium is a root of the engine's own slip acceleration, and
-the linearisation is its derivative by forward differentiation. VERIFICATION.md V11 holds the
+the linearisation is its derivative by forward differentiation. docs/model.md, section 10, holds the
 closed forms this is tested against.
 """
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..contact.belts import AbstractBelt, SteadyBelt
 from ..contact.friction import AbstractFriction, Stribeck
-from ..contact.system import AbstractSystem
+from ..contact.on_belt import OnBelt
 from ..numerics.elementary import angle, larger, smaller, within
 from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent
@@ -40,7 +40,7 @@ class Constants(NamedTuple):
     shoulders: tuple[Scalar, Scalar]  # and of those at which it meets its shoulders, if before it
 
 
-class Wiper(AbstractSystem):
+class Wiper(OnBelt):
     """Lip of a windscreen wiper, per metre of blade, in the coordinates (x, y) of its tip.
 
     Parameters are listed at the end (docs/model.md, section 9); angles in rad.
@@ -228,24 +228,17 @@ class Wiper(AbstractSystem):
     def bounce(self):
         return self.restitution
 
-    def break_time(self, piece):
-        return self.belt.break_time(piece)
-
-    def first_piece(self, t):
-        return self.belt.first_piece(t)
-
-    def reverses(self, piece):
-        return self.belt.reverses(piece)
-
-    def on_piece(self, piece):
-        return eqx.tree_at(lambda w: w.piece, self, piece)
-
-    def on_sides(self, sides):
-        return eqx.tree_at(lambda w: w.sides, self, tuple(sides), is_leaf=lambda x: x is None)
-
     def default_state(self):
         """Touching, at rest, phi = alpha."""
         return (self.lip_length * jnp.sin(self.attack_angle), 0.0), (0.0, 0.0)
+
+    def sliding_near(self):
+        """Steady slip, where there is one: that which leans farthest with the belt."""
+        from .steady_slip import judged_slip
+
+        (x, height), _ = self.default_state()
+        slip = judged_slip(self).x
+        return jnp.where(jnp.isfinite(slip), slip, x), height
 
     def scales(self, n):
         # a belt at rest sets no scale: then a small part of the speed that the load can give

@@ -111,7 +111,35 @@ class SteadyBelt(AbstractBelt):
         return kinds.steady_rms(self.speed, jnp)
 
 
-class WipingBelt(AbstractBelt):
+class _TurningBelt(AbstractBelt):
+    """A belt that turns round twice a period: V is zero where 2 ``frequency`` t + ``phase`` / pi is
+    a whole number, and rises there if that is even."""
+
+    frequency: eqx.AbstractVar[Any]  # Hz
+    phase: eqx.AbstractVar[Any]  # rad
+
+    @property
+    def wiping_frequency(self):
+        return self.frequency
+
+    def since_reversal(self, time):
+        return kinds.since_reversal(time, self.frequency, self.phase / TURN, jnp)
+
+    def _half(self, time):
+        """Index of the half period that holds at ``time``, to rounding."""
+        return jnp.floor(2 * (self.frequency * time + self.phase / TURN)).astype(int)
+
+    def _zero(self, half):
+        """Time at which half period ``half`` begins."""
+        return (0.5 * half - self.phase / TURN) / self.frequency
+
+    def _middle(self, speed):
+        """Time of the middle of a stroke of positive velocity; ``speed`` has the sign of the stroke
+        that half period 0 is."""
+        return (0.5 - 0.25 * jnp.sign(speed) - self.phase / TURN) / self.frequency
+
+
+class WipingBelt(_TurningBelt):
     """``amplitude sin(2 pi frequency t + phase)``; amplitude [m/s], frequency [Hz], phase [rad]."""
 
     kind = "wiping"
@@ -120,28 +148,21 @@ class WipingBelt(AbstractBelt):
     phase: float = REFERENCE["belt_phase"]
 
     @property
-    def wiping_frequency(self):
-        return self.frequency
-
-    @property
     def judged_at(self):
-        return _peak_time(self.amplitude, self.frequency, self.phase)
+        return self._middle(self.amplitude)
 
     def velocity(self, time, piece):
         return self.amplitude * jnp.sin(TURN * self.frequency * time + self.phase)
 
     def break_time(self, piece):
-        return (0.5 * piece - self.phase / TURN) / self.frequency
+        return self._zero(piece)
 
     def first_piece(self, time):
-        guess = jnp.floor(2 * (self.frequency * time + self.phase / TURN)).astype(int)
+        guess = self._half(time)
         return guess + (self.break_time(guess) <= time) + (self.break_time(guess + 1) <= time)
 
     def reverses(self, piece):
         return True
-
-    def since_reversal(self, time):
-        return kinds.since_reversal(time, self.frequency, self.phase / TURN, jnp)
 
     @property
     def peak(self):
@@ -152,12 +173,7 @@ class WipingBelt(AbstractBelt):
         return kinds.wiping_rms(self.amplitude, jnp)
 
 
-def _peak_time(speed, frequency, phase):
-    """Time [s] at which a belt is in the middle of a stroke of positive velocity."""
-    return (0.5 - 0.25 * jnp.sign(speed) - phase / TURN) / frequency
-
-
-class TrapezoidBelt(AbstractBelt):
+class TrapezoidBelt(_TurningBelt):
     """Plateaus of +-``speed`` joined by linear ramps of duration ``ramp`` [s] centred on V = 0.
 
     With s = frequency t + phase / (2 pi), V rises through 0 at integer s and falls through 0 at
@@ -176,15 +192,8 @@ class TrapezoidBelt(AbstractBelt):
         checks.at_most("ramp", self.ramp, longest_ramp(self.frequency), "half a period")
 
     @property
-    def wiping_frequency(self):
-        return self.frequency
-
-    @property
     def judged_at(self):
-        return _peak_time(self.speed, self.frequency, self.phase)
-
-    def _zero(self, half):
-        return (0.5 * half - self.phase / TURN) / self.frequency
+        return self._middle(self.speed)
 
     def velocity(self, time, piece):
         half, part = piece // 3, piece % 3
@@ -197,16 +206,12 @@ class TrapezoidBelt(AbstractBelt):
         return self._zero(piece // 3) + 0.5 * self.ramp * (piece % 3 - 1)
 
     def first_piece(self, time):
-        half = jnp.floor(2 * (self.frequency * time + self.phase / TURN)).astype(int)
-        start = 3 * half
+        start = 3 * self._half(time)
         passed = [self.break_time(start + i) <= time for i in range(6)]
         return start + sum(p.astype(int) for p in passed)
 
     def reverses(self, piece):
         return piece % 3 == 1
-
-    def since_reversal(self, time):
-        return kinds.since_reversal(time, self.frequency, self.phase / TURN, jnp)
 
     @property
     def peak(self):

@@ -19,7 +19,7 @@ from ..vocabulary.parameters import PARAMETERS
 from . import joints
 from .belts import AbstractBelt
 from .friction import AbstractFriction
-from .on_belt import AbstractBeltSystem
+from .on_belt import OnBelt
 from .space import contact
 from .system import AbstractSystem, cast
 
@@ -87,7 +87,7 @@ def _check_partner(system: AbstractSystem, t) -> None:
     shape, owner = jnp.shape(t), system
     if (law := system.law) is not None:
         check_law(law, shape)
-    if isinstance(system, AbstractBeltSystem):
+    if isinstance(system, OnBelt):
         owner = system.belt
         checks.instance("belt", owner, AbstractBelt, "a belt such as SteadyBelt(0.3)")
     if _is_ours(owner):

@@ -28,21 +28,6 @@ FIRST, SECOND, JAM = 0, 1, 2
 GAP_DIGITS = 16  # last digits, of the numbers that a gap is the difference of
 
 
-def contact_sizes(system: AbstractSystem, c: Contact, regime, speed) -> list[Scalar]:
-    """Sizes of the contact's guards just after an event, which their rounding errors scale with.
-
-    In stick the load on the cone, in slip the typical ``speed``; a gap or a pressing force that
-    starts from zero has none but what it grows to.
-    """
-    zero = jnp.zeros_like(c.b_t)
-    cone = zero
-    if system.law is not None:
-        cone = jnp.abs(system.law.static * stick_forces(c, True, system.unilateral).normal)
-    cone = jnp.where(regime == Regime.STICK, cone, zero)
-    first = jnp.where(slip_sign(regime) != 0, speed, cone)
-    return [first, cone] + [zero] * (first_switch(system) - 2)
-
-
 def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
     """Return what a gap may be off by rounding, where it is what larger numbers leave of each
     other: `GAP_DIGITS` of its parts by the time and each coordinate; without derivative. Nothing
@@ -108,7 +93,7 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> 
     first = one if law is None else sign * c.slip_speed
     second = -c.b_n if unilateral else one
     if law is not None:
-        stick = stick_forces(c, True, unilateral)
+        stick = stick_forces(c, unilateral)
         limit = law.static * stick.normal
         first = jnp.where(sticking, limit - stick.tangential, first)
         second = jnp.where(sticking, limit + stick.tangential, second)

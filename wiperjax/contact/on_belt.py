@@ -7,7 +7,22 @@ from .belts import AbstractBelt, SteadyBelt
 from .system import AbstractSystem
 
 
-class AbstractBeltSystem(AbstractSystem):
+class OnBelt(AbstractSystem):
+    """A system whose prescribed motion is that of its ``belt``."""
+
+    belt: eqx.AbstractVar[AbstractBelt]
+
+    def break_time(self, piece):
+        return self.belt.break_time(piece)
+
+    def first_piece(self, t):
+        return self.belt.first_piece(t)
+
+    def reverses(self, piece):
+        return self.belt.reverses(piece)
+
+
+class AbstractBeltSystem(OnBelt):
     """n coordinates and a contact with a belt of any kind, in the field ``belt``.
 
     Friction opposes `contact_velocity` less that of the belt; the first coordinate's unless
@@ -30,15 +45,3 @@ class AbstractBeltSystem(AbstractSystem):
 
     def output(self, t, q, v):
         return self.contact_velocity(t, q, v)
-
-    def break_time(self, piece):
-        return self.belt.break_time(piece)
-
-    def first_piece(self, t):
-        return self.belt.first_piece(t)
-
-    def reverses(self, piece):
-        return self.belt.reverses(piece)
-
-    def on_piece(self, piece):
-        return eqx.tree_at(lambda system: system.piece, self, piece)

@@ -19,7 +19,7 @@ from .friction import CLASSES
 from .space import Contact, contact
 from .system import AbstractSystem, rates
 
-ROUNDINGS = 64  # last digits of the accelerations below which none drives a contact
+ROUNDINGS = 64  # last digits of typical speeds and accelerations below which a contact has none
 
 
 class Forces(NamedTuple):
@@ -42,11 +42,8 @@ def slip_forces(c: Contact, sign, mu, unilateral: bool) -> tuple[Forces, Scalar]
     return Forces(-sign * mu * normal, normal), d
 
 
-def stick_forces(c: Contact, frictional: bool, unilateral: bool) -> Forces:
+def stick_forces(c: Contact, unilateral: bool) -> Forces:
     """Forces that hold both contact accelerations at zero: W lambda = -b."""
-    if not frictional:
-        normal = c.load if not unilateral else -c.b_n / c.w_nn
-        return Forces(jnp.zeros_like(normal), normal)
     if not unilateral:
         return Forces(-c.b_t / c.w_tt, c.load)
     if absent(c.w_tn):
@@ -65,13 +62,12 @@ def friction_coefficient(system: AbstractSystem, c: Contact, sign) -> Scalar:
 @traced_once
 def forces(system: AbstractSystem, c: Contact, regime) -> Forces:
     """Contact forces (lambda_t, lambda_n) in ``regime``."""
-    frictional, unilateral = system.law is not None, system.unilateral
-    sign = slip_sign(regime)
+    unilateral, sign = system.unilateral, slip_sign(regime)
     mu = keep(friction_coefficient(system, c, sign))  # its exponential is dear
     slip, _ = slip_forces(c, sign, mu, unilateral)
-    if not frictional and not unilateral:
+    if system.law is None and not unilateral:
         return slip
-    stick = stick_forces(c, frictional, unilateral)
+    stick = slip if system.law is None else stick_forces(c, unilateral)
     touching = regime != Regime.FLIGHT
     pick = [
         jnp.where(touching, jnp.where(regime == Regime.STICK, a, b), 0.0)
@@ -140,7 +136,7 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
         drive = sum(jnp.abs(a) for a in c.free) * ROUNDINGS * float(jnp.finfo(c.b_t.dtype).eps)
         b_t = jnp.where(jnp.abs(c.b_t) <= drive, 0.0, c.b_t)
         c = c._replace(b_t=b_t, load=larger(c.load, 0.0))
-    stick = stick_forces(c, True, unilateral)
+    stick = stick_forces(c, unilateral)
 
     def presses(normal):
         return normal > 0 if unilateral else normal >= 0

@@ -155,18 +155,25 @@ class AbstractSystem(eqx.Module):
         return False
 
     def on_piece(self, piece: Scalar) -> "AbstractSystem":
-        """Return the system with its prescribed motion continued smoothly from ``piece``."""
-        return self
+        """Return the system with its prescribed motion continued smoothly from ``piece``: in the
+        field of that name, if it has one."""
+        return self._with("piece", piece)
 
     def on_sides(self, sides: tuple[Scalar, ...]) -> "AbstractSystem":
         """Return the system continued smoothly across its switches, from where they have the signs
-        ``sides``.
+        ``sides``: in the field of that name, if it has one.
 
         Not needed for the values of forces, which are continuous there: but a stage at a corner,
         or a hair's breadth behind it, would have the derivative of the wrong side. Where samples
         are taken, for one, no sides are given: a system then answers by its position.
         """
-        return self
+        return self._with("sides", tuple(sides))
+
+    def _with(self, name, value):
+        """Return the system with the field ``name``, if it has one, set to ``value``."""
+        if name not in vars(self):
+            return self
+        return eqx.tree_at(lambda s: getattr(s, name), self, value, is_leaf=lambda x: x is None)
 
     def default_state(self) -> tuple[Coordinates, Coordinates]:
         """Return (position, velocity) of the default start."""

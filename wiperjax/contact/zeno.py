@@ -23,7 +23,7 @@ class Completion(NamedTuple):
     slip_speed: Scalar
 
 
-def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, flown, zeno_time, time_left):
+def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, flown, shortest, time_left):
     """Return the limit of a bounce sequence, where it is due (docs/model.md, section 6).
 
     ``leaving`` and ``approaching`` are the normal speeds after and before this impact: their ratio
@@ -36,7 +36,7 @@ def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, flown, zeno_
     flight is the last, and the speed that is dropped is what b_n makes in half of it. Where bounces
     lose so little that the rest is never short enough (e = 1, or a tip that sticks while it
     bounces), so are flights below `ENDLESS`: the n-th of them lasts C / n, and those from there
-    down to ``zeno_time`` are nine tenths of all. An impact may even gain, out of slip that the
+    down to ``shortest`` are nine tenths of all. An impact may even gain, out of slip that the
     flight before it built up, while flights become shorter: ``flown``, how long that one lasted,
     tells.
     """
@@ -46,10 +46,10 @@ def complete_zeno(c: Contact, mu, leaving, approaching, slip_speed, flown, zeno_
     fed = (flight <= (1 + NEUTRAL) * flown) & (flight > LITTLE * flown)
     dies = (leaving > 0) & falls & ((ratio <= 1 + NEUTRAL) | fed)
     whole = flight / jnp.where(ratio < 1, 1 - ratio, jnp.inf)
-    ends = (ratio < 1) & (whole <= LONGEST * zeno_time)
+    ends = (ratio < 1) & (whole <= LONGEST * shortest)
     duration = jnp.where(ends, whole, flight)
-    shortest = jnp.where(ratio > LITTLE, ENDLESS * zeno_time, zeno_time)
-    holds = dies & (flight < shortest) & (duration <= time_left)
+    least = jnp.where(ratio > LITTLE, ENDLESS * shortest, shortest)
+    holds = dies & (flight < least) & (duration <= time_left)
 
     sign = jnp.sign(slip_speed)
     d = c.w_nn - sign * mu * c.w_tn

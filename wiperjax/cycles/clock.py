@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..blade import numbers
 from ..contact.space import contact
 from ..contact.system import AbstractSystem
 from ..numerics.kept import Kept
+from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE
 

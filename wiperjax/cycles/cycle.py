@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from ..blade import numbers
 from ..contact.system import AbstractSystem
+from ..systems import numbers
 from .chart import chart
 from .first_guess import moving
 from .orbit import slip_margin, words

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..blade import numbers
 from ..contact.system import AbstractSystem
 from ..engine.arguments import check_system, coordinates, longest_step
+from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, SETTINGS
 from .clock import check_clock, refuse_a_clock

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..blade import numbers
+from ..systems import numbers
 from .chart import Passing, Turning
 from .clock import STATES, check_clock, refuse_a_clock
 from .orbit import event_margin, falls, far_from_events, smooth_intervals

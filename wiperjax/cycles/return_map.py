@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
 
-from ..blade import numbers
 from ..contact.system import AbstractSystem
+from ..systems import numbers
 from ..vocabulary.codes import FAIR, Result
 from .chart import Chart
 from .shooting import Arc, Lost, shoot

@@ -7,11 +7,10 @@ its turns (Griewank and Walther, Evaluating Derivatives, 2008, chapter 12).
 Here that is delicate. The number of turns a motion takes hangs on roundings: where the last digits
 differ, an event may be located one trial step later. A stretch computed again with other roundings
 would have its event in another turn than the stretch that follows, and derivatives would go to the
-wrong side of it. (Checkpointed loops that take the recomputed state out of the differentiated step,
-which is compiled differently, were wrong by up to 1e-2 in every second cell.) So a turn is one
-function that the compiler may not inline, compiled in the same way wherever it is called, in loops
-that it leaves as they are (`_next`), and every stretch must end where it did: else the gradient is
-NaN.
+wrong side of it: by up to 1e-2 in every second cell, where the recomputed state is taken out of the
+differentiated step, which is compiled differently. So a turn is one function that the compiler may
+not inline, compiled in the same way wherever it is called, in loops that it leaves as they are
+(`_next`), and every stretch must end where it did: else the gradient is NaN.
 """
 
 import math

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..blade.rungs import MODELS
 from ..machine import provenance
 from ..machine.files import log
 from ..noise.agreement import AMPLITUDE, FREQUENCY, Said, differences, said
@@ -19,6 +18,7 @@ from ..specs.errors import SpecError
 from ..specs.load import load_scene, parse_scene
 from ..specs.scene import SceneSpec
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS
+from ..vocabulary.kinds import MODELS
 from . import around_scene
 
 HINGED = "lip, hinge mass"  # the lip with a tenth of the tip mass at the hinge

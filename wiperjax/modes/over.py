@@ -18,7 +18,7 @@ from ..vocabulary import checks
 from ..vocabulary.cf import flags
 from ..vocabulary.codes import LABELS
 from .linear import linear_over
-from .table import modes_of, place_near
+from .table import CONVENTION, modes_of
 
 AT_ONCE = 2048  # cells
 VARIABLES = ("mode", "real_part", "frequency", "growth_rate", "exists", "verdict")
@@ -64,7 +64,7 @@ def modes_over(spec: SweepSpec | Mapping[str, Any]) -> xr.Dataset:
 
     top = np.where(exists, np.real(values[:, 0]), np.nan)
     attrs = described["attrs"] | {"title": spec.title or "modes of steady sliding"}
-    attrs["damping_convention"] = "-Re/|lambda|; -2 Re/|Im| is twice as much where it is small"
+    attrs["damping_convention"] = CONVENTION
     return xr.Dataset(
         {
             "real_part": over(np.real(values), "real part", "1/s"),
@@ -116,7 +116,8 @@ def _block(spec: SweepSpec, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     system: AbstractSystem = build(spec, spec.cells(index)).system
     if system.law is None:
         raise ValueError(f"system must have friction, but {type(system).__name__} has none")
-    near = tuple(jnp.broadcast_to(jnp.asarray(x, float), index.shape) for x in place_near(system))
+    near = system.sliding_near()
+    near = tuple(jnp.broadcast_to(jnp.asarray(x, float), index.shape) for x in near)
 
     def array(x: Any) -> Any:
         return jnp.asarray(x, float) if isinstance(x, np.ndarray | jax.Array) else x

@@ -6,14 +6,13 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade import numbers
-from ..blade.steady_slip import judged_slip
-from ..blade.wiper import Wiper
 from ..contact.system import AbstractSystem
 from ..machine import provenance
+from ..systems import numbers
 from ..vocabulary import checks
 from .linear import Linear, linear_at
 
+CONVENTION = "-Re/|lambda|; -2 Re/|Im| is twice as much where it is small"  # of damping
 ROUNDING = 1e-11  # of an eigenvalue: a smaller part is none, closer real parts are the same
 
 
@@ -92,7 +91,7 @@ def modes(system: AbstractSystem, near=None) -> xr.Dataset:
 
 def _place(system: AbstractSystem, near) -> tuple[float, ...]:
     """Return the place from which steady sliding is sought. Raises ValueError for what is none."""
-    usual = place_near(system)
+    usual = system.sliding_near()
     if near is None:
         return tuple(float(x) for x in usual)
     fine = isinstance(near, tuple | list | np.ndarray) and len(near) == len(usual)
@@ -100,16 +99,6 @@ def _place(system: AbstractSystem, near) -> tuple[float, ...]:
         must = f"must be {len(usual)} finite numbers, one a coordinate"
         raise ValueError(f"near {must}, but was {checks.shown(near)}")
     return tuple(float(x) for x in near)
-
-
-def place_near(system: AbstractSystem) -> tuple:
-    """Return where steady sliding of ``system`` is sought: numbers, or arrays as its own."""
-    says = type(system).sliding_near is not AbstractSystem.sliding_near
-    if says or not isinstance(system, Wiper):
-        return system.sliding_near()
-    x = judged_slip(system).x
-    start, height = system.default_state()[0]
-    return jnp.where(jnp.isfinite(x), x, start), height
 
 
 def _dataset(system: AbstractSystem, found: Linear) -> xr.Dataset:
@@ -140,6 +129,6 @@ def _dataset(system: AbstractSystem, found: Linear) -> xr.Dataset:
         attrs={
             **provenance.maker(),
             "title": f"modes of steady sliding of {type(system).__name__}",
-            "damping_convention": "-Re/|lambda|; -2 Re/|Im| is twice as much where it is small",
+            "damping_convention": CONVENTION,
         },
     )

@@ -50,12 +50,12 @@ _LOG = _log_polynomial(7)
 
 
 # Long polynomials stand in a program dozens of times: traced once, they are copied from then on.
-_traced_once = partial(jax.jit, inline=True)
+_inlined = partial(jax.jit, inline=True)
 
 
-def _horner(coefficients, x):
-    """Value of a polynomial in ``x``; one in the working precision."""
-    value = jnp.full_like(x, coefficients[-1])
+def horner(coefficients, x):
+    """Value in ``x`` of the polynomial with ``coefficients``, the lowest first: two at least."""
+    value = coefficients[-1]
     for c in coefficients[-2::-1]:
         value = value * x + c
     return value
@@ -81,7 +81,7 @@ def within(low, x, high):
 
 
 @jax.custom_jvp
-@_traced_once
+@_inlined
 def angle(sin, cos):
     """Angle in [-pi/2, pi/2] of a given sine and cosine (>= 0), to rounding and without a branch.
 
@@ -90,7 +90,7 @@ def angle(sin, cos):
     far = sin * sin > 0.5
     w = jnp.where(far, cos, sin)
     z = w * w
-    small = w + w * z * _horner(_ASIN[jnp.dtype(z.dtype).name], 4 * z - 1)
+    small = w + w * z * horner(_ASIN[jnp.dtype(z.dtype).name], 4 * z - 1)
     large = 0.5 * np.pi - small
     return jnp.where(far, jnp.where(sin < 0, -large, large), small)
 
@@ -102,7 +102,7 @@ def _angle_jvp(primals, tangents):
 
 
 @jax.custom_jvp
-@_traced_once
+@_inlined
 def exp(x):
     """e^x to rounding, for x below the logarithm of the largest number; half of XLA's cost."""
     dtype = jnp.dtype(x.dtype).name
@@ -110,7 +110,7 @@ def exp(x):
     x = larger(_EXP_LEAST[dtype], x)
     n = jnp.round(x * float(1 / np.log(2.0)))
     r = (x - n * high) - n * low
-    power = _horner(_EXP[dtype], r)
+    power = horner(_EXP[dtype], r)
     # 2^n: beside a large number n lies in the lowest bits, from where it moves into the exponent
     info, bits = jnp.finfo(dtype), jnp.int64 if dtype == "float64" else jnp.int32
     beside = n + float(1.5 * 2.0**info.nmant + 2 ** (info.nexp - 1) - 1)
@@ -132,4 +132,4 @@ def log(x):
     bits = jax.lax.bitcast_convert_type(x, jnp.int32)
     exponent = (bits >> 23) - 127
     mantissa = jax.lax.bitcast_convert_type((bits & 0x7FFFFF) | 0x3F800000, jnp.float32)  # [1, 2)
-    return exponent.astype(jnp.float32) * float(np.log(2.0)) + _horner(_LOG, 2 * mantissa - 3)
+    return exponent.astype(jnp.float32) * float(np.log(2.0)) + horner(_LOG, 2 * mantissa - 3)

@@ -14,14 +14,6 @@ def powers(values) -> tuple[Scalar, ...]:
     return tuple(sum(float(w) * x for w, x in row if w) for row in rows)
 
 
-def value(coefficients, u) -> Scalar:
-    """Return the value at ``u``."""
-    total = coefficients[-1]
-    for c in coefficients[-2::-1]:
-        total = total * u + c
-    return total
-
-
 def integral(coefficients, u) -> Scalar:
     """Return the integral from 0 to ``u``."""
     total = coefficients[-1] * (1 / len(coefficients))

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import minimize
 
-from ..blade import numbers
 from ..blade.wiper import Wiper
+from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
 from ..vocabulary.wording import digits

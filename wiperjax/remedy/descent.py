@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..blade import numbers
 from ..blade.wiper import Wiper
 from ..cycles.branch.dataset import column_attributes
 from ..cycles.cycle import Cycle, Found, close, same_word
 from ..cycles.find import find_cycle
 from ..cycles.shooting import Lost
+from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, Range
 from .gradient import MEASURES, sensitivities

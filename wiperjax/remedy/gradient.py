@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import brentq
 
-from ..blade import numbers
 from ..cycles.branch.dataset import column_attributes
 from ..cycles.chart import Chart, chart
 from ..cycles.clock import STATES, check_clock
@@ -20,6 +19,7 @@ from ..cycles.cycle import Cycle, Found
 from ..cycles.return_map import Shooting
 from ..cycles.shooting import SAMPLES, Arc
 from ..engine.observers.totals import variance
+from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.cf import quotient
 

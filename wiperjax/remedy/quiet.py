@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade import numbers
 from ..blade.wiper import Wiper
 from ..engine.solve import solve
 from ..numerics.kept import Kept
+from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.codes import Result
 from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range

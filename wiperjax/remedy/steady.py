@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade import numbers
 from ..blade.steady_slip import equilibria, steady_slip
 from ..blade.wiper import Wiper
 from ..contact.belts import SteadyBelt, operating_speed
 from ..numerics.kept import Kept
+from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.ranges import FINITE
 from .box import COST, Box, check_search, search

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade.numbers import check_single, traceable
 from ..contact.guards import starting_sides
 from ..contact.regimes import forces
 from ..contact.space import contact
@@ -38,6 +37,7 @@ from ..engine.step import advance
 from ..machine import provenance
 from ..machine.files import log
 from ..numerics.kept import Kept
+from ..systems.numbers import check_single, traceable
 from ..vocabulary import checks
 from ..vocabulary.codes import ADVICE, RUNNING, Result
 from ..vocabulary.ranges import COUNT, POSITIVE, SAMPLES, Range

@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..blade import numbers
 from ..blade.build import build_wiper, continued_state, make_law, start_state
 from ..blade.rungs import on_rung, start_on_rung
+from ..blade.steady_slip import map_shape
 from ..blade.wiper import Wiper
 from ..contact import fits
 from ..contact.belts import CLASSES as BELT_CLASSES
@@ -23,6 +23,7 @@ from ..specs.tables import Start
 from ..vocabulary import checks
 from ..vocabulary.codes import Regime, Result
 from ..vocabulary.kinds import BELTS
+from . import numbers
 
 
 class Built(NamedTuple):
@@ -51,7 +52,7 @@ def build(spec: System, parameters: Mapping[str, Any]) -> Built:
     Raises ValueError for values that the system refuses and, where there are arrays, for fields
     that have no place in a map.
     """
-    made = _made(spec, parameters)._replace(shape=_shape(parameters))
+    made = _made(spec, parameters)._replace(shape=map_shape(parameters))
     if made.shape:
         first = {name: x[..., 0] if np.ndim(x) else x for name, x in parameters.items()}
         _check_fields(_made(spec, first).system)
@@ -118,7 +119,7 @@ def start_at(built: Built, stated: Start, names: tuple[str, ...]):
     system, wiper, shape = built
     if wiper is not None:
         if wiper.friction is not None:
-            fits.check_law(wiper.friction, _shape(wiper.friction))
+            fits.check_law(wiper.friction, map_shape(wiper.friction))
         return start_on_rung(system, start_state(wiper, stated), stated.kind)
     if stated.position is not None:
         position, velocity = stated.position, stated.velocity or (0.0,) * len(stated.position)
@@ -128,7 +129,7 @@ def start_at(built: Built, stated: Start, names: tuple[str, ...]):
                 raise ValueError(f"start.{what} {must}, had {len(state)}")
     else:
         position, velocity = _default_state(system, len(names))
-    shape = _shape((system, position, velocity)) if shape is None else shape
+    shape = map_shape(system, position, velocity) if shape is None else shape
     fits.check(numbers.traceable(system), position, velocity, shape)
     return position, velocity
 
@@ -145,10 +146,6 @@ def _default_state(system: AbstractSystem, n: int) -> tuple[tuple, tuple]:
         must = f"must return {n} positions and {n} velocities (coordinates), but returned"
         raise ValueError(f"{type(system).__name__}.default_state {must} {checks.shown(found)}")
     return found
-
-
-def _shape(tree: Any) -> tuple[int, ...]:
-    return np.broadcast_shapes(*(np.shape(leaf) for leaf in jax.tree.leaves(tree)))
 
 
 def go_on(spec: System, built: Built, ended: Mapping[str, Any]):

@@ -8,7 +8,6 @@ where the mass leaves it, there is no force. Friction does not fall with speed.
 
 import math
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from ..contact.belts import AbstractBelt, SteadyBelt
@@ -38,7 +37,7 @@ class ModeCoupling(AbstractBeltSystem):
     load: float = parameter(1.0, "N", above=0, long_name="force into the belt")
     friction: AbstractFriction = Coulomb(1.0)
     belt: AbstractBelt = SteadyBelt(10.0)
-    sides: tuple | None = None  # whether it touches (set by the engine)
+    sides: tuple | None = None  # sign of the switch (set by the engine)
 
     def free_acceleration(self, t, q, v):
         x, y = q
@@ -64,9 +63,6 @@ class ModeCoupling(AbstractBeltSystem):
 
     def switches(self, t, q, v):
         return (self._push(q),)
-
-    def on_sides(self, sides):
-        return eqx.tree_at(lambda s: s.sides, self, tuple(sides), is_leaf=lambda x: x is None)
 
     def default_state(self):
         return (0.0, 0.0), (0.0, 0.0)

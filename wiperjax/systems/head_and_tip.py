@@ -6,7 +6,6 @@ This is the least of them: two masses, the lip between them a bar that yields al
 bends, and a contact of rubber that hardens under load, by which the load has a part in it.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from ..contact.belts import AbstractBelt, SteadyBelt
@@ -45,7 +44,7 @@ class HeadAndTip(AbstractBeltSystem):
     hardening: float = parameter(2000.0, "1/m", low=0, long_name="of the contact, by penetration")
     friction: AbstractFriction = Coulomb(0.8)
     belt: AbstractBelt = SteadyBelt(0.3)
-    sides: tuple | None = None  # whether it touches (set by the engine)
+    sides: tuple | None = None  # sign of the switch (set by the engine)
 
     def contact_velocity(self, t, q, v):
         return v[2]
@@ -85,9 +84,6 @@ class HeadAndTip(AbstractBeltSystem):
 
     def switches(self, t, q, v):
         return (self.pressed() - q[3],)
-
-    def on_sides(self, sides):
-        return eqx.tree_at(lambda s: s.sides, self, tuple(sides), is_leaf=lambda x: x is None)
 
     def default_state(self):
         return (0.0,) * 4, (0.0,) * 4

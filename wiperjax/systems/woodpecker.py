@@ -8,7 +8,6 @@ The pole is touched at three places. The sleeve's edges exclude each other and a
 of the side to which the sleeve is turned; the beak touches for an instant, and is a stop.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -120,9 +119,6 @@ class Woodpecker(AbstractSystem):
     def switches(self, t, q, v):
         reach = self.spring_arm + self.bird_arm - self.beak_length - self.pole_radius
         return q[1], reach - self.beak_height * q[2]
-
-    def on_sides(self, sides):
-        return eqx.tree_at(lambda s: s.sides, self, tuple(sides), is_leaf=lambda x: x is None)
 
     def impact(self, w_tt, w_tn, w_nn, mu, slip_speed, normal_speed, jam):
         return phased_impact(w_tt, w_tn, w_nn, mu, self.bounce, slip_speed, normal_speed, jam)

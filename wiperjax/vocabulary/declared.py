@@ -74,9 +74,11 @@ def marked(system: Any) -> Mapping[str, Parameter]:
 
 def check(system: Any) -> None:
     """Raises `ValueError` unless the parameters that a system or law declares are numbers in their
-    ranges; what is traced passes (`checks`).
+    ranges; what is traced passes (`checks`). A name of `SET_BY_THE_ENGINE` is none of theirs.
     """
     for name, entry in marked(system).items():
+        if name in SET_BY_THE_ENGINE:
+            raise ValueError(f"parameter must have another name, for the engine sets {name!r}")
         checks.parameter(name, getattr(system, name), entry)
 
 

@@ -5,17 +5,17 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import CASES_V8, periodic_impacts
+from problems import IMPACT_CASES, periodic_impacts
 from systems import turn
 
 import wiperjax
 from wiperjax import Result, parameter
-from wiperjax.blade.numbers import direction, traceable
 from wiperjax.contact import fits
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.cycle import Found
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.shooting import shoot
+from wiperjax.systems.numbers import direction, traceable
 
 
 class Struck(wiperjax.AbstractSystem):
@@ -48,12 +48,12 @@ class Struck(wiperjax.AbstractSystem):
 
 @pytest.mark.slow
 def test_cycle_multipliers_and_branch_are_those_of_the_impact_oscillator():
-    """Derivatives pass through the blow, its time among them: V8, e^2 is the determinant."""
+    """Derivatives pass through the blow, its time among them: e^2 is the determinant."""
     start = ((-0.5,), (0.0,))
     cycle = find_cycle(Struck(), settle=300.0, initial_state=start, period=turn, over="frequency")
     assert cycle.found == Found.FOUND and cycle.word == "blow"
     assert cycle.minimum == pytest.approx(-0.800586609, abs=1e-8)
-    (pair,) = CASES_V8[0][-1]
+    (pair,) = IMPACT_CASES[0][-1]
     assert np.min(np.abs(cycle.multipliers - pair)) < 1e-7
     branch = follow(cycle, 2.45, 2.55, step=0.1)
     assert branch.ends == ("the end of the range",) * 2 and len(branch.cycles) >= 3

@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
-from ...blade import numbers
 from ...contact.system import AbstractSystem, system_attributes
 from ...datasets.branch_dataset import check_over
 from ...machine import provenance
+from ...systems import numbers
 from ...vocabulary import checks
 from .follow import Branch
 

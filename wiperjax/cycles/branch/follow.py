@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...blade import numbers
+from ...systems import numbers
 from ...vocabulary import checks
 from ...vocabulary.ranges import FINITE, Range
 from ..cycle import Cycle

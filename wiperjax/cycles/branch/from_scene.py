@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ...blade import numbers
 from ...blade.steady_slip import steady_slip_branches
 from ...contact.belts import SteadyBelt
 from ...contact.system import AbstractSystem
@@ -20,6 +19,7 @@ from ...datasets.branch_dataset import (
 )
 from ...machine import provenance
 from ...specs.scene import SceneSpec
+from ...systems import numbers
 from ...systems.build import belt_of, build, start
 from ...vocabulary import cf
 from ...vocabulary.cf import units_text

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.optimize
 
-from ...blade import numbers
+from ...systems import numbers
 from ..beginning import start_of
 from ..chart import chart
 from ..cycle import Cycle, cycle_at

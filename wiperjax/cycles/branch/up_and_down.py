@@ -18,13 +18,13 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ...blade import numbers
 from ...contact.system import AbstractSystem, system_attributes
 from ...engine.arguments import check_state, check_system, longest_step
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
 from ...machine.provenance import maker
 from ...numerics.kept import Kept
+from ...systems import numbers
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import FAIR, RESULTS, RUNNING, Result
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range

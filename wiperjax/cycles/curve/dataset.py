@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
-from ...blade import numbers
 from ...contact.system import system_attributes
 from ...datasets.branch_dataset import check_over
 from ...machine import provenance
+from ...systems import numbers
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import CurveEnd
 from .follow import Curve

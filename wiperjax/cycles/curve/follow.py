@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 
-from ...blade import numbers
 from ...contact.guards import starting_sides
 from ...contact.system import AbstractSystem
+from ...systems import numbers
 from ...vocabulary import checks
 from ...vocabulary.codes import CurveEnd
 from ...vocabulary.ranges import FINITE, Range

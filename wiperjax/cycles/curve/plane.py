@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...blade import numbers
 from ...contact.system import AbstractSystem
+from ...systems import numbers
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,6 @@ class Plane:
     def at(self, place) -> AbstractSystem:
         """Return the system at ``place`` (2,), SI."""
         return placed(self.system, self.names, place)
-
-    def holds(self, place) -> bool:
-        """Whether ``place`` (2,) lies in the box."""
-        return bool(np.all((place >= self.low) & (place <= self.high)))
 
 
 def placed(system: AbstractSystem, names: tuple[str, str], place) -> AbstractSystem:

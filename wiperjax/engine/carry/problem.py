@@ -9,8 +9,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...contact.belts import AbstractBelt, SteadyBelt
+from ...contact.belts import AbstractBelt
+from ...contact.regimes import ROUNDINGS
 from ...contact.system import AbstractSystem, rates
+from ...numerics.bernstein import largest
 from ...numerics.types import Scalar
 from ..observers.base import AbstractObserver
 from ..observers.totals import RegimeTotals
@@ -55,6 +57,16 @@ class Problem(eqx.Module):
     log_capacity: int = eqx.field(static=True, default=0)
     pause_when_full: bool = eqx.field(static=True, default=False)
     unroll: bool = eqx.field(static=True, default=True)  # see `rk_step`
+
+    @property
+    def speed(self) -> Scalar:
+        """Typical speed of the motion."""
+        return largest(tuple(a / self.rtol for a in self.atol[1]))
+
+    @property
+    def least_speed(self) -> Scalar:
+        """Speed below which there is none but rounding."""
+        return ROUNDINGS * float(jnp.finfo(self.speed.dtype).eps) * self.speed
 
 
 class Integration(NamedTuple):
@@ -146,7 +158,7 @@ def _longest(longest, system: AbstractSystem, clock):
     """
     most = jnp.asarray(jnp.inf if longest is None else longest, clock)
     belt = getattr(system, "belt", None)
-    if not isinstance(belt, AbstractBelt) or isinstance(belt, SteadyBelt):
+    if not isinstance(belt, AbstractBelt):
         return most
     frequency = jax.lax.stop_gradient(jnp.abs(jnp.asarray(belt.wiping_frequency, clock)))
     part = 1 / (PERIOD_PARTS * jnp.where(frequency > 0, frequency, 1.0))

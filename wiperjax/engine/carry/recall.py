@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from ...contact.guards import FIRST
-from ...numerics.arrays import pick
+from ...numerics.arrays import pick, where
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
 
@@ -24,8 +24,15 @@ LEAST = 1e-2  # of the controller's step: what is left of a stay may be a remnan
 class Stay(NamedTuple):
     """How one kind of stay in a regime ended."""
 
-    end: Scalar  # after this time, 0 if there was none yet
+    duration: Scalar  # after this time, 0 if there was none yet
     slot: Scalar  # by this guard
+
+
+class End(NamedTuple):
+    """When, and by which guard, a stay ends."""
+
+    time: Scalar
+    slot: Scalar
 
 
 class Memory(NamedTuple):
@@ -34,13 +41,13 @@ class Memory(NamedTuple):
     steps: tuple  # the controller's last step in stick, slip and flight
     stays: tuple[Stay, ...]  # the last one of each of the `WAYS`
     way: Scalar  # index of the present stay, -1 if it has none
-    expected: Stay  # its end, as a time
+    expected: End
 
 
 def nothing(time, step) -> Memory:
     """Return the memory of a trajectory that starts at ``time`` with ``step``."""
     no, never = jnp.full_like(time, -1, jnp.int32), jnp.full_like(time, -jnp.inf)
-    return Memory((step,) * 3, (Stay(0.0 * step, no),) * WAYS, no, Stay(never, no))
+    return Memory((step,) * 3, (Stay(0.0 * step, no),) * WAYS, no, End(never, no))
 
 
 def aim(state) -> tuple[Scalar, Scalar]:
@@ -48,7 +55,7 @@ def aim(state) -> tuple[Scalar, Scalar]:
 
     An end that was repeated before is known better than one that a polynomial foresees.
     """
-    left = state.memory.expected.end - state.time
+    left = state.memory.expected.time - state.time
     bounces = (state.regime == Regime.FLIGHT) & (state.time == state.last_event)
     least = jnp.where(bounces, 0.0, LEAST * state.step)
     recalled = (state.tries == 0) & (left > least) & (left <= state.step)
@@ -75,13 +82,13 @@ def remember(state, regime, time, bounce, happens, fires) -> tuple[Memory, Scala
 
     ended = Stay(state.time - state.last_event, state.due)
     stays = tuple(
-        _where(fires & (memory.way == i), ended, stay) for i, stay in enumerate(memory.stays)
+        where(fires & (memory.way == i), ended, stay) for i, stay in enumerate(memory.stays)
     )
     way = jnp.where(fires & (new != FLIGHT), 2 * (old == STICK) + new, -1)
     last = pick(stays, way)
-    expected = Stay(jnp.where(way >= 0, time + last.end, -jnp.inf), last.slot)
-    expected = _where(bounce > 0, Stay(time + bounce, FIRST), expected)
-    expected = _where(happens, expected, memory.expected)
+    expected = End(jnp.where(way >= 0, time + last.duration, -jnp.inf), last.slot)
+    expected = where(bounce > 0, End(time + bounce, FIRST), expected)
+    expected = where(happens, expected, memory.expected)
     way = jnp.where(happens, way, memory.way).astype(jnp.int32)
     return stop_gradient(Memory(steps, stays, way, expected)), stop_gradient(step)
 
@@ -91,7 +98,3 @@ def _kind(regime):
     return jnp.where(
         regime == Regime.STICK, STICK, jnp.where(regime == Regime.FLIGHT, FLIGHT, SLIP)
     )
-
-
-def _where(condition, stay: Stay, other: Stay) -> Stay:
-    return Stay(*(jnp.where(condition, a, b) for a, b in zip(stay, other, strict=True)))

@@ -18,7 +18,7 @@ from ...contact.guards import (
     stop_slots,
 )
 from ...contact.projection import project
-from ...contact.regimes import acceleration, decide, forces, pulls
+from ...contact.regimes import ROUNDINGS, acceleration, decide, forces, pulls
 from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.bernstein import largest
@@ -30,7 +30,6 @@ from .problem import Problem
 from .recall import nothing
 from .state import EventLog, State
 
-ROUNDINGS = 64  # last digits of typical speeds and accelerations below which a contact has none
 AHEAD = 1e-3  # of the first step: when what is about to press is seen
 
 
@@ -51,12 +50,11 @@ def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
     Values alone are rounded: speeds that are zero here keep their derivatives.
     """
     c = contact(system, start, position, velocity)
-    eps = float(jnp.finfo(position[0].dtype).eps)
-    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
-    closed = jnp.abs(c.normal_speed) <= ROUNDINGS * eps * speed
+    least = problem.least_speed
+    closed = jnp.abs(c.normal_speed) <= least
     if system.unilateral:
         closed = closed & (c.gap <= gap_rounding(system, start, position))
-    rests = closed & (jnp.abs(c.slip_speed) <= ROUNDINGS * eps * speed)
+    rests = closed & (jnp.abs(c.slip_speed) <= least)
     rounding = c._replace(
         normal_speed=stop_gradient(c.normal_speed), slip_speed=stop_gradient(c.slip_speed)
     )

@@ -1,4 +1,4 @@
-"""Velocities after an event: the blow of an impact, and the limit of a sequence of them."""
+"""Velocities after an event: those behind an impact, and the limit of a sequence of impacts."""
 
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ class Motion(NamedTuple):
     impulse: Scalar  # normal
 
 
-class Blow(NamedTuple):
+class Impact(NamedTuple):
     """What an impact was, for the sequence that it may belong to."""
 
     collides: Scalar
@@ -39,9 +39,9 @@ class Blow(NamedTuple):
     friction: Scalar  # coefficient
 
 
-def collide(system, c: Contact, time, q, v, fired: Fired, sign) -> tuple[Motion, Blow]:
+def collide(system, c: Contact, time, q, v, fired: Fired, sign) -> tuple[Motion, Impact]:
     """Return the motion behind the impact of a closing gap, or of a jam (Painleve's impact without
-    collision); unchanged elsewhere. MODEL.md sections 6 and 7.
+    collision); unchanged elsewhere. docs/model.md, sections 6 and 7.
 
     ``c`` is the contact at (time, q, v), ``sign`` that of slip before the event.
     """
@@ -58,17 +58,17 @@ def collide(system, c: Contact, time, q, v, fired: Fired, sign) -> tuple[Motion,
     approach = jnp.where(jams, 0.0, c.normal_speed)
     collides = (fired.hits & (approach < 0)) | jams
     closing = jnp.minimum(approach, 0.0)
-    blow = keep(system.impact(c.w_tt, c.w_tn, c.w_nn, mu, c.slip_speed, closing, jams))
-    v = where(collides, push(v, c.along_t, c.along_n, blow.tangential, blow.normal), v)
-    impulse = jnp.where(collides, blow.normal, 0.0)
+    found = keep(system.impact(c.w_tt, c.w_tn, c.w_nn, mu, c.slip_speed, closing, jams))
+    v = where(collides, push(v, c.along_t, c.along_n, found.tangential, found.normal), v)
+    impulse = jnp.where(collides, found.normal, 0.0)
     still = jnp.logical_or(fired.was_sticking, fired.turns)
-    slip_speed = jnp.where(collides, blow.slip_speed, jnp.where(still, 0.0, c.slip_speed))
-    leaving = jnp.where(collides, blow.normal_speed, jnp.where(fired.hits, c.normal_speed, 0.0))
+    slip_speed = jnp.where(collides, found.slip_speed, jnp.where(still, 0.0, c.slip_speed))
+    leaving = jnp.where(collides, found.normal_speed, jnp.where(fired.hits, c.normal_speed, 0.0))
     v, slip_speed, leaving, collides = keep((v, slip_speed, leaving, collides))
-    return Motion(time, q, v, slip_speed, leaving, impulse), Blow(collides, approach, mu)
+    return Motion(time, q, v, slip_speed, leaving, impulse), Impact(collides, approach, mu)
 
 
-def complete(problem: Problem, system, motion: Motion, blow: Blow, fired: Fired, flown, end):
+def complete(problem: Problem, system, motion: Motion, impact: Impact, fired: Fired, flown, end):
     """Return (the motion with a sequence of impacts completed where it is due, where that is).
 
     Forces are those of the velocities behind the impact; ``flown`` is the time since the event
@@ -77,11 +77,12 @@ def complete(problem: Problem, system, motion: Motion, blow: Blow, fired: Fired,
     time, q, v, slip_speed, leaving, impulse = motion
     c = contact(system, time, q, v)._replace(slip_speed=slip_speed)
     flown, left = flown.astype(leaving.dtype), (end - time).astype(leaving.dtype)
-    speeds, shortest = (leaving, blow.approach, slip_speed), _shortest(problem, system, c, time, q)
-    zeno = keep(complete_zeno(c, blow.friction, *speeds, flown, shortest, left))
-    completes = keep(fired.hits & blow.collides & zeno.holds)
-    flown = tuple(x + a * zeno.duration for x, a in zip(v, c.free, strict=True))
-    landed = push(flown, c.along_t, c.along_n, zeno.tangential, zeno.normal)
+    speeds = leaving, impact.approach, slip_speed
+    shortest = _shortest(problem, system, c, time, q)
+    zeno = keep(complete_zeno(c, impact.friction, *speeds, flown, shortest, left))
+    completes = keep(fired.hits & impact.collides & zeno.holds)
+    falling = tuple(x + a * zeno.duration for x, a in zip(v, c.free, strict=True))
+    landed = push(falling, c.along_t, c.along_n, zeno.tangential, zeno.normal)
     carried = tuple(
         x + zeno.duration * plus(y, times(n, -leaving / c.w_nn))
         for x, y, n in zip(q, rates(system, time, q, v), c.along_n, strict=True)

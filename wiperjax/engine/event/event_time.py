@@ -14,6 +14,7 @@ from ...contact.guards import guard_values
 from ...contact.regimes import acceleration, forces
 from ...contact.space import contact
 from ...contact.system import rates
+from ...numerics.arrays import pick
 from ..carry.state import State
 
 
@@ -66,10 +67,7 @@ def _time_to_event_jvp(primals, tangents):
 
     def guard(system, t, q, v):
         values = guard_values(system, contact(system, t, q, v), t, q, v, regime, sides)
-        value = values[0]
-        for i, other in enumerate(values[1:], 1):
-            value = jnp.where(slot == i, other, value)
-        return value
+        return pick(values, slot)
 
     c = contact(system, t, q, v)
     motion = rates(system, t, q, v), acceleration(c, forces(system, c, regime))

@@ -14,11 +14,9 @@ from ...contact.guards import stop_slots
 from ...contact.space import Contact
 from ...contact.system import AbstractSystem, cast
 from ...numerics.arrays import where
-from ...numerics.bernstein import largest
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ..carry.problem import Problem
-from ..carry.start import ROUNDINGS
 from ..carry.state import State
 from .collision import Motion
 from .event_kind import Fired
@@ -56,8 +54,7 @@ def settle(problem: Problem, c: Contact, blow: Struck, motion: Motion, fired: Fi
     """Return (`Motion`, `Fired`) behind a blow: a closed contact whose ends part is one that
     bounced, and speeds that are rounding are none. ``c``: the contact of the velocities then.
     """
-    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
-    least = ROUNDINGS * float(jnp.finfo(speed.dtype).eps) * speed
+    least = problem.least_speed
     rests = blow.any & (jnp.abs(motion.slip_speed) <= least)
     opens = blow.any & ~fired.was_flying & (c.normal_speed > least)
     motion = motion._replace(

@@ -1,4 +1,4 @@
-"""The regime that follows an event, and the zeros its guards begin with (MODEL.md section 5)."""
+"""The regime that follows an event, and the zeros of its guards (docs/model.md, section 5)."""
 
 from typing import NamedTuple
 

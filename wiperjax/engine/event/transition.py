@@ -1,16 +1,15 @@
-"""Reset maps: the state, regime and guards after an event (MODEL.md sections 5 to 7)."""
+"""Reset maps: the state, regime and guards after an event (docs/model.md, sections 5 to 7)."""
 
 from functools import reduce
 from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ...contact.guards import FIRST, contact_sizes, first_switch, gap_rounding, guard_values
+from ...contact.guards import FIRST, first_switch, gap_rounding, guard_values
 from ...contact.projection import project
-from ...contact.regimes import Forces, acceleration, forces, slip_sign
+from ...contact.regimes import Forces, acceleration, forces, slip_sign, stick_forces
 from ...contact.space import Contact, contact
 from ...contact.system import rates
-from ...numerics.bernstein import largest
 from ...numerics.elementary import smaller
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
@@ -33,7 +32,7 @@ class Outcome(NamedTuple):
     regime: Scalar
     sides: tuple
     orders: tuple
-    sizes: tuple  # of the contact's guards, see `contact_sizes`
+    sizes: tuple  # of the contact's guards, see `_sizes`
     rate: tuple
     guards: tuple
     reactions: Forces
@@ -66,8 +65,9 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     if (stop := struck(system, state, fires)) is not None:
         v, fired = strike(system, stop, time, q, v, fired)
     before = contact(system, time, q, v)
-    motion, blow = collide(system, before, time, q, v, fired, sign)
-    motion, completes = complete(problem, system, motion, blow, fired, time - state.last_event, end)
+    motion, impact = collide(system, before, time, q, v, fired, sign)
+    flown = time - state.last_event
+    motion, completes = complete(problem, system, motion, impact, fired, flown, end)
     rough = contact(system, motion.time, motion.position, motion.velocity)
     if stop is not None:
         motion, fired = settle(problem, rough, stop, motion, fired)
@@ -90,7 +90,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     for i, flip in enumerate(flips, base):
         orders[i] = jnp.where(flip, 1, orders[i]).astype(jnp.int32)
     stopped = fires & (slot >= base) & ~kinks
-    kind = event_kind(fired, found.slips, blow.collides, completes, leaving, sign, after)
+    kind = event_kind(fired, found.slips, impact.collides, completes, leaving, sign, after)
     ended = jnp.where(system.reverses(piece - 1), int(Event.BELT_REVERSAL), int(Event.BELT_KINK))
     for condition, name in (
         (kinks, int(Event.KINK)),
@@ -129,7 +129,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
 def _bounce(before: Contact, after: Contact, leaving):
     """Return how long a flight with the normal speed ``leaving`` lasts by the free acceleration at
     its top and, to first order, the dashpots: what they add to it is linear in the speed, and known
-    on both sides of the blow.
+    on both sides of the impact.
     """
     slope = (after.b_n - before.b_n) / (leaving - smaller(before.normal_speed, 0.0))
     top = after.b_n - slope * leaving
@@ -137,14 +137,20 @@ def _bounce(before: Contact, after: Contact, leaving):
 
 
 def _sizes(problem: Problem, system, c: Contact, regime, time, q) -> tuple[Scalar, ...]:
-    """Return what rounding errors of the contact's guards scale with, as a regime begins."""
-    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
-    sizes = contact_sizes(system, c, regime, jnp.broadcast_to(speed, c.b_t.shape))
+    """Return what rounding errors of the contact's guards scale with, as a regime begins: in stick
+    the load on the cone, in slip the typical speed, in flight what the gap is the difference of. A
+    pressing force that starts from zero has none but what it grows to.
+    """
+    zero = cone = jnp.zeros_like(c.b_t)
+    if system.law is not None:
+        cone = jnp.abs(system.law.static * stick_forces(c, system.unilateral).normal)
+    cone = jnp.where(regime == Regime.STICK, cone, zero)
+    first = jnp.where(slip_sign(regime) != 0, problem.speed, cone)
     if system.unilateral:
         digits = NOISE[c.b_t.dtype.name] * float(jnp.finfo(c.b_t.dtype).eps)
         gap = gap_rounding(system, time, q) / digits
-        sizes[FIRST] = jnp.where(regime == Regime.FLIGHT, gap, sizes[FIRST])
-    return tuple(sizes)
+        first = jnp.where(regime == Regime.FLIGHT, gap, first)
+    return (first, cone) + (zero,) * (first_switch(system) - 2)
 
 
 def _switches(problem: Problem, state: State, fires):

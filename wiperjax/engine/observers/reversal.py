@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ...numerics import quartic
-from ...numerics.elementary import larger, smaller
+from ...numerics.elementary import horner, larger, smaller
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
@@ -110,7 +110,7 @@ class ReversalTotals(AbstractObserver):
         peaks = []
         for low, high in near:
             places = [smaller(low + u * (high - low), 1.0) for u in NODES]
-            nodes = [quartic.value(load, u) for u in places]
+            nodes = [horner(load, u) for u in places]
             peaks.append(jnp.where(high > low, highest(nodes, nodes[-1]), -jnp.inf))
         return reduce(higher, peaks)
 

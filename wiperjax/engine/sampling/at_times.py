@@ -7,7 +7,7 @@ import numpy as np
 from ...contact.regimes import forces
 from ...contact.space import contact
 from ...numerics.arrays import put, where
-from ...numerics.elementary import larger
+from ...numerics.elementary import horner, larger
 from ...numerics.runge_kutta import dense_weights
 from ...vocabulary.codes import Regime
 from ..carry.problem import Problem
@@ -78,9 +78,7 @@ def take_samples(problem: Problem, state: State, trial: Trial, moves, length):
         theta = (passed / jnp.where(trial.h > 0, trial.h, 1.0)).astype(y0[0][0].dtype)
         y = y0
         for stage, column in zip(trial.step.stages, polynomial.T, strict=True):
-            weight = jnp.zeros_like(theta)
-            for coefficient in column[::-1]:
-                weight = weight * theta + float(coefficient)
+            weight = horner(column.tolist(), theta)
             y = jax.tree.map(lambda a, k, w=weight: a + w * k, y, stage)
         q, v = y
         f = forces(system, contact(system, t, q, v), state.regime)

@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 
 from ...numerics import quartic
+from ...numerics.arrays import where
 from ...numerics.elementary import larger, smaller
 from ...numerics.fusion_barrier import keep
 from ...numerics.runge_kutta import NODES
@@ -129,7 +130,7 @@ def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Rin
     is full: the lane must not move on before it has been flushed.
     """
     fresh = segment_of(signal, stretch)
-    part = jax.tree.map(lambda new, old: jnp.where(moves, new, old), fresh, ring.segment)
+    part = where(moves, fresh, ring.segment)
     dtype = part.step.dtype
     step = jnp.where(part.step > 0, part.step, 1.0).astype(ring.until.dtype)
     slots = jnp.arange(signal.ring + 1).reshape((-1,) + (1,) * ring.first.ndim)

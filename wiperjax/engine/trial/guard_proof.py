@@ -3,6 +3,7 @@
 It is known at the five nodes of the step, each to within its rounding errors.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -73,9 +74,7 @@ def examine(values, order, size, unsure, sliver, highest: int, coarse) -> Guard:
         start = jnp.where(upwards, larger(start, 1e-6 * height), start)
     # Only a guard that goes down from its zero all along counts as violated there; an extrapolation
     # that merely turns negative asks for a shorter step.
-    top = rest[0]
-    for x in rest[1:]:
-        top = larger(top, x)
+    top = reduce(larger, rest)
     falls = (top <= 0) & (start <= -0.5 * height)
     falls = jnp.where(order == 0, start <= 0, falls & (start < -noise))
     quotient = (start, *rest)
