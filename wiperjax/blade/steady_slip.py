@@ -16,6 +16,7 @@ import numpy as np
 import optimistix as optx
 
 from ..contact.belts import SteadyBelt
+from ..contact.own_numbers import in_full
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces, slip_sign
 from ..contact.space import contact
 from ..numerics.kept import Kept
@@ -94,6 +95,7 @@ def map_shape(*trees) -> tuple[int, ...]:
 
 
 def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
+    wiper = in_full(wiper)
     if belt_speed is None:
         belt_speed = wiper.belt.velocity(0.0, wiper.belt.first_piece(jnp.asarray(0.0)))
     # the belt's own parameters do not matter any more, nor do their shapes

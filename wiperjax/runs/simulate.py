@@ -15,8 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade.numbers import check_single, traceable
+from ..blade.numbers import traceable
 from ..contact.guards import starting_sides
+from ..contact.own_numbers import check_single, in_full
 from ..contact.regimes import forces
 from ..contact.space import contact
 from ..contact.system import AbstractSystem
@@ -106,7 +107,7 @@ def simulate(
     begins = _begins(observer, duration)
     times = regular_times(duration, sample_interval)
 
-    given, system = system, traceable(system)
+    given, system = in_full(system), traceable(system)
     start = coordinates(system, initial_state)
     atol = tolerances(atol, len(start[0]))
     integration = Integration(solver, float(rtol), atol, most, max_step, zeno_time)
