@@ -64,3 +64,27 @@ def test_a_batch_in_place_of_a_number_is_named(angles):
         wiperjax.solve(Wiper(attack_angle=angles), 0.01)
     with pytest.raises(ValueError, match=said):
         jax.jit(lambda x: wiperjax.solve(Wiper(attack_angle=x), 0.01).result)(angles)
+
+
+def test_without_64_bits_nothing_is_computed(tmp_path):
+    """Switched off behind our back, motions were those of float32, and said to reach their end."""
+    blade = Wiper(belt=SteadyBelt(0.3))
+    cells = {
+        "axes": {"belt_speed": {"values": [0.2, 0.3]}},
+        "run": {"transient": 0.02, "window": 0.05},
+    }
+    asked = (
+        lambda: wiperjax.simulate(blade, 0.05),
+        lambda: wiperjax.solve(blade, 0.05),
+        lambda: wiperjax.steady_slip(blade),
+        lambda: wiperjax.modes(blade),
+        lambda: wiperjax.sweep(cells, tmp_path / "map.h5", progress=False),
+    )
+    jax.config.update("jax_enable_x64", False)  # as another library may
+    try:
+        for ask in asked:
+            with pytest.raises(ValueError, match="^jax_enable_x64 must be True, .* but was False"):
+                ask()
+    finally:
+        jax.config.update("jax_enable_x64", True)
+    assert not list(tmp_path.iterdir())

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 
 from ...contact.belts import AbstractBelt, SteadyBelt
 from ...contact.system import AbstractSystem, rates
+from ...numerics.arrays import check_double
 from ...numerics.types import Scalar
 from ..observers.base import AbstractObserver
 from ..observers.totals import RegimeTotals
@@ -105,8 +106,9 @@ def make_case(
     dtype=None,
 ) -> Case:
     """Return the `Case` of arguments that were checked; state and tolerances in ``dtype``, times
-    always in full precision.
+    always in full precision. Raises ValueError without 64-bit numbers.
     """
+    check_double()
     if dtype is None:
         dtype = jnp.result_type(float)
     if initial_state is None:
