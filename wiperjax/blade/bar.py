@@ -10,7 +10,7 @@ from ..contact.friction import AbstractFriction
 from ..contact.system import AbstractSystem
 from ..vocabulary.parameters import PARAMETERS
 from .block import LEAST_LOAD
-from .steady_slip import judged_slip
+from .steady_slip import check_rigid, judged_slip
 from .wiper import Wiper
 
 
@@ -29,6 +29,9 @@ class Bar(AbstractSystem):
     known: ClassVar = PARAMETERS
     lip: Wiper
     sides: tuple | None = None  # signs of the switches (set by the engine)
+
+    def __check_init__(self):
+        check_rigid("lip", self.lip)
 
     @property
     def belt(self) -> AbstractBelt:
