@@ -80,7 +80,8 @@ def share_error(count: Any, of: int) -> np.ndarray:
     B. A. Coull, The American Statistician 52 (1998) 119): what was never seen is not known to be
     impossible. Raises: `ValueError` for counts that cannot be.
     """
-    total, seen = checks.array("of", of, COUNT), checks.array("count", count, NON_NEGATIVE)
+    checks.numbers("of", of, COUNT)
+    seen, total = checks.array("count", count, NON_NEGATIVE), np.asarray(of, dtype=float)
     checks.at_most("count", seen, total, "of")
     share = (seen + 2) / (total + 4)
     return np.sqrt(share * (1 - share) / (total + 4))

@@ -47,11 +47,11 @@ def numbers(name: str, value: Any, allowed: Range, arrays: bool = True) -> None:
 
 
 def array(name: str, value: Any, allowed: Range) -> np.ndarray:
-    """`value`, a number, an array or a list, as floats: whatever is worked out of an array of whole
-    numbers may overflow. Raises `ValueError` unless they are numbers in a range.
+    """`value`, a number, an array or a list of some, as floats: what is worked out of whole numbers
+    of few bits overflows. Raises `ValueError` unless they are numbers in a range.
     """
     try:
-        given = np.asarray(value) if isinstance(value, list | tuple) else value
+        given = np.asarray(value) if isinstance(value, list | tuple) and value else value
     except ValueError:  # rows of several lengths
         raise ValueError(f"{name} {allowed.must}, but was {shown(value)}") from None
     numbers(name, given, allowed)
