@@ -12,7 +12,7 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from .datasets.run_dataset import axis_of, contact_axis, is_run, sample_interval
+from .datasets.run_dataset import axis_of, check_run, contact_axis, is_run, sample_interval
 from .machine.files import check_output, replacing
 from .vocabulary import checks
 
@@ -42,8 +42,8 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     checks.instance("run", run, xr.Dataset, "a run (wiperjax.simulate)")
     checks.path("path", path)
     checks.flag("force", force)
-    if not (is_run(run) or is_modes(run)):
-        raise ValueError("run must be a run (wiperjax.simulate), but holds no trajectory")
+    if not is_modes(run):
+        check_run("run", run)
     ending, formats = Path(path).suffix.lower(), FORMATS if is_run(run) else MODE_FORMATS
     if ending not in formats:
         raise ValueError(f"{path}: must end in {' or '.join(formats)}")

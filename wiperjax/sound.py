@@ -19,8 +19,8 @@ import xarray as xr
 
 from .datasets.run_dataset import (
     between,
+    check_run,
     is_quiet,
-    is_run,
     is_steady,
     pitch,
     sample_interval,
@@ -39,7 +39,7 @@ REFERENCES = {"velocity": 1.0, "normal_force": 20.0}  # m/s, N/m
 LONGEST = 3600.0  # s
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # of arrays no equality is one answer
 class Sound:
     """Samples at `RATE` relative to full scale, and what that is.
 
@@ -133,8 +133,7 @@ def sound(
         that is sampled too coarsely, or has no whole period to repeat.
     """
     checks.instance("run", run, xr.Dataset, "a run (wiperjax.simulate)")
-    if not is_run(run):
-        raise ValueError("run must be a run (wiperjax.simulate), but holds no trajectory")
+    check_run("run", run)
     checks.choice("quantity", quantity, REFERENCES)
     full = REFERENCES[quantity]
     if reference is not None:
@@ -164,8 +163,11 @@ def sound(
 def resample(values: np.ndarray, interval: float) -> np.ndarray:
     """Samples at `RATE` of a signal sampled every `interval` (s), band-limited (polyphase filter).
 
-    Its length in time is that of the signal to within one sample.
+    Its length in time is that of the signal to within one sample. Raises: `ValueError` for what is
+    no signal, or no interval.
     """
+    values = checks.array("values", values, FINITE)
+    interval = checks.number("interval", interval, POSITIVE)
     while RATE * interval < 1 / 8 and values.size > 1:  # ratios of small numbers: halves first
         values = scipy.signal.resample_poly(values, 1, 2, padtype="line")
         interval *= 2

@@ -182,7 +182,7 @@ CASES = {
     "share_error": (
         wiperjax.share_error,
         {"count": 3, "of": 10},
-        {"count": [*NO_NUMBER, -1, 11], "of": [*NO_NUMBER, 0, 1.5]},
+        {"count": [*STRANGE, True, NAN, [1.0, NAN], -1, 11], "of": [*NO_NUMBER, 0, 1.5]},
     ),
     "sweep": (
         wiperjax.sweep,

@@ -2,6 +2,7 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
 import own_systems
 import pytest
@@ -417,3 +418,13 @@ def test_what_has_no_modes_is_one_line():
     named |= {"system": "odd_systems:Spelled", "axes": {"frequency": {"values": [1.0, 2.0]}}}
     with pytest.raises(ValueError, match=r"^axes must .* modes .*, but had 'frequency': rename"):
         wiperjax.modes_over(named)
+
+
+@pytest.mark.slow
+def test_a_place_may_be_an_array_of_any_kind():
+    blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.3))
+    near = wiperjax.modes(blade).position.values
+    for place in (near, jnp.asarray(near), list(near)):
+        assert float(wiperjax.modes(blade, near=place).position[0]) == pytest.approx(near[0])
+    with pytest.raises(ValueError, match="^near must be 2 finite numbers, one a coordinate, but"):
+        wiperjax.modes(blade, near=jnp.zeros((2, 2)))

@@ -300,3 +300,22 @@ def test_class_table_counts_what_is_there():
         "failed": 1,
     }
     assert sum(share for *_, share in table) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("count", "of", "error"),
+    [
+        (np.array([254, 255], np.uint8), 300, [0.02091, 0.02074]),
+        (np.int8(126), np.int16(200), 0.03385),
+        ([0, 3], 10, [0.09352, 0.12806]),
+    ],
+)
+def test_counts_of_few_bits_do_not_overflow(count, of, error):
+    """254 + 2 was 0 as uint8, 200 + 4 times itself beyond int16; a list was refused."""
+    np.testing.assert_allclose(class_counts.share_error(count, of), error, rtol=1e-3)
+
+
+def test_a_count_that_cannot_be_is_one_line():
+    for wrong in ("a", [[1], [1, 2]], [1, "b"], -1):
+        with pytest.raises(ValueError, match="^count must be a finite number >= 0, but was"):
+            class_counts.share_error(wrong, 10)

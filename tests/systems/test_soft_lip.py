@@ -6,6 +6,8 @@ from scipy.integrate import solve_ivp
 
 import wiperjax
 from wiperjax import Coulomb, Event, SteadyBelt
+from wiperjax.blade.bar import Bar
+from wiperjax.blade.block import block_of
 from wiperjax.systems.soft_lip import SoftLip
 
 SPEED, STATIC = 0.3, 0.8
@@ -73,3 +75,25 @@ def test_stick_holds_the_hinge_too(hinge_mass):
     releases = run.event_time[run.event_kind == Event.RELEASE]
     assert float(releases[0]) == pytest.approx(exact.t[-1], abs=1e-8)
     assert int(run.result) == 0
+
+
+def test_what_nothing_takes_stays_energy():
+    """Bounces on the glass's spring without friction or dashpot: the spring was not in it."""
+    lip = SoftLip(
+        belt=SteadyBelt(SPEED), friction=Coulomb(0.0), support_damping=0.0, attack_angle=0.1
+    )
+    depth = 1.5 * lip.normal_load / lip.contact_stiffness
+    start = (lip.lip_length * np.sin(0.15), -depth), (0.0, 0.0)
+    before, stored = float(lip.energy(*start)), 0.5 * lip.contact_stiffness * depth**2
+    for duration in (1e-3, 2e-3, 4e-3):
+        run = wiperjax.solve(lip, duration, initial_state=start, rtol=1e-11)
+        after = lip.energy(run.final_position, run.final_velocity)
+        assert float(after) == pytest.approx(before, abs=1e-10 * stored)
+
+
+@pytest.mark.parametrize("asked", [wiperjax.steady_slip, block_of, Bar])
+def test_what_is_of_the_rigid_lip_alone_is_refused(asked):
+    """It was answered for the rigid lip: no steady slip, where `modes` finds one."""
+    said = r"must be on glass that does not yield \(of others see `modes`\), but was a SoftLip$"
+    with pytest.raises(ValueError, match=said):
+        asked(SoftLip(belt=SteadyBelt(SPEED)))

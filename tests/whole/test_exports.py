@@ -12,8 +12,10 @@ import scipy.io
 import xarray as xr
 
 import wiperjax
+from wiperjax import plots
 from wiperjax.cli import main
 from wiperjax.exports import columns, export
+from wiperjax.sound import sound
 from wiperjax.store.whole import write_dataset
 
 
@@ -132,4 +134,25 @@ def test_uneven_samples_are_no_universal_file(squeal, tmp_path):
     uneven = squeal.isel(time=[0, 1, 2, 4, 8, 16, 32, 64, 128])
     with pytest.raises(ValueError, match="evenly spaced"):
         export(uneven, tmp_path / "run.uff")
+    assert not list(tmp_path.iterdir())
+
+
+def damaged(run):
+    """Datasets that were a run, and what each is said to be."""
+    return {
+        "its event_time lies along": run.where(run.time > 0.05),
+        "its event_time lies along time and event": xr.concat([run, run], "time", data_vars="all"),
+        "its regime lies along case and time": xr.concat([run, run], "case"),
+        "holds no samples over time": run.isel(time=slice(0, 0)),
+        "holds no samples": run.isel(time=0),
+    }
+
+
+def test_what_was_a_run_is_no_run_for_any(squeal, tmp_path):
+    """Of events along time, too, a sound asked for 26 GiB; the table of an empty run was empty."""
+    short = squeal.isel(time=slice(0, 100), event=slice(0, 5)).load()
+    for said, ds in damaged(short).items():
+        for ask in (sound, plots.time_history, lambda ds: export(ds, tmp_path / "run.csv")):
+            with pytest.raises(ValueError, match=rf"must be a run .*, but {said}"):
+                ask(ds)
     assert not list(tmp_path.iterdir())

@@ -1,5 +1,7 @@
 """Sound of a run: its tone, its level relative to a velocity, and what is refused."""
 
+import copy
+
 import numpy as np
 import pytest
 import scipy.io.wavfile
@@ -158,3 +160,16 @@ def test_command_line_refuses_what_is_no_run(tmp_path, capsys):
 def test_a_finely_sampled_run_sounds_as_long_as_it_is(interval):
     samples = np.zeros(round(2e-3 / interval))
     assert len(sound.resample(samples, interval)) == pytest.approx(2e-3 * sound.RATE, abs=1)
+
+
+def test_whole_numbers_are_read_as_they_are():
+    wave = np.round(20_000 * np.sin(2 * np.pi * 700.0 * 2e-5 * np.arange(2000))).astype(np.int16)
+    np.testing.assert_array_equal(sound.resample(wave, 2e-5), sound.resample(1.0 * wave, 2e-5))
+    for wrong in (-1e-4, "a", np.nan):
+        with pytest.raises(ValueError, match="^interval must be a finite number > 0, but was"):
+            sound.resample(wave, wrong)
+
+
+def test_two_sounds_can_be_compared_and_kept_in_a_set():
+    one = sound.sound(tone(700.0))
+    assert one == one and one != copy.copy(one) and len({one, copy.copy(one)}) == 2

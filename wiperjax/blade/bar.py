@@ -10,6 +10,7 @@ from ..contact.friction import AbstractFriction
 from ..contact.on_belt import OnBelt
 from ..vocabulary.parameters import PARAMETERS
 from .block import LEAST_LOAD
+from .steady_slip import check_rigid
 from .wiper import Wiper
 
 
@@ -28,6 +29,9 @@ class Bar(OnBelt):
     known: ClassVar = PARAMETERS
     lip: Wiper
     sides: tuple | None = None  # signs of the switches (set by the engine)
+
+    def __check_init__(self):
+        check_rigid("lip", self.lip)
 
     @property
     def belt(self) -> AbstractBelt:

@@ -16,6 +16,7 @@ import numpy as np
 import optimistix as optx
 
 from ..contact.belts import SteadyBelt
+from ..contact.own_numbers import in_full
 from ..contact.regimes import acceleration, friction_coefficient, slip_forces, slip_sign
 from ..contact.space import contact
 from ..numerics.kept import Kept
@@ -89,12 +90,22 @@ def steady_slip_branches(wiper: Wiper, belt_speed=None) -> SteadySlip:
     return _over_map(wiper, belt_speed, MOST_BRANCHES)
 
 
+def check_rigid(name: str, wiper: Wiper) -> None:
+    """Raises ValueError for a lip on glass that yields: its steady slip is another, and so are the
+    poorer models that are made of it."""
+    if not wiper.unilateral:
+        must = f"{name} must be on glass that does not yield (of others see `modes`)"
+        raise ValueError(f"{must}, but was a {type(wiper).__name__}")
+
+
 def map_shape(*trees) -> tuple[int, ...]:
     """Common shape of all numbers in some pytrees. Raises ValueError if there is none."""
     return np.broadcast_shapes(*(np.shape(leaf) for leaf in jax.tree.leaves(trees)))
 
 
 def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:
+    check_rigid("wiper", wiper)
+    wiper = in_full(wiper)
     if belt_speed is None:
         belt_speed = wiper.belt.velocity(0.0, wiper.belt.first_piece(jnp.asarray(0.0)))
     # the belt's own parameters do not matter any more, nor do their shapes

@@ -16,12 +16,32 @@ from ..vocabulary.wording import not_there
 
 ROUNDING = 1e-13  # of velocities, relative to what they are sums of
 FEWEST = 8  # samples of a part of a run
+OF_A_RUN = ("time", "velocity", "regime")
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
 
 
 def is_run(ds: xr.Dataset) -> bool:
     """Whether a dataset is a trajectory over time."""
-    return "regime" in ds and "velocity" in ds and "time" in ds.sizes
+    return all(name in ds for name in OF_A_RUN) and not unfit(ds)
+
+
+def unfit(ds: xr.Dataset) -> str:
+    """Why what has the variables of a run is none any more, in words; empty if it is one."""
+    if not ds.sizes.get("time"):
+        return "holds no samples over time"
+    for name, own in (("regime", ("time",)), ("event_time", ("event",))):
+        if name in ds and ds[name].dims != own:
+            part = "run.sel(time=slice(...)) takes a part of a run, run.where and xr.concat do not"
+            return f"its {name} lies along {' and '.join(map(str, ds[name].dims))}: {part}"
+    return ""
+
+
+def check_run(name: str, ds: xr.Dataset) -> None:
+    """Raises: `ValueError` unless a dataset is a trajectory over time."""
+    if not is_run(ds):
+        whole = all(variable in ds for variable in OF_A_RUN)
+        why = unfit(ds) if whole else "holds no trajectory"
+        raise ValueError(f"{name} must be a run (wiperjax.simulate), but {why}")
 
 
 def check_quantity(ds: xr.Dataset, quantity: str) -> xr.DataArray:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from ..contact.own_numbers import check_single, in_full
 from ..contact.system import AbstractSystem
 from ..numerics.types import Scalar
 from ..vocabulary import checks
@@ -135,6 +136,8 @@ def solve(
     ``non_finite``.
     """
     check_system(system)
+    check_single(system)
+    system = in_full(system)
     checks.numbers("duration", duration, POSITIVE, arrays=False)
     check_integration(solver, rtol, zeno_time, max_steps)
     if initial_state is None:

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from ..contact.own_numbers import check_single, in_full
 from ..contact.system import AbstractSystem
 from ..machine import provenance
 from ..systems import numbers
@@ -77,7 +78,8 @@ def modes(system: AbstractSystem, near=None) -> xr.Dataset:
     Raises ValueError for a system without friction, and where no steady sliding is found.
     """
     checks.instance("system", system, AbstractSystem, "a system such as Wiper()")
-    numbers.check_single(system)
+    check_single(system)
+    system = in_full(system)
     if system.law is None:
         raise ValueError(f"system must have friction, but {type(system).__name__} has none")
     near = _place(system, near)
@@ -94,8 +96,12 @@ def _place(system: AbstractSystem, near) -> tuple[float, ...]:
     usual = system.sliding_near()
     if near is None:
         return tuple(float(x) for x in usual)
-    fine = isinstance(near, tuple | list | np.ndarray) and len(near) == len(usual)
-    if not fine or not all(checks.is_number(x, arrays=False) and np.isfinite(x) for x in near):
+    fine = isinstance(near, tuple | list) or np.ndim(near) == 1  # an array, of JAX's too
+    if (
+        not fine
+        or len(near) != len(usual)
+        or not all(checks.is_number(x, arrays=False) and np.isfinite(x) for x in near)
+    ):
         must = f"must be {len(usual)} finite numbers, one a coordinate"
         raise ValueError(f"near {must}, but was {checks.shown(near)}")
     return tuple(float(x) for x in near)

@@ -81,7 +81,7 @@ def share_error(count: Any, of: int) -> np.ndarray:
     impossible. Raises: `ValueError` for counts that cannot be.
     """
     checks.numbers("of", of, COUNT)
-    checks.numbers("count", count, NON_NEGATIVE)
-    checks.at_most("count", count, of, "of")
-    share = (np.asarray(count) + 2) / (of + 4)
-    return np.sqrt(share * (1 - share) / (of + 4))
+    seen, total = checks.array("count", count, NON_NEGATIVE), np.asarray(of, dtype=float)
+    checks.at_most("count", seen, total, "of")
+    share = (seen + 2) / (total + 4)
+    return np.sqrt(share * (1 - share) / (total + 4))

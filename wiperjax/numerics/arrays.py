@@ -5,6 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 
 
+def check_double() -> None:
+    """Raises ValueError where JAX has no 64-bit numbers: whoever switched them off after wiperjax
+    was imported would get events to seven digits, without a word."""
+    if jnp.result_type(float) != jnp.float64:
+        raise ValueError("jax_enable_x64 must be True, as wiperjax sets it, but was False")
+
+
 def where(condition, a, b):
     """`jnp.where` over pytrees."""
     return jax.tree.map(lambda x, y: jnp.where(condition, x, y), a, b)

@@ -14,6 +14,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ..datasets.map_starts import from_start
+from ..datasets.run_dataset import unfit
 from ..vocabulary import checks
 from ..vocabulary.ranges import FINITE, POSITIVE, Range
 
@@ -86,6 +87,8 @@ def check_dataset(name: str, value: Any, kind: str, needs: tuple[str, ...]) -> N
     checks.instance(name, value, xr.Dataset, MADE_BY[kind])
     if missing := [variable for variable in needs if variable not in value]:
         raise ValueError(f"{name} must be {MADE_BY[kind]}, but has no {missing[0]}")
+    if kind == "run" and (why := unfit(value)):
+        raise ValueError(f"{name} must be {MADE_BY[kind]}, but {why}")
 
 
 def check_options(options: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade.steady_slip import equilibria, steady_slip
+from ..blade.steady_slip import check_rigid, equilibria, steady_slip
 from ..blade.wiper import Wiper
 from ..contact.belts import SteadyBelt, operating_speed
 from ..numerics.kept import Kept
@@ -52,8 +52,7 @@ def stabilise(
     which is no proof that none does. Stable steady slip is no promise of quiet: see `verdict`.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
-    if not blade.unilateral:  # its steady slip is another
-        raise ValueError(f"blade must be on glass that does not yield, but was {blade!r}")
+    check_rigid("blade", blade)
     margin = checks.number("margin", margin, FINITE)
     check_search(starts, seed)
     box, system = Box.of(blade, bounds), numbers.traceable(blade, *bounds)

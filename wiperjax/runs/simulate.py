@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from ..contact.guards import starting_sides
+from ..contact.own_numbers import check_single, in_full
 from ..contact.regimes import forces
 from ..contact.space import contact
 from ..contact.system import AbstractSystem
@@ -37,7 +38,7 @@ from ..engine.step import advance
 from ..machine import provenance
 from ..machine.files import log
 from ..numerics.kept import Kept
-from ..systems.numbers import check_single, traceable
+from ..systems.numbers import traceable
 from ..vocabulary import checks
 from ..vocabulary.codes import ADVICE, RUNNING, Result
 from ..vocabulary.ranges import COUNT, POSITIVE, SAMPLES, Range
@@ -106,7 +107,7 @@ def simulate(
     begins = _begins(observer, duration)
     times = regular_times(duration, sample_interval)
 
-    given, system = system, traceable(system)
+    given, system = in_full(system), traceable(system)
     start = coordinates(system, initial_state)
     atol = tolerances(atol, len(start[0]))
     integration = Integration(solver, float(rtol), atol, most, max_step, zeno_time)

@@ -4,7 +4,7 @@ A name is the path of a field, ``belt.speed`` or ``attack_angle``; the names of 
 (``belt_speed``) hold as well.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from itertools import product
 from typing import Any
@@ -14,11 +14,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..contact.own_numbers import at as at
+from ..contact.own_numbers import check_single as check_single
+from ..contact.own_numbers import in_full
+from ..contact.own_numbers import numbers as numbers
+from ..contact.own_numbers import routes as routes
 from ..contact.system import AbstractSystem
 from ..numerics.arrays import fields_of
 from ..vocabulary import checks
 from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
-from ..vocabulary.kinds import BELTS, FRICTIONS, is_absent, of_fields
+from ..vocabulary.kinds import is_absent, of_fields
 from ..vocabulary.parameters import PARAMETERS, Parameter
 from ..vocabulary.wording import digits, shown
 
@@ -36,34 +41,6 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
             f"but was {shown(name)}"
         )
     return names[name]
-
-
-def routes(system: AbstractSystem) -> dict[str, tuple[str, ...]]:
-    """Parameter of files -> the fields that lead to it: of the system, its belt or its law."""
-    known = {**marked(system), **system.known}
-    own = (field.name for field in fields(system) if field.name not in system.idle)
-    found = {name: (name,) for name in own if name in known}
-    for field, kinds in (("belt", BELTS), ("friction", FRICTIONS)):
-        part = getattr(system, field, None)
-        if isinstance(part, eqx.Module):
-            keys = kinds.get(getattr(part, "kind", "")) or {key: key for key in marked(part)}
-            found |= {name: (field, key) for key, name in keys.items()}
-    return found
-
-
-def numbers(system: AbstractSystem) -> set[str]:
-    """Return the fields of a system that are numbers: its parameters, and those of type float."""
-    declared = {".".join(route) for route in routes(system).values()}
-    return declared | {".".join(route) for route in _floats(system)}
-
-
-def check_single(system: AbstractSystem) -> None:
-    """Raises ValueError for a system with an array in place of a number, which is a batch."""
-    for name in sorted(numbers(system)):
-        if np.ndim(found := at(tuple(name.split(".")))(system)):
-            raise ValueError(
-                f"system must have one number as {name}, a float, but had {shown(found)}"
-            )
 
 
 def known(system: AbstractSystem, name: str) -> Parameter | None:
@@ -145,11 +122,11 @@ def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
 
     def leaf(path, x):
         to = fields_of(path)
-        number = isinstance(x, float | np.floating) or (isinstance(x, int) and of_fields(to))
+        number = isinstance(x, float) or (isinstance(x, int) and of_fields(to))
         counts = number and not is_absent(to, float(x), (0,))
         return jnp.asarray(x, float) if counts or isinstance(x, np.ndarray) else x
 
-    system = jax.tree_util.tree_map_with_path(leaf, system)
+    system = jax.tree_util.tree_map_with_path(leaf, in_full(system))
     for name in names:
         system = replaced(system, name, at(path(system, name))(system))
     return system
@@ -199,26 +176,6 @@ def words(system: AbstractSystem) -> dict[str, str]:
     if system.of_a_blade:
         return {"position": "tip position along the glass", "velocity": "tip velocity"}
     return {"position": "first coordinate", "velocity": "output velocity"}
-
-
-def at(route: tuple[str, ...]) -> Callable[[Any], Any]:
-    """Return the function that takes from a tree what the fields ``route`` lead to."""
-
-    def where(tree: Any) -> Any:
-        for key in route:
-            tree = getattr(tree, key)
-        return tree
-
-    return where
-
-
-def _floats(module: eqx.Module, before: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    for field in fields(module):  # type: ignore[arg-type]
-        inner, route = getattr(module, field.name), (*before, field.name)
-        if isinstance(inner, eqx.Module):
-            yield from _floats(inner, route)
-        elif field.type in (float, "float"):
-            yield route
 
 
 def _names(module: eqx.Module, before: tuple[str, ...] = ()) -> dict[str, tuple[str, ...]]:

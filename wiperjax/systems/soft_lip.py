@@ -75,3 +75,6 @@ class SoftLip(Wiper):
         # its place is told to a part of the penetration, where the force comes from
         depth = self.normal_load / self.contact_stiffness
         return (self.lip_length, jnp.minimum(depth, self.lip_length)), speeds
+
+    def energy(self, q, v):
+        return super().energy(q, v) + 0.5 * self.contact_stiffness * jnp.minimum(q[1], 0.0) ** 2

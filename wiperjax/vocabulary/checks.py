@@ -46,6 +46,18 @@ def numbers(name: str, value: Any, allowed: Range, arrays: bool = True) -> None:
         raise ValueError(f"{name} {allowed.must}, but was {digits(wrong)}")
 
 
+def array(name: str, value: Any, allowed: Range) -> np.ndarray:
+    """`value`, a number, an array or a list of some, as floats: what is worked out of whole numbers
+    of few bits overflows. Raises `ValueError` unless they are numbers in a range.
+    """
+    try:
+        given = np.asarray(value) if isinstance(value, list | tuple) and value else value
+    except ValueError:  # rows of several lengths
+        raise ValueError(f"{name} {allowed.must}, but was {shown(value)}") from None
+    numbers(name, given, allowed)
+    return np.asarray(given, dtype=float)
+
+
 def number(name: str, value: Any, allowed: Range) -> float:
     """`value` as a float. Raises `ValueError` unless it is one number in a range."""
     if not is_number(value, arrays=False):

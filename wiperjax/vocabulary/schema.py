@@ -128,7 +128,7 @@ _TABLE = (
     ),
     Column(
         "energy_per_slip", "float64", "J/m", "work done on friction, per slip out of stick",
-        comment="0 where nothing sticks",
+        comment="0 where nothing sticks; what friction takes in impacts is not in it",
     ),
     Column(
         "acceleration_max", "float64", "m/s^2", "largest tip acceleration between impacts",

@@ -40,7 +40,7 @@ class Totals(NamedTuple):
     lift_off_count: Scalar
     impulse_max: Scalar
     slip_count: Scalar  # begun out of stick
-    friction_work: Scalar  # done on friction in slip
+    friction_work: Scalar  # done on friction in slip: what it takes in impacts is not in it
     stick_force_max: Scalar  # largest friction force in stick
     slip_force_min: Scalar  # smallest in slip; inf without slip
     acceleration_max: Scalar  # of the output

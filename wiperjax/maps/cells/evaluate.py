@@ -6,12 +6,15 @@ from typing import Any
 import jax
 import numpy as np
 
+from ...numerics.arrays import check_double
 from . import batch
 from .sensitivity.evaluate import evaluate as with_derivatives
 
 
 def identity() -> dict[str, str]:
-    """What of this machine has a part in the numbers, beside the versions: the kind of device."""
+    """What of this process has a part in the numbers, beside the versions: the kind of device.
+    Raises ValueError without 64-bit numbers, before anything is stored."""
+    check_double()
     return {"device": jax.devices()[0].device_kind}
 
 
