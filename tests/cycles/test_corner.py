@@ -113,6 +113,7 @@ def test_a_belt_that_reverses_is_no_event_of_the_contact():
         ("capture release", "capture kink kink release", "shoulder"),
         ("kink capture kink release", "capture kink kink release", "shoulder"),
         ("kink capture release", "capture kink release impact", "grazing"),
+        ("capture release", "capture blow release", "grazing"),
         ("kink kink", "kink capture kink release", "grazing_sliding"),
     ],
 )

@@ -11,7 +11,7 @@ import wiperjax
 from wiperjax import remedy
 from wiperjax.blade import numbers
 from wiperjax.blade.steady_slip import steady_slip
-from wiperjax.cycles import find_cycle
+from wiperjax.cycles import find_cycle, up_and_down
 from wiperjax.noise.run_class import assess, words
 from wiperjax.systems.oscillator import Oscillator
 from wiperjax.systems.woodpecker import Woodpecker
@@ -21,6 +21,22 @@ CHATTER = {"attack_angle": -30}
 
 def chattering(speed):
     return wiperjax.Wiper(attack_angle=math.radians(-30.0), belt=wiperjax.SteadyBelt(speed))
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda many: find_cycle(many, settle=0.05),
+        lambda many: up_and_down(many, "normal_load", [10.0, 20.0], settle=0.1, window=0.1),
+        lambda many: remedy.quieten(many, {"normal_load": (10.0, 20.0)}),
+        lambda many: remedy.stabilise(many, {"normal_load": (10.0, 20.0)}),
+    ],
+)
+def test_many_blades_in_one_are_refused(asked):
+    """Shapes that did not match, deep in JAX, or another argument was blamed."""
+    many = wiperjax.Wiper(attack_angle=np.array([0.1, 0.2]))
+    with pytest.raises(ValueError, match="^system must have one number as attack_angle"):
+        asked(many)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ monodromy matrix, the derivative of the motion through all its events (`shooting
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg
@@ -24,7 +24,7 @@ NEUTRAL = 1e-9  # of a multiplier within the unit circle: less is rounding
 TOLD = 1e-6  # of the size of the motion: how closely a cycle is known that is isolated
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Cycle:
     """A periodic motion of ``system``. SI units (the system's own); NaN where none was found.
 
@@ -54,8 +54,8 @@ class Cycle:
     flight_fraction: float = math.nan
     normal_force_max: float = math.nan
     slip_margin: float = math.nan  # smallest slip speed inside a slip phase: 0 where stick begins
-    motion: Arc | None = None  # one period, sampled
-    shooting: Shooting | None = None
+    motion: Arc | None = field(default=None, repr=False)  # one period, sampled
+    shooting: Shooting | None = field(default=None, repr=False)
 
     @property
     def amplitude(self) -> float:

@@ -55,6 +55,7 @@ def find_cycle(
     Raises ValueError for arguments that cannot be meant.
     """
     check_system(system)
+    numbers.check_single(system)
     settle = checks.number("settle", settle, POSITIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
     max_step = longest_step(max_step)

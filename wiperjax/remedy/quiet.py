@@ -58,6 +58,7 @@ def quieten(
     the blade as it is fails, a ValueError is raised.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
+    numbers.check_single(blade)
     duration = checks.number("duration", duration, POSITIVE)
     window = checks.number("window", window, Range(0, duration, low_open=True, unit="s"))
     effort = checks.number("effort", effort, NON_NEGATIVE)

@@ -52,6 +52,7 @@ def stabilise(
     which is no proof that none does. Stable steady slip is no promise of quiet: see `verdict`.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
+    numbers.check_single(blade)
     if not blade.unilateral:  # its steady slip is another
         raise ValueError(f"blade must be on glass that does not yield, but was {blade!r}")
     margin = checks.number("margin", margin, FINITE)

@@ -8,7 +8,7 @@ branch taken up again on the other side with the derivatives that hold there (di
 Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, chapters 6 to 8).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,13 +26,13 @@ MOST_POINTS = 10**6
 ROUNDING = 1e-9  # of a range: a cycle so near to its end lies on it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Branch:
     """Cycles in order along the branch, its special points, and why either end is one."""
 
-    cycles: list[Cycle]
-    parameters: np.ndarray  # (points,)
-    arclength: np.ndarray  # (points,) from the start cycle, in scaled numbers
+    cycles: list[Cycle] = field(repr=False)
+    parameters: np.ndarray = field(repr=False)  # (points,)
+    arclength: np.ndarray = field(repr=False)  # (points,) from the start cycle, in scaled numbers
     special: list[Special]
     ends: tuple[str, str]
     over: str

@@ -70,7 +70,8 @@ def up_and_down(
     files) and ``peak``: ``maximum`` of the first coordinate (the largest first; NaN-padded; of a
     motion at rest, where it rests), ``velocity_rms``, ``stick_fraction``, ``flight_fraction``,
     ``result``. After a motion that failed or collapsed the next value starts from
-    ``initial_state``.
+    ``initial_state``. A wall that a step moves over the state of the value before is one such
+    failure (``inconsistent_start``): by chance of the phase, so that other values or times may do.
 
     Both ways run side by side in one compiled program.
 
@@ -78,6 +79,7 @@ def up_and_down(
     something drives, if there is no ``period`` or what drives it does not come again after it.
     """
     check_system(system)
+    numbers.check_single(system)
     values = checks.increasing("values", values, 2)
     settle, window = (
         checks.number(name, x, POSITIVE) for name, x in (("settle", settle), ("window", window))

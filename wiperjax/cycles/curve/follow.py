@@ -1,6 +1,6 @@
 """From the special points of a branch to curves in the plane of two parameters."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -29,15 +29,15 @@ SEEN = 1e-3  # of the ranges: how near to a curve a special point lies that is o
 ALIKE = 0.05  # of the size of the motion, and of its period: how near its cycle is to one there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Curve:
     """A curve in order: its points in the plane, special points, and why either end is one."""
 
     kind: str
     system: AbstractSystem
     names: tuple[str, str]
-    places: np.ndarray  # (points, 2), SI
-    facts: list[Facts]  # at each point
+    places: np.ndarray = field(repr=False)  # (points, 2), SI
+    facts: list[Facts] = field(repr=False)  # at each point
     special: list[Mark]
     ends: tuple[tuple[CurveEnd, str], tuple[CurveEnd, str]]
 
