@@ -111,7 +111,7 @@ def test_block_has_the_linearisation_of_the_lip(degrees, speed):
     ("degrees", "hopf"), [(-30, 0.5766), (-10, 0.5017), (0, 0.4511), (10, 0.3937), (30, 0.2470)]
 )
 def test_block_loses_stability_where_the_lip_does(degrees, hopf):
-    """VERIFICATION.md V11: Hopf speeds of the reference blade, four digits."""
+    """Hopf speeds of the reference blade, four digits (docs/model.md, section 10)."""
     belt = wiperjax.SteadyBelt(hopf)
     rung = block.block_of(wiperjax.Wiper(belt=belt, attack_angle=np.radians(degrees)))
     low, high = block.unstable_speeds(rung)
@@ -165,7 +165,7 @@ def test_squeal_oscillator_grows_inside_its_range_and_dies_outside():
     ("m", "k", "static", "dynamic", "v"), [(1, 1, 1, 0.5, 0.2), (1, 100, 0.4, 0.25, 0.05)]
 )
 def test_block_on_a_belt(m, k, static, dynamic, v):
-    """VERIFICATION.md V5: times of stick and slip in closed form."""
+    """Times of stick and slip in closed form."""
     friction = Coulomb(float(static), float(dynamic))
     belt = wiperjax.SteadyBelt(float(v))
     system = block.Block(belt, friction, float(m), 0.0, float(k), 0.0, 1.0, reach=100.0)

@@ -1,6 +1,6 @@
 """Problems with exact answers about the events of `systems`.
 
-Numbers are those of VERIFICATION.md (V2 to V10); every one is a closed form unless it says more.
+V2 to V10 are their names; every one is a closed form unless it says more.
 """
 
 import math

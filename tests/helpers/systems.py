@@ -42,7 +42,7 @@ def times(solution):
 
 
 class Ball(AbstractSystem):
-    """Point mass above a floor; `slope` is the free normal acceleration -gravity + slope q + ..."""
+    """Point mass above a floor."""
 
     gravity: float = 9.81
     restitution: float = 0.5
@@ -165,7 +165,7 @@ class Rod(AbstractSystem):
 
     @property
     def law(self):
-        return Coulomb(self.mu, self.mu)
+        return Coulomb(self.mu)
 
     @property
     def bounce(self):
@@ -179,9 +179,9 @@ class Rod(AbstractSystem):
 
 
 class Puck(AbstractSystem):
-    """Point mass over a moving floor, q = (x, y), free acceleration (a_t + p sin(w t), -g).
+    """Point mass over a moving floor, q = (x, y), free acceleration (push, -g + lift sin(w t)).
 
-    W is diagonal unless `coupling` is given: the smallest scene with impacts and friction.
+    W is diagonal: the smallest scene with impacts and friction.
     """
 
     mu: float = 0.3
@@ -207,7 +207,7 @@ class Puck(AbstractSystem):
 
     @property
     def law(self):
-        return Coulomb(self.mu, self.mu)
+        return Coulomb(self.mu)
 
     @property
     def bounce(self):

@@ -48,7 +48,7 @@ def reference_spec(angles: int = 41, loads: int = 11, speeds: int = 21):
 
 def steady_slip(angle, load, speed):
     """Angle, growth rate (1/s) and frequency (Hz) of steady slip, branch of largest phi
-    (VERIFICATION.md V11).
+    (docs/model.md, section 10).
 
     The reference blade; angles in radians; no root on the grid gives NaN.
     """

@@ -93,7 +93,7 @@ class Falls(wiperjax.AbstractFriction):
 
 def test_bounds_that_hold_what_no_blade_may_be_are_refused():
     """A law that slips with more than it holds with was recommended: 0.574 where 0.5 holds."""
-    blade = wiperjax.Wiper(friction=wiperjax.Coulomb(0.5, 0.5))
+    blade = wiperjax.Wiper(friction=wiperjax.Coulomb(0.5))
     said = r"^bounds must stay within what Coulomb may be, but at mu_minimum = 0.9: dynamic must be"
     with pytest.raises(ValueError, match=said):
         remedy.stabilise(blade, {"mu_minimum": (0.1, 0.9)})

@@ -1,4 +1,4 @@
-"""Cases with known answers (VERIFICATION.md), as user-defined systems through `wiperjax.solve`."""
+"""Cases with known answers, as user-defined systems through `wiperjax.solve`."""
 
 import math
 

@@ -1,8 +1,8 @@
 """Checks of the reference itself (tests/reference): known answers, identities of mechanics, and
 its own convergence.
 
-Nothing here touches the engine. Section numbers are those of docs/model.md, V numbers those of
-VERIFICATION.md.
+Nothing here touches the engine. Section numbers are those of docs/model.md; V9 and V10 are cases of
+`problems`, V11 is steady slip.
 """
 
 import math
