@@ -22,8 +22,9 @@ from wiperjax import SteadyBelt
 from wiperjax.cycles.branch import corner, walk
 from wiperjax.cycles.branch.bifurcations import corner_kind
 from wiperjax.cycles.branch.follow import follow
-from wiperjax.cycles.cycle import Cycle, Found, same_word
+from wiperjax.cycles.cycle import Cycle, same_word
 from wiperjax.cycles.find import find_cycle
+from wiperjax.cycles.return_map import Found
 from wiperjax.systems.oscillator import Oscillator
 
 

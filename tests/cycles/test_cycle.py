@@ -22,9 +22,9 @@ from wiperjax.cycles.branch.dataset import branch_dataset
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.branch.up_and_down import repeat_time, up_and_down
 from wiperjax.cycles.clock import check_clock, refuse_a_clock
-from wiperjax.cycles.cycle import Found
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.first_guess import moving
+from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import shoot
 from wiperjax.remedy.gradient import sensitivities
 from wiperjax.systems.oscillator import Oscillator

@@ -13,8 +13,8 @@ from wiperjax import Result, parameter
 from wiperjax.blade.numbers import direction, traceable
 from wiperjax.contact import fits
 from wiperjax.cycles.branch.follow import follow
-from wiperjax.cycles.cycle import Found
 from wiperjax.cycles.find import find_cycle
+from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import shoot
 
 

@@ -5,7 +5,6 @@ that side. It may go on, or turn back on the spot: no continuity tells which, on
 the new word are.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -87,7 +86,7 @@ def _beyond(
     why = ""
     for size in SIZES:
         u = start + size * edge.tangent
-        period = float(u[d] * shooting.period_scale) if shooting.clock is None else math.nan
+        period = shooting.period_of(where, u)
         try:
             parameter = float(u[-1] * shooting.parameter_scale)
             _, jacobian, motion = shooting.returned(where, phase, u[:d], period, parameter)

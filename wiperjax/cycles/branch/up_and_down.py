@@ -26,11 +26,11 @@ from ...engine.solve import solve
 from ...machine.provenance import maker
 from ...numerics.kept import Kept
 from ...vocabulary import cf, checks
-from ...vocabulary.codes import FAIR, RESULTS, RUNNING, Result
+from ...vocabulary.codes import FAIR, RESULTS, Result
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
 from ..clock import STATES, check_clock, refuse_a_clock
 from ..cycle import typical
-from ..shooting import tidy
+from ..shooting import UNKNOWN, tidy
 from .peaks import peaks
 
 WAYS = ("up", "down")
@@ -229,7 +229,7 @@ def _march(system, over, period, ways, states, spans, samples: int):
             end = jnp.concatenate([s.final_position, s.final_velocity])
             end = jnp.where(_fair(result), end, initial)
             # x' = 0 in a slip that the kick has just begun is left to the engine to decide
-            regime = jnp.where(_fair(result), s.final_regime, RUNNING)
+            regime = jnp.where(_fair(result), s.final_regime, UNKNOWN)
             again = repeat_time(states, after)
             return (end, regime, jnp.zeros_like(before), again, result), found
 
@@ -240,7 +240,7 @@ def _march(system, over, period, ways, states, spans, samples: int):
         return (end, regime), (*(x[-1] for x in found), result)
 
     def way(values, initial):
-        begin = initial, jnp.asarray(-1, jnp.int32)
+        begin = initial, jnp.asarray(UNKNOWN, jnp.int32)
         return jax.lax.scan(partial(one, initial), begin, values)[1]
 
     return jax.vmap(way)(ways, states)

@@ -26,10 +26,6 @@ class Plane:
         """Return the system at ``place`` (2,), SI."""
         return placed(self.system, self.names, place)
 
-    def holds(self, place) -> bool:
-        """Whether ``place`` (2,) lies in the box."""
-        return bool(np.all((place >= self.low) & (place <= self.high)))
-
 
 def placed(system: AbstractSystem, names: tuple[str, str], place) -> AbstractSystem:
     """Return ``system`` with its two numbers replaced."""
