@@ -46,7 +46,7 @@ def sensitivities(
     Raises ValueError for a cycle that was not found, an unknown measure, a maximum at an impact, or
     a ``period`` given to `find_cycle` that is another where one of the numbers is.
     """
-    shooting_of(cycle)
+    shooting_of(cycle)  # raises for what is no found cycle
     if isinstance(names, Mapping):
         numbers.check_bounds("names", cycle.system, names)
     else:
