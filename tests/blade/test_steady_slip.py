@@ -1,4 +1,4 @@
-"""Steady slip: closed forms, docs/model.md by hand, and simulations."""
+"""Steady slip: the closed forms of docs/model.md, section 10, and simulations."""
 
 from dataclasses import replace
 

@@ -1,6 +1,7 @@
 """Branches at corners and doublings: taken up on the other side, never walked back."""
 
 import math
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,11 +19,12 @@ from systems import (
 )
 
 from wiperjax import SteadyBelt
-from wiperjax.cycles.branch import walk
+from wiperjax.cycles.branch import corner, walk
 from wiperjax.cycles.branch.bifurcations import corner_kind
 from wiperjax.cycles.branch.follow import follow
-from wiperjax.cycles.cycle import Cycle, Found, same_word
+from wiperjax.cycles.cycle import Cycle, same_word
 from wiperjax.cycles.find import find_cycle
+from wiperjax.cycles.return_map import Found
 from wiperjax.systems.oscillator import Oscillator
 
 
@@ -113,6 +115,7 @@ def test_a_belt_that_reverses_is_no_event_of_the_contact():
         ("capture release", "capture kink kink release", "shoulder"),
         ("kink capture kink release", "capture kink kink release", "shoulder"),
         ("kink capture release", "capture kink release impact", "grazing"),
+        ("capture release", "capture blow release", "grazing"),
         ("kink kink", "kink capture kink release", "grazing_sliding"),
     ],
 )
@@ -120,6 +123,26 @@ def test_corners_are_named_by_what_the_contact_does(one, other, kind):
     slips = SLIPS if "capture" in one else "slip_neg"
     for pair in ((of_words(one, slips), of_words(other)), (of_words(other), of_words(one, slips))):
         assert corner_kind(*pair) == kind
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "far", "jumps"),
+    [
+        ("impact", "impact impact impact", 1e-3, True),
+        ("impact", "impact impact impact", 1e-4, False),  # both sides of a symmetric system graze
+        ("impact", "impact impact", 1e-3, False),
+        ("blow blow blow kink", "blow kink", 1e-3, True),
+        ("lift_off zeno", "impact impact impact", 1e-3, False),
+    ],
+)
+def test_a_grazing_of_many_hits_from_afar_is_told_from_one(one, other, far, jumps, monkeypatch):
+    """A ball on a table came from 8 impacts to 10, over a fold and a doubling, without a word."""
+    monkeypatch.setattr(corner, "place", lambda shooting, step: step.place)
+    edge, step = (
+        SimpleNamespace(cycle=of_words(word), place=np.array([at]))
+        for word, at in ((one, 0.0), (other, far))
+    )
+    assert corner.jumped(None, edge, step) == jumps
 
 
 @pytest.mark.slow

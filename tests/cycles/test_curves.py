@@ -26,8 +26,8 @@ from wiperjax.cycles.curve.hopf import Hopf, first_lyapunov, opposite_pair, pair
 from wiperjax.cycles.curve.plane import Plane
 from wiperjax.cycles.curve.touch import AWAY, Touch
 from wiperjax.cycles.curve.walk import Walk
-from wiperjax.cycles.cycle import Cycle, Found
-from wiperjax.cycles.return_map import Shooting
+from wiperjax.cycles.cycle import Cycle
+from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.datasets.branch_dataset import curves as curves_in
 from wiperjax.datasets.branch_dataset import with_curves
 from wiperjax.systems.oscillator import Oscillator
@@ -225,7 +225,7 @@ class Straight(Touch):
         equations = cls(NOTHING, NOTHING, driven, NOTHING, NOTHING, left=left)
         unknowns = np.array([0.2, 0.4, 0.6]) + left
         jacobian, along = np.array([[1.0, -0.5, -0.5], [1.0, 0.0, 0.0]]), np.array([0.0, 1.0, -1.0])
-        return Spot(equations, unknowns, jacobian, along / math.sqrt(2), NOTHING, NOTHING)
+        return Spot(equations, unknowns, jacobian, along / math.sqrt(2), NOTHING)
 
     def _nearer(self, spot, held, left):
         return self.spot(left) if left > 0.2 * spot.equations.left else None

@@ -1,5 +1,6 @@
 """Limit cycles, their multipliers and branches, against closed forms."""
 
+import copy
 import math
 from dataclasses import replace
 from typing import ClassVar
@@ -20,9 +21,9 @@ from wiperjax.cycles.branch.dataset import branch_dataset
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.branch.up_and_down import repeat_time, up_and_down
 from wiperjax.cycles.clock import check_clock, refuse_a_clock
-from wiperjax.cycles.cycle import Found
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.first_guess import moving
+from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import shoot
 from wiperjax.remedy.gradient import sensitivities
 from wiperjax.systems import numbers
@@ -100,6 +101,13 @@ def test_branch_of_circles_with_fold_and_hopf(ring):
         assert cycle.multipliers[0].real == pytest.approx(exact, rel=1e-6)
     unstable = [not cycle.stable for cycle in branch.cycles]
     assert unstable[-1] and not unstable[0]
+
+
+def test_cycles_and_branches_are_shown_in_short_and_compared_as_things(ring):
+    """Arrays of samples filled the screen; of a copy, == and hash were tracebacks of numpy."""
+    for one in ring:
+        assert len(repr(one)) < 1000
+        assert one != copy.copy(one) and one in {one}
 
 
 def test_branch_as_a_dataset_survives_a_file(ring, tmp_path):

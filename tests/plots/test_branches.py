@@ -15,7 +15,8 @@ from wiperjax import plots  # noqa: E402
 from wiperjax.cycles.branch.bifurcations import Special  # noqa: E402
 from wiperjax.cycles.branch.dataset import branch_dataset  # noqa: E402
 from wiperjax.cycles.branch.follow import Branch  # noqa: E402
-from wiperjax.cycles.cycle import Cycle, Found  # noqa: E402
+from wiperjax.cycles.cycle import Cycle  # noqa: E402
+from wiperjax.cycles.return_map import Found  # noqa: E402
 from wiperjax.datasets.branch_dataset import TAKEN, with_rest, with_simulations  # noqa: E402
 from wiperjax.plots import branches  # noqa: E402
 

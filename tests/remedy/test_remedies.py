@@ -10,7 +10,7 @@ import pytest
 import wiperjax
 from wiperjax import remedy
 from wiperjax.blade.steady_slip import steady_slip
-from wiperjax.cycles import find_cycle
+from wiperjax.cycles import find_cycle, up_and_down
 from wiperjax.noise.run_class import assess, words
 from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
@@ -21,6 +21,22 @@ CHATTER = {"attack_angle": -30}
 
 def chattering(speed):
     return wiperjax.Wiper(attack_angle=math.radians(-30.0), belt=wiperjax.SteadyBelt(speed))
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda many: find_cycle(many, settle=0.05),
+        lambda many: up_and_down(many, "normal_load", [10.0, 20.0], settle=0.1, window=0.1),
+        lambda many: remedy.quieten(many, {"normal_load": (10.0, 20.0)}),
+        lambda many: remedy.stabilise(many, {"normal_load": (10.0, 20.0)}),
+    ],
+)
+def test_many_blades_in_one_are_refused(asked):
+    """Shapes that did not match, deep in JAX, or another argument was blamed."""
+    many = wiperjax.Wiper(attack_angle=np.array([0.1, 0.2]))
+    with pytest.raises(ValueError, match="^system must have one number as attack_angle"):
+        asked(many)
 
 
 @pytest.mark.slow
@@ -77,7 +93,7 @@ class Falls(wiperjax.AbstractFriction):
 
 def test_bounds_that_hold_what_no_blade_may_be_are_refused():
     """A law that slips with more than it holds with was recommended: 0.574 where 0.5 holds."""
-    blade = wiperjax.Wiper(friction=wiperjax.Coulomb(0.5, 0.5))
+    blade = wiperjax.Wiper(friction=wiperjax.Coulomb(0.5))
     said = r"^bounds must stay within what Coulomb may be, but at mu_minimum = 0.9: dynamic must be"
     with pytest.raises(ValueError, match=said):
         remedy.stabilise(blade, {"mu_minimum": (0.1, 0.9)})

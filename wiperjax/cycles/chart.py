@@ -12,7 +12,7 @@ import scipy.linalg
 from ..contact.space import contact
 from ..numerics.kept import Kept
 from ..vocabulary.codes import Regime
-from .shooting import SMALL, Lost
+from .shooting import SMALL, Lost, at_state
 
 
 class Chart(NamedTuple):
@@ -80,10 +80,9 @@ def _constraints(system, time, state, section):
     n = state.shape[0] // 2
 
     def values(state):
-        local = system.prepared().on_piece(system.first_piece(time))
-        q, v = tuple(state[:n]), tuple(state[n:])
-        c = contact(local, time, q, local.from_rates(time, q, v))
-        crossing = jnp.zeros(()) if section is None else section(time, q, v)
+        local, q, v = at_state(system, time, state)
+        c = contact(local, time, q, v)
+        crossing = jnp.zeros(()) if section is None else section(time, q, tuple(state[n:]))
         return jnp.stack([c.gap, c.normal_speed, c.slip_speed, crossing])
 
     return values(state), jax.jacfwd(values)(state)

@@ -12,6 +12,7 @@ from ..numerics.kept import Kept
 from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE
+from .shooting import at_state
 
 INSTANTS = 64  # at which what drives is compared
 STATES = 8  # of a settled motion, in which it is
@@ -63,12 +64,8 @@ def _seen(system: AbstractSystem, states, times) -> list[np.ndarray]:
 
 @Kept
 def _looked_at(system, states, times):
-    n = states.shape[1] // 2
-
     def at(state, t):
-        local = system.prepared().on_piece(system.first_piece(t))
-        q = tuple(state[:n])
-        v = local.from_rates(t, q, tuple(state[n:]))
+        local, q, v = at_state(system, t, state)
         blows = tuple(local.rebound(k, t, q, v, jnp.zeros((), bool)) for k in local.stops)
         return contact(local, t, q, v), local.switches(t, q, v), blows
 

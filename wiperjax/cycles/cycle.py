@@ -5,26 +5,25 @@ monodromy matrix, the derivative of the motion through all its events (`shooting
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg
 
 from ..contact.system import AbstractSystem
 from ..systems import numbers
-from .chart import chart
+from ..vocabulary import checks
 from .first_guess import moving
 from .orbit import slip_margin, words
-from .return_map import Found as Found
-from .return_map import Point, Shooting, correct
-from .shooting import Arc, Lost
+from .return_map import Found, Point, Shooting, correct
+from .shooting import UNKNOWN, Arc, Lost
 
 ISOLATED = 1e-6  # distance of a multiplier from 1
 NEUTRAL = 1e-9  # of a multiplier within the unit circle: less is rounding
 TOLD = 1e-6  # of the size of the motion: how closely a cycle is known that is isolated
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Cycle:
     """A periodic motion of ``system``. SI units (the system's own); NaN where none was found.
 
@@ -41,7 +40,7 @@ class Cycle:
     period: float = math.nan
     state: np.ndarray | None = None  # (2n,): position and q' at the start
     phase: float = 0.0  # of the start, in periods of the clock
-    regime: int = -1  # `Regime` there
+    regime: int = UNKNOWN  # `Regime` there
     multipliers: np.ndarray | None = None
     trivial_error: float = math.nan
     residual: float = math.nan  # of the return map, relative to the size of the motion
@@ -54,8 +53,8 @@ class Cycle:
     flight_fraction: float = math.nan
     normal_force_max: float = math.nan
     slip_margin: float = math.nan  # smallest slip speed inside a slip phase: 0 where stick begins
-    motion: Arc | None = None  # one period, sampled
-    shooting: Shooting | None = None
+    motion: Arc | None = field(default=None, repr=False)  # one period, sampled
+    shooting: Shooting | None = field(default=None, repr=False)
 
     @property
     def amplitude(self) -> float:
@@ -71,19 +70,24 @@ class Cycle:
         return bool(np.all(np.abs(self.multipliers) < 1 - NEUTRAL))
 
 
+def shooting_of(cycle: Cycle) -> Shooting:
+    """Return the family of a found cycle. Raises ValueError for any other, and what is no cycle."""
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    if cycle.shooting is None or cycle.found != Found.FOUND:
+        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
+    return cycle.shooting
+
+
 def close(shooting: Shooting, state, regime: int, period: float, phase: float = 0.0) -> Cycle:
     """Return the cycle near ``state``, in ``regime`` at ``phase``, by Newton's method."""
     parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
     shooting = replace(shooting, period_scale=period)
-    scale, section = shooting.scale, shooting.section
     try:
-        where = chart(shooting.system, state, phase * period, regime, scale, section)
+        where = shooting.chart(shooting.system, state, phase * period, regime)
     except Lost as lost:
         return Cycle(shooting.system, Found.NOT_CONVERGED, why=str(lost), shooting=shooting)
-    guess = np.zeros(where.basis.shape[1])
-    if shooting.clock is None:
-        guess = np.append(guess, 1.0)
-    point = correct(shooting, where, phase, np.append(guess, parameter / shooting.parameter_scale))
+    guess = shooting.unknowns(where, period, parameter / shooting.parameter_scale)
+    point = correct(shooting, where, phase, guess)
     if point is None:
         return Cycle(shooting.system, Found.NOT_CONVERGED, shooting=shooting)
     if not np.any(moving(point.motion.samples, typical(shooting.system, len(where.origin) // 2))):

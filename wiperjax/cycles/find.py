@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..contact.own_numbers import check_single
 from ..contact.system import AbstractSystem
 from ..engine.arguments import check_system, coordinates, longest_step
 from ..systems import numbers
@@ -55,6 +56,7 @@ def find_cycle(
     Raises ValueError for arguments that cannot be meant.
     """
     check_system(system)
+    check_single(system)
     settle = checks.number("settle", settle, POSITIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
     max_step = longest_step(max_step)
@@ -69,11 +71,19 @@ def find_cycle(
     state = np.concatenate([np.asarray(part, float).ravel() for part in start])
     clock = period if callable(period) or period is None else _Constant(float(period))
     sizes = typical(system, len(state) // 2)
-    shooting = Shooting(system, over, clock, None if clock else section, 1, sizes, 1.0)
-    shooting = replace(shooting, rtol=rtol, max_step=max_step, varied=varied)
-    if over is not None:
-        size = abs(numbers.value(system, over))
-        shooting = replace(shooting, parameter_scale=size or 1.0)
+    shooting = Shooting(
+        system,
+        over,
+        clock,
+        None if clock else section,
+        repeats=1,
+        scale=sizes,
+        period_scale=1.0,
+        parameter_scale=1.0 if over is None else abs(numbers.value(system, over)) or 1.0,
+        rtol=rtol,
+        max_step=max_step,
+        varied=varied,
+    )
     beside = (state + 0.1 * sizes)[None]
     if clock is None:
         refuse_a_clock(system, beside, settle)
@@ -153,7 +163,7 @@ def _dies(guess: Guess, settle: float) -> bool:
 
 
 class _Constant:
-    """A period that depends on nothing (compares by value, for the sake of compiled programs)."""
+    """A period that depends on nothing: a class, so that its cycles can be pickled."""
 
     def __init__(self, value: float):
         self.value = value

@@ -13,7 +13,7 @@ from .clock import STATES, check_clock, refuse_a_clock
 from .orbit import event_margin, falls, far_from_events, smooth_intervals
 from .return_map import Found, Shooting
 from .returns import looked_at, on_section, passages
-from .shooting import SAMPLES, Arc
+from .shooting import SAMPLES, UNKNOWN, Arc
 
 STILL = 1e-6  # of the typical size: a coordinate that swings less rests
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
@@ -37,7 +37,7 @@ def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | F
     may turn it, or stick may begin there: then where it passes the middle of its range. Raises
     ValueError if the settled motion does not cross the section that ``shooting`` has.
     """
-    motion = looked_at(shooting, state, -1, settle, 1e-7)
+    motion = looked_at(shooting, state, UNKNOWN, settle, 1e-7)
     refuse_a_clock(shooting.system, motion.samples[:: SAMPLES // STATES], settle)
     motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), 0.25 * settle, 1e-8)
     moves = moving(motion.samples, shooting.scale)
@@ -105,7 +105,7 @@ def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess |
     """Yield the one guess of the cycle of a driven system that a simulation comes to."""
     parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
     one, _ = shooting.driven_period(parameter)
-    motion = looked_at(shooting, state, -1, max(1.0, math.ceil(settle / one)) * one, 1e-8)
+    motion = looked_at(shooting, state, UNKNOWN, max(1.0, math.ceil(settle / one)) * one, 1e-8)
     ends, motions = [motion.state], []
     for _ in range(MOST_RETURNS):
         motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), one, shooting.rtol)

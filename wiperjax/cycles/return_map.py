@@ -13,12 +13,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.optimize
 
 from ..contact.system import AbstractSystem
 from ..systems import numbers
 from ..vocabulary.codes import FAIR, Result
-from .chart import Chart
+from .chart import Chart, chart
+from .roots import pinned_root
 from .shooting import Arc, Lost, shoot
 
 CLOSED = 1e-9  # of the return map, relative to the size of the motion: larger is no cycle
@@ -43,10 +43,6 @@ class Found(IntEnum):
     NOT_CONVERGED = 3  # Newton's method did not close the orbit
     NOT_ISOLATED = 4  # closed, but with a multiplier (nearly) 1 beside the trivial: fold, or family
     TRAJECTORY_FAILED = 5  # the motion ended early (collapsed, or a failure of the engine)
-
-
-class _Closed(Exception):
-    """The orbit is closed to rounding: no further step is wanted."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +70,22 @@ class Shooting:
     def along(self):
         """Return the tangent of the system along the parameter."""
         return numbers.direction(self.system, self.over, *self.varied)
+
+    def chart(self, system: AbstractSystem, state, time: float, regime: int) -> Chart:
+        """Return `chart` in the family's sizes, on its section. Raises `Lost`."""
+        return chart(system, state, time, regime, self.scale, self.section)
+
+    def unknowns(self, where: Chart, period: float, *parameters: float) -> np.ndarray:
+        """Return the unknowns of a cycle that starts at the origin of ``where``: coordinates, the
+        period unless a clock sets it, ``parameters`` (scaled)."""
+        free = [period / self.period_scale] if self.clock is None else []
+        return np.concatenate([np.zeros(where.basis.shape[1]), free, parameters])
+
+    def period_of(self, where: Chart, unknowns: np.ndarray) -> float:
+        """Return the period among the unknowns; NaN where a clock sets it."""
+        if self.clock is not None:
+            return math.nan
+        return float(unknowns[where.basis.shape[1]]) * self.period_scale
 
     def motion(self, system: AbstractSystem, state, period: float, **stretch) -> Arc:
         """Return `shoot` of one of the family, along the parameter, with the family's steps."""
@@ -129,58 +141,36 @@ class Point:
     parameter: float
 
 
-def correct(
-    shooting: Shooting, where: Chart, phase: float, guess, pinned=None, target: float | None = None
-) -> Point | None:
+def correct(shooting: Shooting, where: Chart, phase: float, guess, pinned=None) -> Point | None:
     """Return the cycle nearest to ``guess`` (scaled unknowns) by Newton's method, or None.
 
-    The last equation is ``pinned @ unknowns = target``: by default the parameter keeps its value;
-    in a continuation the step along the tangent is prescribed. `scipy.optimize.root` (MINPACK's
-    Levenberg-Marquardt: Newton's method within a trust region) takes the exact Jacobian of every
-    motion, where its hybrid method would update one and take three times as many.
+    ``pinned @ unknowns`` keeps its value: by default that is the parameter; in a continuation the
+    step along the tangent.
     """
     guess = np.asarray(guess, float)
     if pinned is None:
-        pinned = np.zeros(len(guess))
-        pinned[-1] = 1.0
-    if target is None:
-        target = float(pinned @ guess)
+        pinned = np.eye(len(guess))[-1]
     d = where.basis.shape[1]
-    last: dict[str, Any] = {}
 
     def equations(u):
         parameter = u[-1] * shooting.parameter_scale
-        period = u[d] * shooting.period_scale if shooting.clock is None else math.nan
-        residual, jacobian, motion = shooting.returned(where, phase, u[:d], period, parameter)
-        last.update(u=u.copy(), residual=residual, jacobian=jacobian, motion=motion)
-        last.update(parameter=parameter, period=float(motion.times[-1] - motion.times[0]))
-        values = np.append(residual, pinned @ u - target)
-        if np.max(np.abs(values)) < ENOUGH:
-            raise _Closed
-        return values, np.vstack([jacobian, pinned])
+        return shooting.returned(where, phase, u[:d], shooting.period_of(where, u), parameter)
 
-    try:
-        options = {"xtol": 1e-10, "ftol": 1e-10, "factor": 0.1, "maxiter": MOST_MOTIONS}
-        answer = scipy.optimize.root(equations, guess, jac=True, method="lm", options=options)
-        if not np.array_equal(last["u"], answer.x):
-            equations(answer.x)
-    except _Closed:
-        pass
-    except Lost:
+    found = pinned_root(equations, guess, pinned, enough=ENOUGH, tolerance=1e-10, most=MOST_MOTIONS)
+    if found is None:
         return None
-    size = float(np.max(np.abs(last["residual"]), initial=0.0))  # contact may leave nothing free
-    off = abs(float(pinned @ last["u"]) - target)
-    motion = last["motion"]
+    size = float(np.max(np.abs(found.values), initial=0.0))  # contact may leave nothing free
+    motion = found.more
     aside = np.max(np.abs(motion.state - motion.samples[0]) / where.scale)  # of the contact, too
-    if not (size < CLOSED and off < CLOSED and aside < HELD):
+    if not (size < CLOSED and found.off < CLOSED and aside < HELD):
         return None
     return Point(
         where,
         phase,
-        last["u"],
-        last["jacobian"],
+        found.unknowns,
+        found.jacobian,
         size,
         motion,
-        last["period"],
-        last["parameter"],
+        period=float(motion.times[-1] - motion.times[0]),
+        parameter=found.unknowns[-1] * shooting.parameter_scale,
     )

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..contact.projection import project
+from ..contact.regimes import vector_field
 from ..contact.space import contact
 from ..contact.system import AbstractSystem
 from ..engine.carry.problem import Integration, Recording, make_case, record_sample
@@ -25,6 +26,7 @@ from ..vocabulary.codes import Regime
 SAMPLES = 257  # of an arc; states at even distances
 EVENTS = 256  # of an arc, that are told apart
 SMALL = 1e-12  # of the typical size: what is rounding
+UNKNOWN = -1  # regime of a state: the engine finds it
 
 
 class Lost(RuntimeError):
@@ -65,7 +67,7 @@ def shoot(
     *,
     phase: float = 0.0,
     part: float = 1.0,
-    regime: int = -1,
+    regime: int = UNKNOWN,
     rtol: float = 1e-10,
     max_step: float | None = None,
 ) -> Arc:
@@ -87,6 +89,24 @@ def _looked_at(*state):
     return jax.lax.stop_gradient(record_sample(*state))
 
 
+def at_state(system: AbstractSystem, time, state):
+    """Return ``system`` as it is at ``time``, and positions and velocities of ``state`` (2n,)."""
+    n = state.shape[0] // 2
+    local = system.prepared().on_piece(system.first_piece(time))
+    q = tuple(state[:n])
+    return local, q, local.from_rates(time, q, tuple(state[n:]))
+
+
+def flow(local: AbstractSystem, time, q, v, regime):
+    """Return the change of the state (q, q') within ``regime``, (2n,).
+
+    q'' is the change of q' as the system says it, whatever velocities it computes with.
+    """
+    rates, slope = vector_field(time, (q, v), (local, regime))
+    moved = jax.jvp(local.rates, (time, q, v), (jnp.ones(()), rates, slope))[1]
+    return jnp.stack([*rates, *moved])
+
+
 def tidy(system: AbstractSystem, time, state, regime):
     """Return ``state`` (2n,) exactly on the contact that ``regime`` means; differentiable.
 
@@ -94,12 +114,9 @@ def tidy(system: AbstractSystem, time, state, regime):
     is; a state that was stored, moved or corrected misses that by rounding, and would begin with a
     bounce of 1e-40 m. Nothing is done for a regime below 0.
     """
-    n = state.shape[0] // 2
-    local = system.prepared().on_piece(system.first_piece(time))
-    q = tuple(state[:n])
-    v = local.from_rates(time, q, tuple(state[n:]))
+    local, q, v = at_state(system, time, state)
     closed = (regime >= 0) & (regime != Regime.FLIGHT)
-    sizes = local.scales(n)
+    sizes = local.scales(len(q))
     for _ in range(2):  # the second time for contacts on a curve
         c = contact(local, time, q, v)
         q, v = project(local, c, q, v, closed, closed, regime == Regime.STICK)
@@ -153,14 +170,14 @@ def _shoot(system, along, state, regime, period, phase, part, rtol, longest) -> 
     )(columns)
     by, whole_by = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), slopes)
     times = phase * period + part * period * grid
-    q, v = s.samples.position, s.samples.velocity
+    samples = jnp.stack([*s.samples.position, *s.samples.velocity], axis=-1)
 
-    def touching(t, q, v):
-        local = system.prepared().on_piece(system.first_piece(t))
-        c = contact(local, t, q, local.from_rates(t, q, v))
+    def touching(t, state):
+        local, q, v = at_state(system, t, state)
+        c = contact(local, t, q, v)
         return c.slip_speed, c.gap
 
-    slip_speed, gap = jax.vmap(touching)(times, q, v)
+    slip_speed, gap = jax.vmap(touching)(times, samples)
 
     return dict(
         state=end,
@@ -172,7 +189,7 @@ def _shoot(system, along, state, regime, period, phase, part, rtol, longest) -> 
         highest=jax.lax.stop_gradient(s.statistics.highest),
         lowest=jax.lax.stop_gradient(s.statistics.lowest),
         times=times,
-        samples=jnp.stack([*q, *v], axis=-1),
+        samples=samples,
         regimes=s.samples.regime,
         normal_force=s.samples.normal_force,
         slip_speed=slip_speed,

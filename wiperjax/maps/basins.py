@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import xarray as xr
 
+from ..contact.own_numbers import numbers
 from ..contact.system import AbstractSystem, system_attributes
 from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
@@ -15,7 +16,7 @@ from ..engine.observers.totals import RegimeTotals
 from ..machine.provenance import maker
 from ..numerics.arrays import fields_of
 from ..numerics.kept import Kept
-from ..systems.numbers import numbers, traceable
+from ..systems.numbers import traceable
 from ..vocabulary import cf, checks
 from ..vocabulary.codes import FAIR, REGIMES, RESULTS
 from ..vocabulary.ranges import COUNT, FINITE, NON_NEGATIVE, POSITIVE

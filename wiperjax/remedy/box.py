@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ..blade.wiper import Wiper
+from ..contact.system import AbstractSystem
 from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
@@ -26,14 +27,14 @@ class Box(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True)
 
     @classmethod
-    def of(cls, blade: Wiper, bounds: Mapping[str, tuple[float, float]]) -> "Box":
+    def of(cls, blade: AbstractSystem, bounds: Mapping[str, tuple[float, float]]) -> "Box":
         """Return the box of ``bounds``, name -> (low, high). Raises ValueError for an empty one, or
         for what ``blade`` cannot be."""
         numbers.check_bounds("bounds", blade, bounds)
         low, high = (jnp.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
         return cls(low, high, tuple(bounds))
 
-    def shares_of(self, blade: Wiper) -> np.ndarray:
+    def shares_of(self, blade: AbstractSystem) -> np.ndarray:
         """Shares of the ranges where ``blade`` is, (n,)."""
         at = np.array([numbers.value(blade, name) for name in self.names])
         return (at - np.asarray(self.low)) / np.asarray(self.high - self.low)

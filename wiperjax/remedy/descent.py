@@ -9,12 +9,14 @@ import xarray as xr
 
 from ..blade.wiper import Wiper
 from ..cycles.branch.dataset import column_attributes
-from ..cycles.cycle import Cycle, Found, close, same_word
+from ..cycles.cycle import Cycle, close, same_word, shooting_of
 from ..cycles.find import find_cycle
+from ..cycles.return_map import Found
 from ..cycles.shooting import Lost
 from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, Range
+from .box import Box
 from .gradient import MEASURES, sensitivities
 from .judge import turns, verdict
 
@@ -49,37 +51,31 @@ def descend(
     step whose events are not those of the step before: the gradient that led there did not know of
     them. Another system than a wiper, and one on a belt that turns, has no ``label``.
     """
-    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
-    numbers.check_bounds("bounds", cycle.system, bounds)
+    shooting, box = shooting_of(cycle), Box.of(cycle.system, bounds)
     checks.choice("measure", measure, MEASURES)
     step = checks.number("step", step, Range(1e-6, 1))
     most = checks.whole("most", most, Range(1, 10**6, whole=True))
     settle = checks.number("settle", settle, POSITIVE)
-    if cycle.shooting is None or cycle.found != Found.FOUND:
-        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
-    low, high = (np.array([pair[i] for pair in bounds.values()], float) for i in (0, 1))
-    at = np.array([numbers.value(cycle.system, name) for name in bounds])
-    if np.any(at < low) or np.any(at > high):
-        worst = list(bounds)[int(np.argmax((at < low) | (at > high)))]
+    share = box.shares_of(cycle.system)
+    if np.any(outside := (share < 0) | (share > 1)):
+        worst = box.names[int(np.argmax(outside))]
         raise ValueError(f"bounds must hold the blade as it is, but {worst} lies outside")
-    x = (at - low) / (high - low)
     rows = [_row(cycle, bounds, measure, True)]
-    varied = tuple(dict.fromkeys((*cycle.shooting.varied, *bounds)))
+    varied = tuple(dict.fromkeys((*shooting.varied, *bounds)))
     end, system = f"{most} steps", numbers.traceable(cycle.system, *varied)
-    cycle = replace(cycle, system=system, shooting=replace(cycle.shooting, varied=varied))
+    cycle = replace(cycle, system=system, shooting=replace(shooting, varied=varied))
     for _ in range(most):
         if getattr(cycle, measure) == 0:
             end = f"{measure} is 0"
             break
         slope = sensitivities(cycle, bounds, measure)["buys"].values
-        free = ~(((x <= 0) & (slope > 0)) | ((x >= 1) & (slope < 0)))
+        free = ~(((share <= 0) & (slope > 0)) | ((share >= 1) & (slope < 0)))
         downhill = np.where(free, -slope, 0.0)
         if np.linalg.norm(downhill) < 1e-6:
             end = "the bounds leave no way down"
             break
-        x = np.clip(x + step * downhill / np.linalg.norm(downhill), 0.0, 1.0)
-        for name, value in zip(bounds, low + x * (high - low), strict=True):
-            system = numbers.replaced(system, name, value)
+        share = np.clip(share + step * downhill / np.linalg.norm(downhill), 0.0, 1.0)
+        system = box.blade(system, share)
         following = _tracked(cycle, system)
         if following is None:  # the cycle ends here; is there another motion?
             following = _settled(cycle, system, settle)
@@ -115,7 +111,7 @@ def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycl
         system,
         settle=settle,
         initial_state=None if default and isinstance(system, Wiper) else (state[:n], state[n:]),
-        period=None if shooting.clock is None else shooting.clock,
+        period=shooting.clock,
         varied=shooting.varied,
         rtol=shooting.rtol,
         max_step=shooting.max_step,

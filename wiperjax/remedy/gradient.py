@@ -13,9 +13,9 @@ import xarray as xr
 from scipy.optimize import brentq
 
 from ..cycles.branch.dataset import column_attributes
-from ..cycles.chart import Chart, chart
+from ..cycles.chart import Chart
 from ..cycles.clock import STATES, check_clock
-from ..cycles.cycle import Cycle, Found
+from ..cycles.cycle import Cycle, shooting_of
 from ..cycles.return_map import Shooting
 from ..cycles.shooting import SAMPLES, Arc
 from ..engine.observers.totals import variance
@@ -46,21 +46,16 @@ def sensitivities(
     Raises ValueError for a cycle that was not found, an unknown measure, a maximum at an impact, or
     a ``period`` given to `find_cycle` that is another where one of the numbers is.
     """
-    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    shooting_of(cycle)  # raises for what is no found cycle
     if isinstance(names, Mapping):
         numbers.check_bounds("names", cycle.system, names)
     else:
         checks.names("names", names, 1)
-    state = cycle.state
-    if cycle.shooting is None or state is None or cycle.found != Found.FOUND:
-        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
     checks.choice("measure", measure, MEASURES)
     bounds = names if isinstance(names, Mapping) else None
     shooting = _family(cycle, names)
-    system = shooting.system
-    where = chart(
-        system, state, cycle.phase * cycle.period, cycle.regime, shooting.scale, shooting.section
-    )
+    system, state = shooting.system, cycle.state
+    where = shooting.chart(system, state, cycle.phase * cycle.period, cycle.regime)
     slopes, value = [], getattr(cycle, measure)
 
     def motion(name: str, part: float = 1.0) -> Arc:

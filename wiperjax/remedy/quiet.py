@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from ..blade.wiper import Wiper
+from ..contact.own_numbers import check_single
 from ..engine.solve import solve
 from ..numerics.kept import Kept
 from ..systems import numbers
@@ -58,6 +59,7 @@ def quieten(
     the blade as it is fails, a ValueError is raised.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
+    check_single(blade)
     duration = checks.number("duration", duration, POSITIVE)
     window = checks.number("window", window, Range(0, duration, low_open=True, unit="s"))
     effort = checks.number("effort", effort, NON_NEGATIVE)

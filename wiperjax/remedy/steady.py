@@ -12,6 +12,7 @@ import xarray as xr
 from ..blade.steady_slip import check_rigid, equilibria, steady_slip
 from ..blade.wiper import Wiper
 from ..contact.belts import SteadyBelt, operating_speed
+from ..contact.own_numbers import check_single
 from ..numerics.kept import Kept
 from ..systems import numbers
 from ..vocabulary import checks
@@ -52,6 +53,7 @@ def stabilise(
     which is no proof that none does. Stable steady slip is no promise of quiet: see `verdict`.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
+    check_single(blade)
     check_rigid("blade", blade)
     margin = checks.number("margin", margin, FINITE)
     check_search(starts, seed)

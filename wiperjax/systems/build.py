@@ -11,7 +11,7 @@ from ..blade.build import build_wiper, continued_state, make_law, start_state
 from ..blade.rungs import on_rung, start_on_rung
 from ..blade.steady_slip import map_shape
 from ..blade.wiper import Wiper
-from ..contact import fits
+from ..contact import fits, own_numbers
 from ..contact.belts import CLASSES as BELT_CLASSES
 from ..contact.belts import AbstractBelt
 from ..contact.system import AbstractSystem
@@ -23,7 +23,7 @@ from ..specs.tables import Start
 from ..vocabulary import checks
 from ..vocabulary.codes import Regime, Result
 from ..vocabulary.kinds import BELTS
-from . import numbers
+from .numbers import traceable
 
 
 class Built(NamedTuple):
@@ -96,7 +96,7 @@ def routes(spec: System, built: Built) -> dict[str, tuple[str, ...]]:
     """Return, for each parameter of files, the fields that lead to it from the system."""
     family = spec.family
     if not isinstance(family, Declared):
-        return numbers.routes(built.system)
+        return own_numbers.routes(built.system)
     found = {name: (name,) for name in family.own}
     if (kind := family.belt_kind(spec)) is not None:
         found |= {name: ("belt", key) for key, name in BELTS[kind].items()}
@@ -130,7 +130,7 @@ def start_at(built: Built, stated: Start, names: tuple[str, ...]):
     else:
         position, velocity = _default_state(system, len(names))
     shape = map_shape(system, position, velocity) if shape is None else shape
-    fits.check(numbers.traceable(system), position, velocity, shape)
+    fits.check(traceable(system), position, velocity, shape)
     return position, velocity
 
 

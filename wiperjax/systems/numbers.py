@@ -14,11 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..contact.own_numbers import at as at
-from ..contact.own_numbers import check_single as check_single
-from ..contact.own_numbers import in_full
-from ..contact.own_numbers import numbers as numbers
-from ..contact.own_numbers import routes as routes
+from ..contact.own_numbers import at, in_full, routes
 from ..contact.system import AbstractSystem
 from ..numerics.arrays import fields_of
 from ..vocabulary import checks

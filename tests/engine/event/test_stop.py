@@ -12,8 +12,8 @@ import wiperjax
 from wiperjax import Result, parameter
 from wiperjax.contact import fits
 from wiperjax.cycles.branch.follow import follow
-from wiperjax.cycles.cycle import Found
 from wiperjax.cycles.find import find_cycle
+from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import shoot
 from wiperjax.systems.numbers import direction, traceable
 

@@ -79,7 +79,7 @@ class SlidingWaves(FlyingWaves):
     """The same on a smooth table. Slip is expected to last as long as it did before: never so."""
 
     unilateral: ClassVar[bool] = False
-    law: ClassVar[Coulomb] = Coulomb(0.0, 0.0)
+    law: ClassVar[Coulomb] = Coulomb(0.0)
 
     def directions(self, t, q):
         return (1.0,), (0.0,)

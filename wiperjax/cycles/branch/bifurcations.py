@@ -112,7 +112,7 @@ def corner_kind(one: Cycle, two: Cycle) -> str:
         return "shoulder"
     turned, codes = _compared(before, after)
     names = {name for a, b, c, d in codes for name in before[a:b] + turned[c:d]}
-    if names & {"lift_off", "impact", "zeno", "touch"}:
+    if names & {"lift_off", "impact", "zeno", "touch", "blow"}:
         return "grazing"
     for _, _, c, d in moved:
         if c == d:

@@ -5,7 +5,6 @@ that side. It may go on, or turn back on the spot: no continuity tells which, on
 the new word are.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from .step import LOCATED, BranchStep, ahead_of, centred, direction, near, place
 
 SIZES = (1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner its other side is looked for
 JOINED = 3e-3  # how near to its corner a branch begins; further away it is followed back
+CLOSER = 0.1  # of that, and of a step: where cycles of many hits lie close together
 SHORT = 1e-2  # of the longest step: where this one fails, the branch does not go on smoothly
 GENTLE = 0.8  # cosine of the largest turn within a step
 
@@ -46,16 +46,47 @@ def edge_of(shooting: Shooting, here: BranchStep, length: float) -> BranchStep:
 def beyond(shooting: Shooting, edge: BranchStep, longest: float) -> list[BranchStep] | str:
     """Return the first steps of the branch beyond a corner, or why there are none.
 
+    Steps are no longer than ``longest``. Where other cycles lie as near as those behind the corner,
+    they are looked for nearer to it; what is found from afar alone is returned all the same.
+    """
+    way = _beyond(shooting, edge, longest, JOINED)
+    if isinstance(way, str) or not jumped(shooting, edge, way[0]):
+        return way
+    closer = _beyond(shooting, edge, CLOSER * longest, CLOSER * JOINED)
+    return way if isinstance(closer, str) else closer
+
+
+def jumped(shooting: Shooting, edge: BranchStep, other: BranchStep) -> bool:
+    """Whether ``other`` may be of another piece of the branch than that behind the corner at
+    ``edge``: one grazing brings or takes one hit, and cycles of many lie close together.
+    """
+    one, two = (step.cycle.word.split() for step in (edge, other))
+    hits = [sum(word.count(name) for name in ("impact", "blow")) for word in (one, two)]
+    if abs(hits[0] - hits[1]) < 2 or "zeno" in one + two:
+        return False
+    return _apart(shooting, edge, other) > CLOSER * JOINED
+
+
+def _apart(shooting: Shooting, one: BranchStep, two: BranchStep) -> float:
+    """Distance of two cycles, in scaled numbers."""
+    return float(np.linalg.norm(place(shooting, two) - place(shooting, one)))
+
+
+def _beyond(
+    shooting: Shooting, edge: BranchStep, longest: float, near_by: float
+) -> list[BranchStep] | str:
+    """Return the first steps beyond a corner, the first of them within ``near_by``, or why not.
+
     A motion a little beyond, closed or not, has the new word: its derivatives give the tangent
     there. Of its two senses that one leads away on which there are cycles of a new word and of the
-    same index. Steps are no longer than ``longest``.
+    same index.
     """
     where, phase, start = edge.point.where, edge.point.phase, edge.point.unknowns
     d = where.basis.shape[1]
     why = ""
     for size in SIZES:
         u = start + size * edge.tangent
-        period = float(u[d] * shooting.period_scale) if shooting.clock is None else math.nan
+        period = shooting.period_of(where, u)
         try:
             parameter = float(u[-1] * shooting.parameter_scale)
             _, jacobian, motion = shooting.returned(where, phase, u[:d], period, parameter)
@@ -73,27 +104,26 @@ def beyond(shooting: Shooting, edge: BranchStep, longest: float) -> list[BranchS
                 step = near(shooting, edge, start + aside + length * along, along)
                 if step is None or same_word(edge.cycle, step.cycle):
                     continue
-                way = joined(shooting, edge, step, longest)
+                way = _joined(shooting, edge, step, longest, near_by)
                 if edge.index * step.index >= 0 and way:
                     return way
         why = f"the events change ({change(edge.cycle, word)}), no cycle beyond"
     return why
 
 
-def joined(
-    shooting: Shooting, edge: BranchStep, other: BranchStep, longest: float
+def _joined(
+    shooting: Shooting, edge: BranchStep, other: BranchStep, longest: float, near_by: float
 ) -> list[BranchStep]:
     """Return the steps from the corner at ``edge`` to ``other``; none if it lies on another branch.
 
     The branch is followed back from ``other``, ever nearer to the corner.
     """
-    corner = place(shooting, edge)
 
     def far(step: BranchStep) -> float:
-        return float(np.linalg.norm(place(shooting, step) - corner))
+        return _apart(shooting, edge, step)
 
     way, length = [other], longest
-    while far(way[-1]) > JOINED:
+    while far(way[-1]) > near_by:
         here = centred(shooting, way[-1])
         here = replace(here, tangent=-here.tangent, sense=-here.sense)
         length = min(length, 0.5 * far(here))

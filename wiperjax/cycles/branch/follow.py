@@ -8,7 +8,7 @@ branch taken up again on the other side with the derivatives that hold there (di
 Champneys and Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, chapters 6 to 8).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,8 +16,7 @@ import numpy as np
 from ...systems import numbers
 from ...vocabulary import checks
 from ...vocabulary.ranges import FINITE, Range
-from ..cycle import Cycle
-from ..return_map import Found
+from ..cycle import Cycle, shooting_of
 from .bifurcations import Special
 from .step import first_step, place
 from .walk import Walk
@@ -26,13 +25,13 @@ MOST_POINTS = 10**6
 ROUNDING = 1e-9  # of a range: a cycle so near to its end lies on it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Branch:
     """Cycles in order along the branch, its special points, and why either end is one."""
 
-    cycles: list[Cycle]
-    parameters: np.ndarray  # (points,)
-    arclength: np.ndarray  # (points,) from the start cycle, in scaled numbers
+    cycles: list[Cycle] = field(repr=False)
+    parameters: np.ndarray = field(repr=False)  # (points,)
+    arclength: np.ndarray = field(repr=False)  # (points,) from the start cycle, in scaled numbers
     special: list[Special]
     ends: tuple[str, str]
     over: str
@@ -59,13 +58,11 @@ def follow(
 
     Raises ValueError for a cycle that was not found, is varied over nothing, or outside the range.
     """
-    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    shooting = shooting_of(cycle)
     low, high = (checks.number(n, x, FINITE) for n, x in (("low", low), ("high", high)))
     step = checks.number("step", step, Range(1e-6, 1))
     most = checks.whole("most", most, Range(1, MOST_POINTS, whole=True))
-    if cycle.shooting is None or cycle.state is None or cycle.found != Found.FOUND:
-        raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
-    over = cycle.shooting.over
+    over = shooting.over
     if over is None:
         raise ValueError("cycle must have been found with over=..., the number to vary")
     if not low < high:
@@ -77,7 +74,7 @@ def follow(
             f"but was {low:g} to {high:g}"
         )
     numbers.check_corners("low to high", cycle.system, {over: (low, high)})
-    shooting = replace(cycle.shooting, parameter_scale=high - low, period_scale=cycle.period)
+    shooting = replace(shooting, parameter_scale=high - low, period_scale=cycle.period)
     first = first_step(shooting, cycle)
     if first is None:
         raise ValueError("cycle could not be closed again from its own state")

@@ -73,7 +73,7 @@ def follow_scene(
     check_fixed(stated)
     bounds = ranges[over]
     period = None if isinstance(belt_of(system), SteadyBelt | None) else _stroke
-    state = start(spec, built._replace(system=system))
+    state = start(spec, built)
     position, velocity = (tuple(np.asarray(x, float) for x in part) for part in state)
     cycle = find_cycle(
         system,

@@ -4,17 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.optimize
 
 from ...systems import numbers
 from ..beginning import start_of
-from ..chart import chart
 from ..cycle import Cycle, cycle_at
 from ..return_map import Point, Shooting, correct
-from ..shooting import Lost
+from ..roots import root_between
 
 LOCATED = 1e-7  # of a step's unit: how closely a special point is closed in
-JUMP = 1e-2  # of a test function between two steps: it does not vanish there, it jumps
 TOLD = 1e-6  # of a multiplier's distance from 1, and of a tangent: less may be rounding
 
 
@@ -53,14 +50,11 @@ Reached = tuple[float, BranchStep]  # distance from the step where one stands, a
 def first_step(shooting: Shooting, cycle: Cycle) -> BranchStep | None:
     """Return the step at a found cycle, or None if it cannot be closed again."""
     assert shooting.over is not None
-    time, scale, section = cycle.phase * cycle.period, shooting.scale, shooting.section
-    where = chart(cycle.system, cycle.state, time, cycle.regime, scale, section)
+    where = shooting.chart(cycle.system, cycle.state, cycle.phase * cycle.period, cycle.regime)
     parameter = numbers.value(cycle.system, shooting.over) / shooting.parameter_scale
-    unknowns = np.zeros(where.basis.shape[1])
-    if shooting.clock is None:
-        unknowns = np.append(unknowns, cycle.period / shooting.period_scale)
-    point = correct(shooting, where, cycle.phase, np.append(unknowns, parameter))
-    return None if point is None else step_at(shooting, point, np.eye(len(unknowns) + 1)[-1])
+    unknowns = shooting.unknowns(where, cycle.period, parameter)
+    point = correct(shooting, where, cycle.phase, unknowns)
+    return None if point is None else step_at(shooting, point, np.eye(len(unknowns))[-1])
 
 
 def step_at(shooting: Shooting, point: Point, onward) -> BranchStep:
@@ -124,31 +118,8 @@ def between(
     ends: tuple[Reached, Reached],
     test: Callable[[BranchStep], float],
 ) -> Reached | None:
-    """Return (distance, step) at which ``test`` vanishes between two steps ahead of ``here``.
-
-    None if it does not, if it jumps over zero, or if a cycle on the way is lost.
-    """
-    known = dict(ends)
-
-    def value(distance: float) -> float:
-        if distance not in known:
-            step = ahead_of(shooting, here, distance)
-            if step is None:
-                raise Lost("no cycle on the way to a special point")
-            known[distance] = step
-        return test(known[distance])
-
-    low, high = known
-    a, b = value(low), value(high)
-    if not (np.isfinite(a) and np.isfinite(b)) or a * b >= 0:
-        return None
-    try:
-        root = float(scipy.optimize.brentq(value, low, high, xtol=LOCATED))  # type: ignore[arg-type]
-    except Lost:
-        return None
-    if abs(value(root)) > JUMP * max(abs(a), abs(b)):
-        return None
-    return root, known[root]
+    """Return (distance, step) at which ``test`` vanishes between two steps ahead of ``here``."""
+    return root_between(lambda far: ahead_of(shooting, here, far), dict(ends), test, LOCATED)
 
 
 def centred(shooting: Shooting, here: BranchStep) -> BranchStep:

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from ...contact.own_numbers import check_single
 from ...contact.system import AbstractSystem, system_attributes
 from ...engine.arguments import check_state, check_system, longest_step
 from ...engine.observers.totals import Reach, RegimeTotals
@@ -26,11 +27,11 @@ from ...machine.provenance import maker
 from ...numerics.kept import Kept
 from ...systems import numbers
 from ...vocabulary import cf, checks
-from ...vocabulary.codes import FAIR, RESULTS, RUNNING, Result
+from ...vocabulary.codes import FAIR, RESULTS, Result
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
 from ..clock import STATES, check_clock, refuse_a_clock
 from ..cycle import typical
-from ..shooting import tidy
+from ..shooting import UNKNOWN, tidy
 from .peaks import peaks
 
 WAYS = ("up", "down")
@@ -70,7 +71,8 @@ def up_and_down(
     files) and ``peak``: ``maximum`` of the first coordinate (the largest first; NaN-padded; of a
     motion at rest, where it rests), ``velocity_rms``, ``stick_fraction``, ``flight_fraction``,
     ``result``. After a motion that failed or collapsed the next value starts from
-    ``initial_state``.
+    ``initial_state``. A wall that a step moves over the state of the value before is one such
+    failure (``inconsistent_start``): by chance of the phase, so that other values or times may do.
 
     Both ways run side by side in one compiled program.
 
@@ -78,6 +80,7 @@ def up_and_down(
     something drives, if there is no ``period`` or what drives it does not come again after it.
     """
     check_system(system)
+    check_single(system)
     values = checks.increasing("values", values, 2)
     settle, window = (
         checks.number(name, x, POSITIVE) for name, x in (("settle", settle), ("window", window))
@@ -227,7 +230,7 @@ def _march(system, over, period, ways, states, spans, samples: int):
             end = jnp.concatenate([s.final_position, s.final_velocity])
             end = jnp.where(_fair(result), end, initial)
             # x' = 0 in a slip that the kick has just begun is left to the engine to decide
-            regime = jnp.where(_fair(result), s.final_regime, RUNNING)
+            regime = jnp.where(_fair(result), s.final_regime, UNKNOWN)
             again = repeat_time(states, after)
             return (end, regime, jnp.zeros_like(before), again, result), found
 
@@ -238,7 +241,7 @@ def _march(system, over, period, ways, states, spans, samples: int):
         return (end, regime), (*(x[-1] for x in found), result)
 
     def way(values, initial):
-        begin = initial, jnp.asarray(-1, jnp.int32)
+        begin = initial, jnp.asarray(UNKNOWN, jnp.int32)
         return jax.lax.scan(partial(one, initial), begin, values)[1]
 
     return jax.vmap(way)(ways, states)

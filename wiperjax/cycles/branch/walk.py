@@ -10,7 +10,7 @@ from ..cycle import same_word
 from ..return_map import Shooting
 from ..shooting import Lost
 from .bifurcations import TESTS, Special, change, corner_kind, doubled, turning
-from .corner import SHORT, beyond, edge_of, smooth
+from .corner import SHORT, beyond, edge_of, jumped, smooth
 from .step import (
     BranchStep,
     Reached,
@@ -247,6 +247,8 @@ class Walk:
         kind = corner_kind(before.cycle, after.cycle)
         name = f"{kind}_fold" if edge.sense * other.sense < 0 else kind
         detail = change(before.cycle, after.cycle.word)
+        if jumped(self.shooting, edge, other):
+            detail += "; cycles between may have been passed over"
         index = len(self.steps) - 1 if onward else len(self.steps)
         self.special.append(Special(name, detail, edge.point.parameter, index))
 

@@ -10,9 +10,9 @@ from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-import scipy.optimize
 
 from ...vocabulary.codes import CurveEnd
+from ..roots import pinned_root
 from ..shooting import Lost
 from .plane import Plane
 
@@ -108,7 +108,6 @@ class Spot:
     jacobian: np.ndarray
     tangent: np.ndarray
     facts: Facts
-    pinned: np.ndarray  # the direction in which it was held while the equations were solved
 
     @property
     def place(self) -> np.ndarray:
@@ -126,47 +125,23 @@ def solve(
 ) -> Spot | None:
     """Return the solution near ``guess`` with ``pinned @ unknowns = target`` (that of the guess).
 
-    By `scipy.optimize.root` (MINPACK's Levenberg-Marquardt), as in `return_map.correct`; None where
-    it does not come to one. The tangent goes with ``pinned``.
+    None where it does not come to one. The tangent goes with ``pinned``.
     """
-    if target is None:
-        target = float(pinned @ guess)
-    last: dict[str, Any] = {}
-
-    def square(u):
-        values, jacobian, more = equations.values(u)
-        last.update(u=u.copy(), values=values, jacobian=jacobian, more=more)
-        every = np.append(values, pinned @ u - target)
-        if np.max(np.abs(every)) < equations.enough:
-            raise _Solved
-        return every, np.vstack([jacobian, pinned])
-
+    found = pinned_root(
+        equations.values, guess, pinned, target, enough=equations.enough, tolerance=1e-13, most=MOST
+    )
+    if found is None or not (np.max(np.abs(found.values)) < CLOSED and found.off < CLOSED):
+        return None
+    u = found.unknowns
     try:
-        options = {"xtol": 1e-13, "ftol": 1e-13, "factor": 0.1, "maxiter": MOST}
-        answer = scipy.optimize.root(square, guess, jac=True, method="lm", options=options)
-        if not np.array_equal(last["u"], answer.x):
-            square(answer.x)
-    except _Solved:
-        pass
+        jacobian = equations.exact(u, found.jacobian)
     except Lost:
         return None
-    off = abs(float(pinned @ last["u"]) - target)
-    if not (np.max(np.abs(last["values"])) < CLOSED and off < CLOSED):
-        return None
-    u = last["u"]
-    try:
-        jacobian = equations.exact(u, last["jacobian"])
-    except Lost:
-        return None
-    facts = equations.facts(u, last["more"])
-    return Spot(equations, u, jacobian, null(jacobian, pinned), facts, pinned)
+    facts = equations.facts(u, found.more)
+    return Spot(equations, u, jacobian, null(jacobian, pinned), facts)
 
 
 def null(jacobian: np.ndarray, onward: np.ndarray) -> np.ndarray:
     """Return the unit vector that ``jacobian`` takes to zero, on the side of ``onward``."""
     tangent = np.linalg.svd(jacobian)[2][-1]
     return -tangent if tangent @ onward < 0 else tangent
-
-
-class _Solved(Exception):
-    """The equations are solved to rounding: no further step is wanted."""

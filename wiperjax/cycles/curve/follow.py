@@ -1,6 +1,6 @@
 """From the special points of a branch to curves in the plane of two parameters."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,9 +14,9 @@ from ...vocabulary.ranges import FINITE, Range
 from ..branch.bifurcations import Special
 from ..branch.follow import MOST_POINTS, Branch
 from ..chart import chart
-from ..cycle import Cycle, same_word
+from ..cycle import Cycle, same_word, typical
 from ..return_map import Shooting
-from ..shooting import Lost
+from ..shooting import Lost, at_state
 from .equations import Equations, Facts, solve
 from .fold import Fold
 from .hopf import Hopf
@@ -29,15 +29,15 @@ SEEN = 1e-3  # of the ranges: how near to a curve a special point lies that is o
 ALIKE = 0.05  # of the size of the motion, and of its period: how near its cycle is to one there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to ==
 class Curve:
     """A curve in order: its points in the plane, special points, and why either end is one."""
 
     kind: str
     system: AbstractSystem
     names: tuple[str, str]
-    places: np.ndarray  # (points, 2), SI
-    facts: list[Facts]  # at each point
+    places: np.ndarray = field(repr=False)  # (points, 2), SI
+    facts: list[Facts] = field(repr=False)  # at each point
     special: list[Mark]
     ends: tuple[tuple[CurveEnd, str], tuple[CurveEnd, str]]
 
@@ -148,7 +148,7 @@ def _curve(
     walks = []
     for sense in (-1.0, 1.0):
         walk = Walk(step, most)
-        walk.run(replace(first, tangent=sense * first.tangent, pinned=first.tangent))
+        walk.run(replace(first, tangent=sense * first.tangent))
         walks.append(walk)
         if walk.end == CurveEnd.CLOSED:  # the other way round is the same
             break
@@ -179,8 +179,8 @@ def _seed(
         samples = cycle.motion.samples[:-1]
         state = np.mean(samples, axis=0)
         state[len(state) // 2 :] = 0.0
-        typical = np.concatenate(plane.system.scales(len(state) // 2))
-        where = chart(plane.at(place), state, 0.0, cycle.regime, typical)
+        sizes = typical(plane.system, len(state) // 2)
+        where = chart(plane.at(place), state, 0.0, cycle.regime, sizes)
         start = np.concatenate([np.zeros(where.basis.shape[1]), place / scale])
         sides = _sides(plane.at(place), state)
         return Hopf(plane, start, where, sides, 2 * np.pi / cycle.period)
@@ -191,12 +191,8 @@ def _seed(
         place = np.array([numbers.value(cycle.system, branch.over), place[1]])
     period, phase, own = cycle.period, cycle.phase, cycle.shooting
     assert own is not None
-    local, time = plane.at(place), phase * period
-    where = chart(local, cycle.state, time, cycle.regime, shooting.scale, own.section)
-    start = np.zeros(where.basis.shape[1])
-    if shooting.clock is None:
-        start = np.append(start, period / shooting.period_scale)
-    start = np.concatenate([start, place / scale])
+    where = own.chart(plane.at(place), cycle.state, phase * period, cycle.regime)
+    start = shooting.unknowns(where, period, *(place / scale))
     around = plane, start, shooting, where, phase
     if special.kind == Fold.kind:
         none = np.empty(0)
@@ -229,8 +225,6 @@ def _slipping(branch: Branch, index: int) -> tuple[Cycle, float]:
 
 def _sides(system: AbstractSystem, state: np.ndarray) -> tuple[float, ...]:
     """Return the signs of the system's switches at a state (2n,)."""
-    n, time = len(state) // 2, jnp.zeros(())
-    local = system.prepared().on_piece(system.first_piece(time))
-    q = tuple(jnp.asarray(state[:n]))
-    v = local.from_rates(time, q, tuple(jnp.asarray(state[n:])))
+    time = jnp.zeros(())
+    local, q, v = at_state(system, time, jnp.asarray(state))
     return tuple(float(side) for side in starting_sides(local, time, q, v))

@@ -17,12 +17,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...contact.regimes import forces, slip_sign, vector_field
+from ...contact.regimes import forces, slip_sign
 from ...contact.space import contact
 from ...numerics.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..chart import Chart, chart
-from ..shooting import Lost, tidy
+from ..shooting import Lost, flow, tidy
 from .equations import Equations, Facts, Test, null, solve
 from .plane import placed
 
@@ -133,13 +133,9 @@ def _field(system, names, scale, origin, basis, sizes, regime, sides, rate):
 
     def change(w, p):
         here, q, v = contacts(w, p)
-        still = jnp.ones(())
-        rates, slope = vector_field(time, (q, v), (here, regime))
-        # q'' is the change of q' as the system says it, whatever velocities it computes with
-        moved = jax.jvp(here.rates, (time, q, v), (still, rates, slope))[1]
         read = basis.T / sizes**2
         inner = read @ jax.jacfwd(state)(w, p)
-        return jnp.linalg.solve(inner, read @ jnp.stack([*rates, *moved])) / rate
+        return jnp.linalg.solve(inner, read @ flow(here, time, q, v, regime)) / rate
 
     return state, contacts, change
 

@@ -1,6 +1,5 @@
 """What the curves of cycles have in common: the return map, and derivatives by two parameters."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -46,8 +45,7 @@ class OfCycles(Equations):
 
     def period(self, u: np.ndarray) -> float:
         """Return the period among the unknowns; NaN where a clock sets it."""
-        d = self.where.basis.shape[1]
-        return float(u[d]) * self.shooting.period_scale if self.shooting.clock is None else math.nan
+        return self.shooting.period_of(self.where, u)
 
     def returned(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, Arc]:
         """Return (residual (m,), its derivatives (m, m + 2), motion). Raises `Lost`."""
@@ -79,10 +77,7 @@ class OfCycles(Equations):
         cycle, shooting = facts.cycle, self.shooting
         begin = start_of(shooting, self.where, self.phase, cycle.motion)
         where = begin.chart(shooting, self.plane.at(place), cycle.period)
-        start = np.zeros(where.basis.shape[1])
-        if shooting.clock is None:
-            start = np.append(start, cycle.period / shooting.period_scale)
-        start = np.concatenate([start, place / self.plane.scale])
+        start = shooting.unknowns(where, cycle.period, *(place / self.plane.scale))
         return replace(self, where=where, phase=begin.phase, start=start)
 
     @property

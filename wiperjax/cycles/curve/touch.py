@@ -13,13 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from ...contact.regimes import vector_field
 from ...contact.space import contact
 from ...numerics.kept import Kept
 from ...vocabulary.codes import CurveEnd
 from ..orbit import slip_minimum
 from ..return_map import Shooting
-from ..shooting import Arc, Lost
+from ..shooting import Arc, Lost, at_state, flow
 from .equations import Spot, Test, solve
 from .of_cycles import OfCycles
 from .plane import placed
@@ -178,25 +177,14 @@ def fastest(cycle) -> float:
 def _slip(system, names, place, state, time, regime):
     """Slip speed, its derivatives by (place, state, time), and its first two derivatives by time
     along the motion within ``regime``."""
-    n = state.shape[0] // 2
-
-    def local(place):
-        found = placed(system, names, place)
-        return found.prepared().on_piece(found.first_piece(time))
 
     def speed(place, state, time):
-        here = local(place)
-        q = tuple(state[:n])
-        v = here.from_rates(time, q, tuple(state[n:]))
+        here, q, v = at_state(placed(system, names, place), time, state)
         return contact(here, time, q, v).slip_speed
 
     def motion(state, time):
-        here = local(place)
-        q = tuple(state[:n])
-        v = here.from_rates(time, q, tuple(state[n:]))
-        rates, slope = vector_field(time, (q, v), (here, regime))
-        moved = jax.jvp(here.rates, (time, q, v), (jnp.ones(()), rates, slope))[1]
-        return jnp.stack([*rates, *moved])
+        here, q, v = at_state(placed(system, names, place), time, state)
+        return flow(here, time, q, v, regime)
 
     def rate(state, time):
         change = motion(state, time), jnp.ones(())

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy.optimize
 
 from ...vocabulary.codes import CurveEnd
+from ..roots import root_between
 from ..shooting import Lost
 from .equations import CLOSED, Spot, Test, solve
 
@@ -21,7 +21,6 @@ LOCATED = 1e-8  # of a step's unit: how closely a special point is closed in
 VANISHED = 0.02  # of the largest amplitude: a fold shrinks onto steady slip
 ZERO = 1e-5  # of a test's value at the next step: it vanishes at this one, and was noted
 STILL = 1e-4  # of a unit tangent: neither parameter changes
-JUMP = 1e-2  # of a test between two steps: it does not vanish there, it jumps
 
 
 class Mark(NamedTuple):
@@ -176,7 +175,7 @@ def centred(spot: Spot) -> Spot | None:
     if np.max(np.abs(residual)) > CLOSED:  # what it is measured by is another around it
         return solve(equations, equations.start, tangent)
     facts = equations.facts(equations.start, more)
-    return Spot(equations, equations.start, jacobian, tangent, facts, tangent)
+    return Spot(equations, equations.start, jacobian, tangent, facts)
 
 
 def turn(here: Spot, ahead: Spot) -> float:
@@ -193,30 +192,7 @@ def ahead_of(here: Spot, length: float) -> Spot | None:
     return spot if turn(here, spot) > GENTLE and here.equations.same(here, spot) else None
 
 
-def between(
-    here: Spot, ahead: Spot, length: float, test: Callable[[Spot], float]
-) -> tuple[float, Spot] | None:
-    """Return (distance, spot) at which ``test`` vanishes between two spots ``length`` apart.
-
-    None if it does not, if it jumps over zero, or if the curve is lost on the way.
-    """
-    known = {0.0: here, length: ahead}
-
-    def at(distance: float) -> float:
-        if distance not in known:
-            spot = ahead_of(here, distance)
-            if spot is None:
-                raise Lost("no solution on the way to a special point")
-            known[distance] = spot
-        return test(known[distance])
-
-    try:
-        a, b = at(0.0), at(length)
-        if not (np.isfinite(a) and np.isfinite(b)) or a * b >= 0 or abs(a) < ZERO * abs(b):
-            return None
-        root = float(scipy.optimize.brentq(at, 0.0, length, xtol=LOCATED))  # type: ignore[arg-type]
-    except Lost:
-        return None
-    if abs(at(root)) > JUMP * max(abs(a), abs(b)):
-        return None
-    return root, known[root]
+def between(here: Spot, ahead: Spot, length: float, test: Callable[[Spot], float]):
+    """Return (distance, spot) at which ``test`` vanishes between two spots ``length`` apart."""
+    ends = {0.0: here, length: ahead}
+    return root_between(lambda far: ahead_of(here, far), ends, test, LOCATED, ZERO)

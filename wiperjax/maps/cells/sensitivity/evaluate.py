@@ -15,10 +15,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ....contact.own_numbers import at
 from ....contact.system import AbstractSystem
 from ....machine.phases import during
 from ....systems.build import Built, belt_of, routes
-from ....systems.numbers import at
 from ....vocabulary.codes import VALIDITY, Result
 from ....vocabulary.columns import differentiable, sensitivity_name
 from ....vocabulary.kinds import WIPER

@@ -10,11 +10,11 @@ import numpy as np
 from ....blade.steady_slip import steady_slip
 from ....blade.wiper import Wiper
 from ....contact.belts import operating_speed
+from ....contact.own_numbers import at
 from ....contact.system import AbstractSystem
 from ....numerics.kept import Kept
 from ....specs.tables import Start
 from ....systems.build import Built, belt_of, build, start_at
-from ....systems.numbers import at
 from .. import batch
 from ..batch import Run, Settings
 from ..columns import ended, statistics
