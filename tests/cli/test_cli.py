@@ -204,6 +204,10 @@ def test_ladder_is_refused_before_any_work(folder, stubs, capsys):
     Path("bad.toml").write_text("[run]\nduration = 0\n")
     said = failed(capsys, main("ladder scene.toml bad.toml".split()))
     assert said == "wiperjax: bad.toml: run.duration: must lie inside [1e-09, 100000] s, was 0"
+    Path("fast.toml").write_text("[belt]\nspeed = 20\n[run]\nduration = 0.1\n")
+    said = failed(capsys, main("ladder scene.toml fast.toml".split()))
+    why = "compared are blades within 2% of its load and speed: axes.belt_speed: must lie inside"
+    assert said.startswith(f"wiperjax: fast.toml: {why}")
     assert "must end in .md" in failed(capsys, main("ladder scene.toml -o table.txt".split()))
     Path("table.md").write_text("kept")
     assert "table.md" in failed(capsys, main("ladder scene.toml -o table.md".split()))
