@@ -56,9 +56,9 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> SceneSpec:
     return _parse(SceneSpec, data, source)
 
 
-def spec_of(kind: type[_Spec], given: Any) -> Any:
+def spec_of(kind: type[_Spec], given: _Spec | Mapping[str, Any] | str | os.PathLike[str]) -> _Spec:
     """The specification that a mapping is shaped like, or that the file of a path holds, its notes
-    logged as warnings; anything else as it is.
+    logged as warnings; what is neither as it is: whoever calls says what else may be given.
 
     Raises: SpecError, one line.
     """
