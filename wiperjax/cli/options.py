@@ -109,7 +109,7 @@ def check_target(path: Path, suffixes: Sequence[str], force: bool, *sources: Pat
     """Raises ValueError or StoreError if `path` is no place for a new file made from `sources`."""
     if not path.name:  # "" or "."
         raise ValueError(f"the output must name a file that ends in {' or '.join(suffixes)}")
-    if path.suffix not in suffixes:
+    if path.suffix.lower() not in suffixes:
         raise ValueError(f"{path}: must end in {' or '.join(suffixes)}")
     from ..machine.files import check_output
 
