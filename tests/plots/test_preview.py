@@ -91,3 +91,13 @@ def test_a_blade_is_a_table_of_its_parameters_with_units():
     assert "stribeck_speed" in page
     coulomb = wiperjax.Wiper(friction=wiperjax.Coulomb(0.5))._repr_html_()
     assert "stribeck_speed" not in coulomb and "friction.static" in coulomb
+
+
+def test_a_belt_and_a_law_are_tables_too():
+    """They were shown as they are written, without a unit."""
+    belt = wiperjax.WipingBelt(0.5, 1.0)._repr_html_()
+    for words in ("WipingBelt", "amplitude", "0.5", "m/s", "belt speed", "Hz"):
+        assert f">{words}<" in belt
+    law = wiperjax.Stribeck(1.0, 0.5, 0.4)._repr_html_()
+    for words in ("Stribeck", "static", "static friction coefficient", "stribeck_speed", "m/s"):
+        assert f">{words}<" in law
