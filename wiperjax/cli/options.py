@@ -73,6 +73,10 @@ Curves = Annotated[
     Path | None,
     typer.Option(metavar="BRANCH.h5", help="Map: draw these curves over it ('follow --second')."),
 ]
+Dpi = Annotated[
+    int | None,
+    typer.Option(min=20, max=1200, help="Dots per inch.", show_default="150; of an animation 80"),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 
 

@@ -14,6 +14,7 @@ from .options import (
     Begin,
     Component,
     Curves,
+    Dpi,
     End,
     Force,
     beside,
@@ -103,12 +104,7 @@ def plot(
         ),
     ] = None,
     curves: Curves = None,
-    dpi: Annotated[
-        int | None,
-        typer.Option(
-            min=20, max=1200, help="Dots per inch.", show_default="150; of an animation 80"
-        ),
-    ] = None,
+    dpi: Dpi = None,
 ) -> None:
     if output is not None:  # whether it exists is said last: after what is wrong with the picture
         check_target(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, True, file)

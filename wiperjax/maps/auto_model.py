@@ -75,7 +75,8 @@ def probe_cells(spec: Any) -> np.ndarray:
     sequence, found = qmc.Sobol(len(spec.shape), rng=int(spec.digest()[:16], 16)), {}
     while len(found) < 2**digits:  # on a coarse grid points fall into one cell
         places = (sequence.random(2**digits) * spec.shape).astype(np.int64)
-        found |= dict.fromkeys(np.ravel_multi_index(tuple(places.T), spec.shape).tolist())
+        cells = np.ravel(np.ravel_multi_index(tuple(places.T), spec.shape))
+        found |= dict.fromkeys(cells.tolist())
     return np.sort(list(found)[: 2**digits])
 
 
