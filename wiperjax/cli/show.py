@@ -252,6 +252,6 @@ def info(
             try:
                 print_borders(borders(file))
             except KeyError as error:
-                lost = f"its borders have no {error.args[0]}: another program took it from them"
+                lost = f"its borders have no attribute {error}: another program took it from them"
                 raise StoreError(f"{file}: {lost}") from None
         print_attributes(dataset)
