@@ -18,6 +18,7 @@ import xarray as xr
 
 from wiperjax.cli import main, tables
 from wiperjax.machine import files as storage
+from wiperjax.maps import around_scene
 from wiperjax.noise import run_class
 from wiperjax.runs.scene import run_scene
 from wiperjax.store import whole
@@ -204,6 +205,10 @@ def test_ladder_is_refused_before_any_work(folder, stubs, capsys):
     Path("bad.toml").write_text("[run]\nduration = 0\n")
     said = failed(capsys, main("ladder scene.toml bad.toml".split()))
     assert said == "wiperjax: bad.toml: run.duration: must lie inside [1e-09, 100000] s, was 0"
+    Path("fast.toml").write_text("[belt]\nspeed = 20\n[run]\nduration = 0.1\n")
+    said = failed(capsys, main("ladder scene.toml fast.toml".split()))
+    why = f"compared are blades within {around_scene.SPREAD:.0%} of its load and speed"
+    assert said.startswith(f"wiperjax: fast.toml: {why}: axes.belt_speed: must lie inside")
     assert "must end in .md" in failed(capsys, main("ladder scene.toml -o table.txt".split()))
     Path("table.md").write_text("kept")
     assert "table.md" in failed(capsys, main("ladder scene.toml -o table.md".split()))
@@ -325,9 +330,10 @@ def test_ctrl_c_in_simulate(folder, stubs, capsys):
 def test_plot_needs_neither_jax_nor_its_settings(folder, stubs):
     whole.write_dataset(small_map(), "m.h5")
     assert main(["plot", "m.h5", "-o", "p.png"]) == 0
-    options = {"picture": None, "force": False, "dpi": 150}
+    options = {"picture": None, "force": False, "dpi": None}
     assert stubs.calls == [("plot_file", Path("m.h5"), Path("p.png"), options)]
     assert Path("p.png").read_bytes() == b"picture"
+    assert main(["plot", "m.h5", "-o", "P.PNG"]) == 0  # as Windows writes it
 
 
 def test_plot_hands_on_its_options(folder, stubs):
@@ -347,7 +353,7 @@ def test_plot_hands_on_its_options(folder, stubs):
     }
     assert main("plot m.h5 -o p.png --all --seconds 2".split()) == 0
     assert stubs.calls[1] == (
-        "plot_all", Path("m.h5"), Path("p.png"), {"force": False, "dpi": 150, "seconds": 2.0},
+        "plot_all", Path("m.h5"), Path("p.png"), {"force": False, "dpi": None, "seconds": 2.0},
     )  # fmt: skip
 
 

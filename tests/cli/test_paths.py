@@ -5,6 +5,7 @@ The engine is the stub of `stub_sweep`. What used to hang is stopped by an alarm
 
 import errno
 import os
+import resource
 import signal
 import socket
 import stat
@@ -20,7 +21,7 @@ from stub_sweep import BLOCK, evaluate, half_done, make_spec, run
 from wiperjax.cli import main
 from wiperjax.machine import files
 from wiperjax.machine.files import StoreError, check_output
-from wiperjax.maps import driver
+from wiperjax.maps import compare_rungs, driver
 from wiperjax.maps.verify import verify
 from wiperjax.plots import plot_file
 from wiperjax.sound import Sound
@@ -204,6 +205,27 @@ def test_no_scene_of_a_ladder_is_its_output(folder, capsys):
     line = said(capsys, "ladder a.toml b.md -o b.md --force")
     assert line == "b.md: must be another file than the input"
     assert Path("b.md").read_text().startswith("[run]")
+
+
+def test_a_table_that_cannot_be_written_leaves_the_old_one(folder, capsys, monkeypatch):
+    """The old one was lost, and the line did not name it."""
+    Path("a.toml").write_text("[belt]\nspeed = 0.3\n[run]\nduration = 0.1\n")
+    Path("t.md").write_text("old")
+    lip = compare_rungs.Rung("a", "lip", "squeal", "stick_slip", "none", 700.0, 0.4, np.nan, 9)
+    monkeypatch.setattr(compare_rungs, "compare", lambda path, say: [lip])
+    monkeypatch.setattr(sys, "argv", "wiperjax ladder a.toml -o t.md --force".split())
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        line = said(capsys, "ladder a.toml -o t.md --force")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert line == "t.md: cannot be written: File too large"
+    assert Path("t.md").read_text() == "old" and not list(Path().glob("*.tmp"))
+    assert main("ladder a.toml -o t.md --force".split()) == 0
+    text = Path("t.md").read_text()
+    assert "\nMade by `wiperjax ladder a.toml -o t.md --force`, " in text
+    assert "](" not in text  # it lies anywhere: a link would lead nowhere
 
 
 def test_read_only_files_are_kept(folder, monkeypatch):

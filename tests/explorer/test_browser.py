@@ -223,6 +223,18 @@ def test_a_frame_of_a_notebook_shows_the_page(browser, cells, tmp_path):  # noqa
     shown.stop()
 
 
+def test_a_page_whose_explorer_was_stopped_says_so(browser, cells):  # noqa: F811
+    """It went on saying "computed and shown", and the notebook showed a dead frame."""
+    shown = explore(cells)
+    window = Window(browser, shown.address)
+    window.until(lambda: window.text(".noise"))
+    shown.stop()
+    window.until(window.page.get_by_text("connection was lost").count, seconds=20)
+    assert shown._repr_html_() == f"the explorer at {shown.address}, stopped"
+    shown.stop()  # a second time does nothing
+    window.page.close()
+
+
 def test_a_map_of_one_axis_is_clicked_like_any_other(browser, servers, tmp_path):  # noqa: F811
     line = sixteen(normal_load={"values": [12]}, belt_speed={"values": [0.3]})
     window = Window(browser, servers(explored(line, "line.h5")))

@@ -21,6 +21,7 @@ from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import content_of, thinned
 from wiperjax.explorer.explored import EVERY, explored, open_explored, plain
 from wiperjax.explorer.map_panel import MapPanel
+from wiperjax.explorer.notebook import explore
 from wiperjax.explorer.numbers import table
 from wiperjax.explorer.page import Page
 from wiperjax.explorer.scale import NOTHING, painted
@@ -49,6 +50,13 @@ def line():
     spec = make_spec().document()
     spec["axes"] = {"belt_speed": spec["axes"]["belt_speed"]}
     return explored(driver.sweep(parse_sweep(spec), evaluate=evaluate, progress=False), "line.h5")
+
+
+@pytest.mark.parametrize("height", ["tall", -5, None, 400.5])
+def test_a_frame_has_a_height_in_pixels(whole, height):
+    """It failed when it was shown, or was shown with none."""
+    with pytest.raises(ValueError, match="^height must be a whole number .*pixels"):
+        explore(whole.ds, height=height)
 
 
 def test_a_map_of_one_axis_is_a_strip_with_its_borders_across(line):

@@ -287,6 +287,11 @@ def test_thresholds_are_arguments_and_those_of_a_sweep_fit():
     )
 
 
+def test_a_class_table_of_a_run_is_refused_for_what_it_is():
+    with pytest.raises(ValueError, match="^ds must be a map, such as open_map.*, but has no label"):
+        class_counts.class_table(xr.Dataset({"regime": ("time", [0], {"flag_values": [0]})}))
+
+
 def test_class_table_counts_what_is_there():
     cells = np.array([[0, 0, 1], [6, 2, -1]], dtype=np.int8)  # -1: not computed
     column = schema.SCHEMA["label"]

@@ -11,7 +11,7 @@ from stub_sweep import evaluate, make_spec
 
 import wiperjax
 from wiperjax.maps import driver
-from wiperjax.plots.preview import preview
+from wiperjax.plots.preview import _shown, preview
 
 
 def colours(png):
@@ -57,6 +57,28 @@ def test_the_extension_shows_maps_with_their_picture_and_nothing_else():
     assert shown == {}
 
 
+def test_what_a_notebook_shows_does_not_raise_whatever_was_made_of_it(squeal):
+    """A mean, two variables, no cell, a run of few samples: each was a traceback."""
+    ds = driver.sweep(make_spec(), evaluate=evaluate, progress=False)
+    line = ds.isel(attack_angle=0, normal_load=0)
+    run = squeal.isel(time=slice(0, 20000))
+    thin = run[["velocity", "regime"]].assign_attrs(title="thin")
+    made = {
+        "mean": ds.mean("attack_angle", keep_attrs=True),
+        "one variable": line[["label"]],
+        "no cell": ds.isel(belt_speed=slice(0, 0)),
+        "turned round": run.isel(time=slice(None, None, -1)),
+        "not even": run.isel(time=[*range(1000), *range(2000, 3000)]),
+        "two variables": thin,
+        "masked": run.where(run.time > 0.1),
+    }
+    for what, each in made.items():
+        assert "xarray.Dataset" in _shown(each), what
+    few = squeal.isel(time=slice(0, 4), event=slice(0, 2))  # as of a run that collapsed at once
+    assert len(colours(preview(few).png)) > 10 and "; " not in repr(preview(few))
+    assert "thin: run of " in repr(preview(thin))
+
+
 def test_words_of_a_dataset_are_words_in_a_notebook():
     found = preview(xr.Dataset(attrs={"title": "<script>alert(1)</script>"}))
     assert found.png == b"" and "<script>" not in found._repr_html_()
@@ -69,3 +91,13 @@ def test_a_blade_is_a_table_of_its_parameters_with_units():
     assert "stribeck_speed" in page
     coulomb = wiperjax.Wiper(friction=wiperjax.Coulomb(0.5))._repr_html_()
     assert "stribeck_speed" not in coulomb and "friction.static" in coulomb
+
+
+def test_a_belt_and_a_law_are_tables_too():
+    """They were shown as they are written, without a unit."""
+    belt = wiperjax.WipingBelt(0.5, 1.0)._repr_html_()
+    for words in ("WipingBelt", "amplitude", "0.5", "m/s", "belt speed", "Hz"):
+        assert f">{words}<" in belt
+    law = wiperjax.Stribeck(1.0, 0.5, 0.4)._repr_html_()
+    for words in ("Stribeck", "static", "static friction coefficient", "stribeck_speed", "m/s"):
+        assert f">{words}<" in law

@@ -474,6 +474,10 @@ def test_animation_shows_lip_glass_and_force(squeal, tmp_path):
     plots.plot_file(tmp_path / "run.h5", tmp_path / "run.gif", seconds=0.2, dpi=30)
     with Image.open(tmp_path / "run.gif") as image:
         assert image.n_frames == 5 and image.info["duration"] == 1000 // animation.FRAMES_PER_SECOND
+    for dpi, width in ((None, 448), (120, 672)):  # more than 80 was not heard
+        plots.plot_file(tmp_path / "run.h5", tmp_path / f"{dpi}.gif", seconds=0.1, dpi=dpi)
+        with Image.open(tmp_path / f"{dpi}.gif") as image:
+            assert image.width == width
     with pytest.raises(ValueError, match="must be of a Wiper"):
         plots.animate(bouncing_run())
 

@@ -3,6 +3,7 @@
 The engine is the stub of `stub_sweep`, which costs nothing.
 """
 
+import gc
 import json
 import random
 import shutil
@@ -132,6 +133,34 @@ def test_a_file_that_lost_its_end_has_no_checksums(path, cut):
     path.write_bytes(path.read_bytes()[:-cut])
     with pytest.raises(StoreError, match="has no checksums"):
         open_map(path, check=True)
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
+def test_a_file_that_hdf5_cannot_read_is_one_line(path):
+    """What reads it complained again when it was let go, a traceback of eight lines."""
+    with h5py.File(path) as file:
+        header = h5py.h5o.get_info(file.id).addr
+    flip(path, header)
+    with pytest.raises(StoreError, match="is not a readable map or run: .*object header"):
+        open_map(path)
+    gc.collect()
+
+
+def test_what_another_program_took_from_a_map_is_named(path, capsys):
+    """Tracebacks."""
+    with h5py.File(path, "r+") as file:
+        del file["band"]
+        file.attrs["class_squeal_band"] = "high"
+    assert main(["info", str(path)]) == 0
+    capsys.readouterr()
+    assert main(["plot", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert said == f"wiperjax: {path}: its attributes class_... must be numbers\n"
+    with h5py.File(path, "r+") as file:
+        del file.attrs["class_squeal_band"], file["label"].attrs["flag_meanings"]
+    assert main(["plot", str(path)]) == 1
+    said = "wiperjax: label must have names of its codes, but has no flag_meanings\n"
+    assert capsys.readouterr().err == said
 
 
 def test_a_program_that_writes_into_the_file_removes_the_record(path):

@@ -110,22 +110,22 @@ def ladder(
     force: Force = False,
 ) -> None:
     """Compare the models of each scene: which is the poorest that tells the same, at what cost."""
-    from ..specs.load import load_scene
-
     configure(1)
+    from ..maps.compare_rungs import check_scene, compare, preface, summary, table
+
     for file in files:
-        load_scene(file, "lip")  # wrong ones, and what has no rungs, are named before any work
+        check_scene(file)  # named before any work
     if output is not None:
         check_target(output, (".md",), force, *files)
-    from ..maps.compare_rungs import compare, preface, summary, table
-
     results = []
     for file in files:
         results.append(compare(file, say=_working))
         print(table(results[-1:], head=len(results) == 1), end="", flush=True)
     if output is not None:
-        text = preface() + summary(results) + "\n" + table(results)
-        output.write_text(text, encoding="utf-8")
+        from ..machine.files import write_bytes
+
+        text = preface(command_line()) + summary(results) + "\n" + table(results)
+        write_bytes(output, text.encode())
         print(f"table    {output}")
 
 

@@ -73,6 +73,10 @@ Curves = Annotated[
     Path | None,
     typer.Option(metavar="BRANCH.h5", help="Map: draw these curves over it ('follow --second')."),
 ]
+Dpi = Annotated[
+    int | None,
+    typer.Option(min=20, max=1200, help="Dots per inch.", show_default="150; of an animation 80"),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 
 
@@ -109,7 +113,7 @@ def check_target(path: Path, suffixes: Sequence[str], force: bool, *sources: Pat
     """Raises ValueError or StoreError if `path` is no place for a new file made from `sources`."""
     if not path.name:  # "" or "."
         raise ValueError(f"the output must name a file that ends in {' or '.join(suffixes)}")
-    if path.suffix not in suffixes:
+    if path.suffix.lower() not in suffixes:
         raise ValueError(f"{path}: must end in {' or '.join(suffixes)}")
     from ..machine.files import check_output
 

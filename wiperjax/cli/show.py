@@ -14,6 +14,7 @@ from .options import (
     Begin,
     Component,
     Curves,
+    Dpi,
     End,
     Force,
     beside,
@@ -103,7 +104,7 @@ def plot(
         ),
     ] = None,
     curves: Curves = None,
-    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
+    dpi: Dpi = None,
 ) -> None:
     if output is not None:  # whether it exists is said last: after what is wrong with the picture
         check_target(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, True, file)
@@ -212,6 +213,7 @@ def info(
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
     from ..datasets.run_dataset import is_run
+    from ..machine.files import StoreError
     from ..noise.class_counts import anatomy, unsettled_count, untold_count
     from ..store.levels import is_refined
     from ..store.whole import borders, open_map, sound
@@ -230,7 +232,7 @@ def info(
                 print(f"not told     {fast} {of}: {why}")
             if lost := unsettled_count(dataset):
                 print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
-            if "mechanism" in dataset:
+            if "mechanism" in dataset and "band" in dataset:
                 for mechanism, band, count in anatomy(dataset):
                     print(f"other: {count} {of} of {mechanism}, band {band}")
             print_sensitivities(dataset)
@@ -247,5 +249,9 @@ def info(
             print_class(dataset)
         print_events(dataset)
         if file.is_file() and is_refined(file):
-            print_borders(borders(file))
+            try:
+                print_borders(borders(file))
+            except KeyError as error:
+                lost = f"its borders have no attribute {error}: another program took it from them"
+                raise StoreError(f"{file}: {lost}") from None
         print_attributes(dataset)

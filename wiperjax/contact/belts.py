@@ -17,6 +17,7 @@ from ..numerics.types import Scalar
 from ..vocabulary import checks, kinds
 from ..vocabulary.kinds import BELTS
 from ..vocabulary.parameters import REFERENCE, longest_ramp
+from .card import card, kind_parameters
 
 TURN = 6.283185307179586
 
@@ -29,6 +30,10 @@ class AbstractBelt(eqx.Module):
     def __check_init__(self):
         names = BELTS.get(self.kind, {})
         checks.parameters({key: getattr(self, key) for key in names}, names)
+
+    def _repr_html_(self) -> str:
+        """Its parameters with their units, as a notebook shows them."""
+        return card(self, kind_parameters(BELTS.get(self.kind, {})))
 
     @abstractmethod
     def velocity(self, time, piece):

@@ -9,14 +9,14 @@ import equinox as eqx
 import numpy as np
 
 from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
-from ..vocabulary.parameters import Parameter
+from ..vocabulary.parameters import PARAMETERS, Parameter
 
 Row = tuple[str, Any, str, str]  # name, value, unit, words
 
 
 def card(system: Any, known: Mapping[str, Parameter]) -> str:
-    """HTML of the parameters of a system, of its law and of its belt; `known`: what is known of
-    those that it does not declare itself, by name.
+    """HTML of the parameters of a system, of its law and of its belt, or of one of these; `known`:
+    what is known of those that it does not declare itself, by name.
     """
     rows = "".join(
         f"<tr><td style='text-align:left'><code>{html.escape(name)}</code></td>"
@@ -25,6 +25,11 @@ def card(system: Any, known: Mapping[str, Parameter]) -> str:
         for name, value, unit, words in _rows(system, known, "")
     )
     return f"<table><caption><b>{html.escape(type(system).__name__)}</b></caption>{rows}</table>"
+
+
+def kind_parameters(names: Mapping[str, str]) -> dict[str, Parameter]:
+    """What is known of the keys of a kind of belt or law, each of another name in `PARAMETERS`."""
+    return {key: PARAMETERS[name] for key, name in names.items()}
 
 
 def _rows(module: Any, known: Mapping[str, Parameter], prefix: str) -> Iterator[Row]:

@@ -11,6 +11,7 @@ import numpy as np
 from ..numerics.elementary import exp, larger
 from ..vocabulary import checks, declared, kinds
 from ..vocabulary.kinds import FRICTIONS
+from .card import card, kind_parameters
 
 
 class AbstractFriction(eqx.Module):
@@ -25,6 +26,10 @@ class AbstractFriction(eqx.Module):
         declared.check(self)
         if not self.kind:
             self._check_rest()
+
+    def _repr_html_(self) -> str:
+        """Its parameters with their units, as a notebook shows them."""
+        return card(self, kind_parameters(FRICTIONS.get(self.kind, {})))
 
     def _check_rest(self):
         """Raises ValueError for a law that rises at rest: what holds would begin to slip, and be

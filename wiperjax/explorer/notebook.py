@@ -12,8 +12,11 @@ from tornado.ioloop import IOLoop
 from ..maps.block import Evaluate
 from ..plots.maps.borders import with_borders
 from ..vocabulary import checks
+from ..vocabulary.ranges import Range
 from .explored import Explored, explored
 from .server import serve
+
+HEIGHT = Range(100, 10_000, whole=True, unit="pixels")
 
 
 class Served:
@@ -22,10 +25,11 @@ class Served:
     Attributes:
         address: of the page, on this machine.
         height: of the frame in a notebook, in pixels.
+        stopped: whether it serves no more.
     """
 
     def __init__(self, found: Explored, height: int = 1000, evaluate: Evaluate | None = None):
-        self.height, self._unpacked = height, found.unpacked
+        self.height, self.stopped, self._unpacked = height, False, found.unpacked
         answer: queue.Queue[Any] = queue.Queue()
 
         def work() -> None:
@@ -37,6 +41,7 @@ class Served:
                 answer.put(error)
                 return
             loop.start()
+            loop.close(all_fds=True)  # pages that are open see that no one answers
 
         self._thread = threading.Thread(target=work, daemon=True, name="explorer")
         self._thread.start()
@@ -46,23 +51,27 @@ class Served:
         self._loop, self._server, self.address = served
 
     def stop(self) -> None:
-        """Serves no more."""
+        """Serves no more; pages that are open say that the connection is lost."""
+        self.stopped = True
 
         def end() -> None:
             self._server.stop()
             self._loop.stop()
 
-        self._loop.add_callback(end)
-        self._thread.join(timeout=10)
+        if self._thread.is_alive():
+            self._loop.add_callback(end)
+            self._thread.join(timeout=10)
         self._unpacked.close()
 
     def __repr__(self) -> str:
-        return f"the explorer at {self.address}"
+        return f"the explorer at {self.address}{', stopped' * self.stopped}"
 
     def _repr_html_(self) -> str:
+        if self.stopped:
+            return html.escape(repr(self))
         address = html.escape(self.address, quote=True)
         return (
-            f'<iframe src="{address}" width="100%" height="{int(self.height)}" '
+            f'<iframe src="{address}" width="100%" height="{self.height}" '
             f'style="border:0"></iframe><br><a href="{address}">{address}</a>'
         )
 
@@ -85,10 +94,12 @@ def explore(
     - `trust`: whether a module that the map names (a system of one's own) may be imported, which
         runs it.
 
-    Raises: `StoreError` for what is no map that can be shown.
+    Raises: `StoreError` for what is no map that can be shown, `ValueError` for another argument
+        that cannot be meant.
     """
     checks.instance("ds", ds, xr.Dataset, "a map, such as open_map(...)")
     checks.flag("trust", trust)
+    height = checks.whole("height", height, HEIGHT)
     if borders is not None:
         ds = with_borders(ds, borders)
     return Served(explored(ds, str(ds.attrs.get("title", "")), trust), height)

@@ -60,6 +60,8 @@ def around(scene: SceneSpec) -> SweepSpec:
     """Return the sweep of `SIDE` x `SIDE` blades whose load and belt speed are within `SPREAD` of a
     scene's, with the settings that the scene states, else those of a sweep; looked at is what is of
     the scene (`SceneSpec.transient`), by its thresholds.
+
+    Raises SpecError for a scene so near an end of a range that they reach beyond it.
     """
     data, known = scene.document(), scene.parameters()
     keys = {name: key for key, name in BELTS[scene.belt.kind].items()}
@@ -74,7 +76,8 @@ def around(scene: SceneSpec) -> SweepSpec:
             "axes": {name: _near(known[name]) for name in ("normal_load", "belt_speed")},
             "run": settings | {"transient": transient, "window": scene.run.duration - transient},
             "classes": scene.thresholds().model_dump(exclude_none=True),
-        }
+        },
+        f"compared are blades within {SPREAD:.0%} of its load and speed",
     )
 
 

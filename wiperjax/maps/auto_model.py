@@ -64,17 +64,20 @@ def as_chosen_for(output: Path, spec: Any) -> Any:
 
 
 def probe_cells(spec: Any) -> np.ndarray:
-    """Numbers of the cells of a probe, ascending: a scrambled Sobol sequence over the axes, its
-    seed the digest of `spec`. All cells of a map that has no more.
+    """Numbers of the cells of a probe, ascending: the first of a scrambled Sobol sequence over the
+    axes, its seed the digest of `spec`. All cells of a map that has no more.
     """
     digits = int(np.clip(np.log2(max(spec.size / SHARE, 1)), FEWEST, MOST))
     if spec.size <= 2**digits:
         return np.arange(spec.size)
     from scipy.stats import qmc  # half a second
 
-    draws = qmc.Sobol(len(spec.shape), rng=int(spec.digest()[:16], 16)).random_base2(digits)
-    places = (draws * spec.shape).astype(np.int64)
-    return np.unique(np.ravel_multi_index(tuple(places.T), spec.shape))
+    sequence, found = qmc.Sobol(len(spec.shape), rng=int(spec.digest()[:16], 16)), {}
+    while len(found) < 2**digits:  # on a coarse grid points fall into one cell
+        places = (sequence.random(2**digits) * spec.shape).astype(np.int64)
+        cells = np.ravel(np.ravel_multi_index(tuple(places.T), spec.shape))
+        found |= dict.fromkeys(cells.tolist())
+    return np.sort(list(found)[: 2**digits])
 
 
 class Probed(NamedTuple):

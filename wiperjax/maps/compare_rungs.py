@@ -59,6 +59,17 @@ class Rung:
     suffices: bool = True
 
 
+def check_scene(path: str | Path) -> None:
+    """Raises SpecError for a scene file that is wrong, has no rungs, or lies so near an end of a
+    range that there is no map `around` it.
+    """
+    lip = load_scene(path, "lip")
+    try:
+        around_scene.around(lip)
+    except SpecError as error:
+        raise SpecError(f"{path}: {error}") from None
+
+
 def compare(
     path: str | Path,
     hinged: bool = True,
@@ -98,11 +109,11 @@ def lowest_sufficient(rungs: Iterable[Rung]) -> str:
     return next(rung.model for rung in rungs if rung.suffices and rung.model in MODELS)
 
 
-def preface() -> str:
-    """What stands above the table in `docs/ladder.md`."""
+def preface(command: str) -> str:
+    """What stands above the table that `command` makes; it may be read anywhere: without links."""
     return f"""# Which model does a scene need?
 
-Made by `wiperjax ladder sweeps/scenes/*.toml -o docs/ladder.md --force`, its numbers measured on
+Made by `{command}`, its numbers measured on
 {provenance.host_kind()}.
 
 Rungs, poorest first: **block** on a belt (1 dof, constant load, linear spring; equals the lip
@@ -115,11 +126,11 @@ A model suffices if it says what the lip says: class, mechanism and band the sam
 within {FREQUENCY:.0%} and amplitude within {AMPLITUDE:.0%}; for a reversal force ratio and
 vibration within {AMPLITUDE:.0%}. The poorest that does is in bold. Any scene or sweep runs on it
 with `--model` (or `model = "bar"` in the file); `wiperjax sweep --model auto` has a probe of some
-cells choose ([maps](maps.md#which-model), also for what a rung costs in a batch).
+cells choose (`docs/maps.md`, also for what a rung costs in a batch).
 
 Amplitude: standard deviation of the tip velocity (of the strokes on a wiping belt; for a
-reversal, the vibration in the scene's own `reversal_window` after it: [twice the time of the
-flip](classes.md#on-a-belt-that-reverses)). A scene is the middle of a small map, as
+reversal, the vibration in the scene's own `reversal_window` after it: twice the time of the
+flip, `docs/classes.md`). A scene is the middle of a small map, as
 `wiperjax sweep` makes it: {around_scene.SIDE**2} blades, load and speed within
 {around_scene.SPREAD:.0%} of its own, with the settings that its `[run]` states (`rtol`, say).
 Steps are those of the scene, tried ones. CPU time is that

@@ -20,6 +20,8 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
     Raises: ValueError for what is no map, or has no such codes (`whole_codes`).
     """
     checks.instance("ds", ds, xr.Dataset, "a map, such as open_map(...)")
+    if "label" not in ds:
+        raise ValueError("ds must be a map, such as open_map(...), but has no label")
     coded = [str(name) for name in ds.data_vars if "flag_values" in ds[name].attrs]
     checks.choice("variable", variable, coded)
     names = flag_names(ds[variable])

@@ -13,6 +13,7 @@ from PIL import Image
 
 from ..datasets.run_dataset import is_run
 from ..machine.files import StoreError, check_output, replacing
+from ..noise.classes import stored
 from ..store.levels import is_refined
 from ..store.partial import open_partial
 from ..store.whole import borders, open_map
@@ -24,6 +25,7 @@ from .maps.borders import with_borders
 from .runs import animation
 
 STILLS = (".png", ".pdf", ".svg")
+DPI, DPI_MOVING = 150, 80  # of a still picture, and of an animation
 SUBJECT = "Description"  # the key of a .png file that holds it
 
 
@@ -34,7 +36,7 @@ def plot_file(
     picture: str | None = None,
     curves: str | Path | None = None,
     force: bool = False,
-    dpi: int = 150,
+    dpi: int | None = None,
     **options: Any,
 ) -> None:
     """Draws one picture of a file into `output`; its ending says the format.
@@ -47,7 +49,8 @@ def plot_file(
         for the endings of an animation that.
     - `curves`: a branch file with curves in two axes of the map, drawn over its classes.
     - `force`: replace `output`.
-    - `dpi`: dots per inch.
+    - `dpi`: dots per inch, if None `DPI`, of an animation `DPI_MOVING`. (A .gif is put together in
+        memory, 4 bytes a dot and frame: at 300 dpi and 6 s nearly 2 GB; an .mp4 is not.)
     - `options`: those the picture takes, None for its own choice: `start`, `stop` (s), `quantity`,
         `component`, `seconds` (of the animation); `x`, `y` (names of axes), `at` (axis -> value).
 
@@ -84,13 +87,13 @@ def plot_all(
     *,
     curves: str | Path | None = None,
     force: bool = False,
-    dpi: int = 150,
+    dpi: int | None = None,
     **options: Any,
 ) -> list[Path]:
     """Draws every picture that a file allows, as `NAME-picture.png` for `output` NAME.png.
 
-    The animation is a .gif. Pictures that lack what they need (a raster, a second axis) are left
-    out; options go to those that take them.
+    The animation is a .gif of `DPI_MOVING`; `dpi` is that of the stills. Pictures that lack what
+    they need (a raster, a second axis) are left out; options go to those that take them.
 
     Returns: the files made.
 
@@ -126,7 +129,7 @@ def plot_all(
                     raise  # what was asked for does not fit
                 why = why or f": {error}"
                 continue
-            _write(drawn, target, dpi)
+            _write(drawn, target, None if name == "animation" else dpi)
             made.append(target)
     if not made:
         raise ValueError(f"{path}: has nothing to draw{why}")
@@ -159,6 +162,7 @@ def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset,
     """
     parts = Path(path).is_dir()
     with open_partial(path, wide=raster) if parts else open_map(path) as ds:
+        _check_thresholds(path, ds)
         if "label" in ds:
             refined = Path(path).is_file() and is_refined(path)
             yield with_borders(ds, borders(path)) if refined else ds, "map"
@@ -172,6 +176,14 @@ def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset,
             raise StoreError(f"{path}: no block of this sweep is computed yet")
         else:
             raise StoreError(f"{path}: is no map, run or branch; there is nothing to draw")
+
+
+def _check_thresholds(path: Any, ds: xr.Dataset) -> None:
+    """Raises `StoreError` for borders of the classes that another program made texts of, say."""
+    try:
+        stored(ds.attrs)
+    except (TypeError, ValueError):
+        raise StoreError(f"{path}: its attributes class_... must be numbers") from None
 
 
 def _check_ending(output: Path, moving: bool) -> None:
@@ -196,13 +208,13 @@ def subject_of(path: Path) -> str:
         return ""
 
 
-def _write(drawn: Drawn, output: Path, dpi: int, shows: str = "") -> None:
+def _write(drawn: Drawn, output: Path, dpi: int | None, shows: str = "") -> None:
     ending = output.suffix.lower()
     # writers of animations know a format by its ending only
     hidden = output.with_name(f".{output.stem}.{os.getpid()}{ending}")
     with replacing(output, hidden) as temporary:
         if isinstance(drawn, FuncAnimation):
-            animation.save(drawn, temporary, dpi=min(dpi, 80))
+            animation.save(drawn, temporary, dpi=dpi or DPI_MOVING)
         else:
             said = {SUBJECT: shows} if ending == ".png" else None
-            drawn.savefig(temporary, dpi=dpi, format=ending[1:], metadata=said)
+            drawn.savefig(temporary, dpi=dpi or DPI, format=ending[1:], metadata=said)

@@ -3,8 +3,8 @@
 import base64
 import html
 import io
-from collections.abc import Hashable, Iterable
-from typing import Any
+from collections.abc import Callable, Hashable, Iterable
+from typing import Any, TypeVar
 
 import xarray as xr
 
@@ -19,6 +19,7 @@ from .style.axes import legend_below, page
 from .style.caption import noise_text
 
 DPI = 80
+T = TypeVar("T")
 
 
 class Preview:
@@ -54,22 +55,32 @@ def unload_ipython_extension(shell: Any) -> None:
 
 
 def _shown(ds: xr.Dataset) -> str:
-    """A dataset as HTML; with a picture if it is one of ours."""
-    ours = str(ds.attrs.get("source", "")).startswith("wiperjax")
-    picture = preview(ds)._repr_html_() if ours and ("label" in ds or is_run(ds)) else ""
+    """A dataset as HTML; with a picture if it is one of ours, and still can be drawn."""
+    ours = str(ds.attrs.get("source", "")).startswith("wiperjax") and ("label" in ds or is_run(ds))
+    picture = _tried(lambda: preview(ds)._repr_html_(), "") if ours else ""
     return picture + ds._repr_html_()
+
+
+def _tried(make: Callable[[], T], otherwise: T) -> T:
+    """What `make` returns, `otherwise` if it cannot: anything may have been made of a dataset of
+    ours (a mean, two variables of it, samples turned round), and what is shown must not raise.
+    """
+    try:
+        return make()
+    except Exception:
+        return otherwise
 
 
 def preview(ds: xr.Dataset) -> Preview:
     """A small picture of a map (its classes in the middle plane) or of a run (the velocity of its
-    last periods), and a line that says what it is. Of another dataset the line alone.
+    last periods), and a line that says what it is. Of what cannot be drawn the line alone.
     """
     checks.instance("ds", ds, xr.Dataset, "a map or a run, such as open_map(...)")
     title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", "")) or "dataset"
     if is_run(ds):
-        noise = noise_text(ds)
+        noise = _tried(lambda: noise_text(ds), "")
         text = f"{title}: run of {float(ds['time'][-1]):.4g} s, {ds.sizes.get('event', 0):,} events"
-        return Preview(text + (f"; {noise}" if noise else ""), _run(ds))
+        return Preview(text + (f"; {noise}" if noise else ""), _tried(lambda: _run(ds), b""))
     if "label" not in ds:
         return Preview(f"{title}: {_sizes(ds, ds.sizes)}", b"")
     starts = ds.sizes.get("start", 1)
@@ -81,9 +92,10 @@ def preview(ds: xr.Dataset) -> Preview:
     try:
         x, y = choose_plane(ds, None, None)
     except ValueError:
-        return Preview(text, _line(ds))
+        return Preview(text, _tried(lambda: _png(along_axis(ds)[0].figure), b""))
     plane, where = cut(ds, (x, y))
-    return Preview(text + (f"; shown at {where}" if where else ""), _map(plane.load(), x, y))
+    text += f"; shown at {where}" if where else ""
+    return Preview(text, _tried(lambda: _map(plane.load(), x, y), b""))
 
 
 def _sizes(ds: xr.Dataset, names: Iterable[Hashable]) -> str:
@@ -95,13 +107,6 @@ def _map(plane: xr.Dataset, x: str, y: str) -> bytes:
     boundary = category_panel(plane, figure.subplots(), x, y)
     legend_below(figure, category_legend(plane, boundary=boundary), fontsize="small")
     return _png(figure)
-
-
-def _line(ds: xr.Dataset) -> bytes:
-    try:
-        return _png(along_axis(ds)[0].figure)
-    except ValueError:  # no axis of two values, or none in order
-        return b""
 
 
 def _run(run: xr.Dataset) -> bytes:

@@ -4,6 +4,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
+import h5py
 import xarray as xr
 
 from ..machine.files import StoreError, check_input, check_output, naming, write_bytes
@@ -76,6 +77,8 @@ def open_map(
             "since, or its end is lost"
         )
     try:
+        with h5py.File(path) as file:
+            _ = "Conventions" in file.attrs  # else h5netcdf fails, and once more as it is let go
         # of a strange file, whose dimensions have no names, without a warning of xarray's
         ds = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
     except Exception as error:  # of a damaged file, HDF5 and what reads it may raise anything

@@ -58,7 +58,11 @@ def masks(codes: Mapping[str, int], dtype: Any) -> dict[str, Any]:
 
 
 def flag_names(variable: xr.DataArray) -> dict[int, str]:
-    """Code -> meaning of a categorical variable, from its CF attributes."""
+    """Code -> meaning of a categorical variable, from its CF attributes. Raises ValueError where it
+    has none.
+    """
+    if missing := {"flag_values", "flag_meanings"} - variable.attrs.keys():
+        raise ValueError(f"{variable.name} must have names of its codes, but has no {min(missing)}")
     values = np.atleast_1d(variable.attrs["flag_values"])
     return dict(
         zip((int(v) for v in values), str(variable.attrs["flag_meanings"]).split(), strict=True)

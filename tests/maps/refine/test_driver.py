@@ -449,6 +449,10 @@ def test_info_says_what_was_found(tmp_path, capsys):
     assert f"borders of label: {found.sizes['border']} points" in said
     assert "attack_angle 1/256" in said and "probes in cubes without a border: 0 of" in said
     assert f"{found.attrs['simulations']} simulations beside 81 of the map" in said
+    with h5py.File(path, "r+") as file:
+        del file["borders"].attrs["on"]
+    assert main(["info", str(path)]) == 1  # a traceback
+    assert "map.h5: its borders have no attribute 'on'" in capsys.readouterr().err
 
 
 def test_points_can_be_sent_to_workers():

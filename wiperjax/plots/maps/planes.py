@@ -51,7 +51,7 @@ def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str
     long = [dim for dim in map_dims(ds) if ds.sizes[dim] > 1]
     x, y = usual_plane(long, x, y)
     if x is None or y is None:
-        also = "; the picture 'line' draws one axis" if long else ""
+        also = "; the picture 'line' (plots.along_axis) draws one axis" if long else ""
         raise ValueError(
             f"a map needs at least two axes of more than one value to be drawn as a plane{also}"
         )

@@ -177,7 +177,7 @@ def _stage(ax, scene: LipScene) -> None:
     ax.axvline(0, color="#BBBBBB", linewidth=0.8, linestyle=":", zorder=0)
 
 
-def save(animation: FuncAnimation, path: Path, dpi: int = 80) -> None:
+def save(animation: FuncAnimation, path: Path, dpi: int) -> None:
     """Writes an animation as .gif or .mp4 (see `check_writer`)."""
     if path.suffix.lower() == ".mp4":
         writer = FFMpegWriter(fps=FRAMES_PER_SECOND)
