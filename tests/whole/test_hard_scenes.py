@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.optimize
 from matching import BLADE, common, doubles, engine, largest_shift, listed, logged, twin
 from reference.blade import Steady, Trapezoid, Wiping, energy, simulate
 from systems import Block, Puck, Rod, StopOscillator, events, trajectory
@@ -167,6 +168,37 @@ def test_impact_with_zero_slip_speed(push, after):
 def test_a_start_in_the_glass_is_an_error(start):
     s = engine(BLADE, SteadyBelt(0.3), (*start[0], *start[1]), 0.01)
     assert Result(int(s.result)) == Result.INCONSISTENT_START and int(s.steps) == 0
+
+
+def test_slip_that_the_belt_soon_carries_back_into_the_cone():
+    """At rest a trace outside the cone, and a belt that carries the tip into it: brief slip, and
+    stick for good. Its acceleration, proportional to the trace, was taken for rounding."""
+    speed, found = 0.1, {}
+    support, shoulder = BLADE["support_stiffness"], BLADE["shoulder_stiffness"]
+
+    def excess(x):
+        """How far the forces of stick there are outside of the cone, over its edge."""
+        lean = math.asin(x / LENGTH)
+        beyond = min(lean + BLADE["shoulder_angle"], 0.0)
+        moment = BLADE["neck_stiffness"] * (lean - beyond) + shoulder * beyond
+        normal = BLADE["normal_load"] - support * LENGTH * (1 - math.cos(lean))
+        normal -= BLADE["support_damping"] * math.tan(lean) * speed
+        tangential = moment / (LENGTH * math.cos(lean)) - normal * math.tan(lean)
+        return abs(tangential) / (BLADE["mu_static"] * normal) - 1
+
+    edge = scipy.optimize.brentq(excess, -0.005, -0.0035, xtol=1e-20, rtol=1e-15)
+    for farther in (*np.geomspace(1e-15, 1e-5, 21), *(2.2e-16 * np.arange(-9, 9))):
+        start = (edge * (1 + farther), 0.0, speed, 0.0)
+        solution = engine(BLADE, SteadyBelt(speed), start, 2e-3)
+        assert Result(int(solution.result)) == Result.FINISHED, farther
+        assert int(solution.final_regime) == Regime.STICK
+        found[farther] = logged(solution)
+        assert found[farther][-1][:2] == (pytest.approx(1.8736e-3, rel=1e-3), "kink")
+    captured = {x: es[0][0] for x, es in found.items() if x > 1e-12}
+    assert all(es[0][1] == "capture" for x, es in found.items() if x > 1e-12)
+    # as long as there is to go back
+    late = np.array(list(captured.values())) / np.array(list(captured))
+    np.testing.assert_allclose(late, late[0], rtol=0.03)
 
 
 def test_impact_at_the_start():

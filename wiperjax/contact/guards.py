@@ -124,14 +124,16 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> 
     return tuple(jnp.broadcast_to(jnp.asarray(s, one.dtype), one.shape) for s in slots)
 
 
-def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
+def start_of_slip_order(system: AbstractSystem, c: Contact, regime, released):
     """Multiplicity of the zero of s v_t where slip starts from rest.
 
     1 where the tip leaves with an acceleration (after a reversal, or where mu drops at once from
-    static to dynamic), 2 where the cone was reached smoothly (docs/model.md, section 5).
+    static to dynamic), 2 where the cone was reached smoothly (docs/model.md, section 5), as far
+    as the tolerance tells where the tip was ``released`` from it.
     """
     f = forces(system, c, regime)
     a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
     size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
-    # an acceleration the wrong way is what the tolerance left of the release's own zero
-    return jnp.where(slip_sign(regime) * a_t > 1e-7 * size, 1, 2)
+    # less is what the tolerance left of the release's own zero; elsewhere it is an acceleration,
+    # and soon gone where the belt carries the tip back into the cone
+    return jnp.where(slip_sign(regime) * a_t > jnp.where(released, 1e-7, 0.0) * size, 1, 2)

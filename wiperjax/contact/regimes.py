@@ -19,7 +19,7 @@ from .friction import CLASSES
 from .space import Contact, contact
 from .system import AbstractSystem, rates
 
-ROUNDINGS = 64  # last digits of the accelerations below which none drives a contact
+ROUNDINGS = 64  # last digits of accelerations, or of forces, below which none drives a contact
 
 
 class Forces(NamedTuple):
@@ -145,7 +145,9 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
     def presses(normal):
         return normal > 0 if unilateral else normal >= 0
 
-    in_cone = presses(stick.normal) & (jnp.abs(stick.tangential) <= law.static * stick.normal)
+    # what is out of it by rounding would leave at an acceleration of rounding
+    edge = (1 + ROUNDINGS * float(jnp.finfo(c.b_t.dtype).eps)) * law.static * stick.normal
+    in_cone = presses(stick.normal) & (jnp.abs(stick.tangential) <= edge)
     sticks = at_rest & in_cone
 
     def start_of_slip(sign):

@@ -142,7 +142,7 @@ def _entry(system, found: _Forces, start, position) -> _Entry:
     order = jnp.where(
         flying & (c.gap <= 0) & (c.normal_speed >= 0),
         jnp.where(c.normal_speed > 0, 1, jnp.where(found.idle, 3, 2)),
-        jnp.where(sliding & at_rest, start_of_slip_order(system, c, regime), 0),
+        jnp.where(sliding & at_rest, start_of_slip_order(system, c, regime, False), 0),
     ).astype(jnp.int32)
     return _Entry(regime, order, code, closed & decision.indeterminate)
 

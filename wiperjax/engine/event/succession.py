@@ -68,7 +68,7 @@ def first_order(system, c: Contact, fired: Fired, found: Succession, regime, ord
     in_slip = (after == Regime.SLIP_POS) | (after == Regime.SLIP_NEG)
     into_slip = in_slip & (c.slip_speed == 0) & (found.undecided | fired.leaves_cone)
     of_flight = jnp.where(leaves, 3, jnp.where(found.bounces, 1, 2))
-    of_slip = start_of_slip_order(system, c, after)
+    of_slip = start_of_slip_order(system, c, after, fired.leaves_cone)
     kept = jnp.where(after == regime, order, 0)
     chosen = jnp.where(into_flight, of_flight, jnp.where(into_slip, of_slip, kept))
     return chosen.astype(jnp.int32)
