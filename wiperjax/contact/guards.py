@@ -21,26 +21,27 @@ from ..numerics.tracing import traced_once
 from ..numerics.types import Scalar
 from ..vocabulary.codes import Regime
 from .regimes import forces, friction_coefficient, slip_sign, stick_forces
-from .space import Contact
+from .space import Contact, contact
 from .system import AbstractSystem, like
 
 FIRST, SECOND, JAM = 0, 1, 2
 GAP_DIGITS = 16  # last digits, of the numbers that a gap is the difference of
 
 
-def contact_sizes(system: AbstractSystem, c: Contact, regime, speed) -> list[Scalar]:
+def contact_sizes(system: AbstractSystem, c: Contact, regime, speed, pressing) -> list[Scalar]:
     """Sizes of the contact's guards just after an event, which their rounding errors scale with.
 
-    In stick the load on the cone, in slip the typical ``speed``; a gap or a pressing force that
-    starts from zero has none but what it grows to.
+    In stick the load on the cone, in slip the typical ``speed`` and what the ``pressing`` force is
+    made of (`pressing_size`); a gap that starts from zero has none but what it grows to.
     """
     zero = jnp.zeros_like(c.b_t)
     cone = zero
     if system.law is not None:
         cone = jnp.abs(system.law.static * stick_forces(c, True, system.unilateral).normal)
     cone = jnp.where(regime == Regime.STICK, cone, zero)
-    first = jnp.where(slip_sign(regime) != 0, speed, cone)
-    return [first, cone] + [zero] * (first_switch(system) - 2)
+    slides = slip_sign(regime) != 0
+    first, second = jnp.where(slides, speed, cone), jnp.where(slides, pressing, cone)
+    return [first, second] + [zero] * (first_switch(system) - 2)
 
 
 def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
@@ -53,6 +54,22 @@ def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
 
     (size,) = parts(lambda t, *q: (system.gap(t, q),), t, *q)
     return GAP_DIGITS * float(jnp.finfo(size.dtype).eps) * size
+
+
+def pressing_size(system: AbstractSystem, t, q, v) -> Scalar:
+    """Return the size of what the pressing guard, -b_n, is the difference of: what it changes by
+    with each coordinate and each speed, by their scales (at y = 0 its parts, `parts`, know nothing
+    of a stiffness along y); without derivative. Nothing where contact is for good.
+    """
+    size = jnp.zeros_like(q[0])
+    if not system.unilateral:
+        return size
+    n = len(q)
+    for i, scale in enumerate(scale for of in system.scales(n) for scale in of):
+        along = tuple(like(scale if k == i else 0.0, x) for k, x in enumerate((*q, *v)))
+        change = jax.jvp(lambda *y: contact(system, t, y[:n], y[n:]).b_n, (*q, *v), along)[1]
+        size = size + jnp.abs(change)
+    return stop_gradient(size)
 
 
 def parts(function, *at) -> tuple[Scalar, ...]:

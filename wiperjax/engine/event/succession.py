@@ -24,10 +24,11 @@ class Succession(NamedTuple):
     indeterminate: Scalar
 
 
-def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving) -> Succession:
+def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving, trace) -> Succession:
     """Return what follows ``regime`` at acceleration level; ``c`` is the contact after the event.
 
-    ``slot`` is the guard that fired, ``leaving`` the normal speed of a tip that hit the contact.
+    ``slot`` is the guard that fired, ``leaving`` the normal speed of a tip that hit the contact,
+    ``trace`` what the free normal acceleration may be off by rounding.
     """
     hit = fired.hits | fired.jams
     bounces = hit & (leaving > 0)
@@ -37,8 +38,8 @@ def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving) -> Suc
     escape = jnp.where(slot == FIRST, -1, 1)  # friction at its upper limit pushes the tip to +x
     zero = jnp.zeros_like(c.b_t)
     mu_static = zero if system.law is None else system.law.coefficient(zero)
-    released, d = slip_forces(c, escape, mu_static, system.unilateral)
-    slips = (released.normal > 0) & (d > 0)
+    _, d = slip_forces(c, escape, mu_static, system.unilateral)
+    slips = (-c.b_n > trace) & (d > 0)  # at the cone's apex what presses is rounding
     if not system.unilateral:  # it cannot fly, whatever its load
         slips = jnp.ones_like(slips)
     slips, undecided, bounces = keep((slips, undecided, bounces))

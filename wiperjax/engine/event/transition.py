@@ -5,7 +5,14 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ...contact.guards import FIRST, contact_sizes, first_switch, gap_rounding, guard_values
+from ...contact.guards import (
+    FIRST,
+    contact_sizes,
+    first_switch,
+    gap_rounding,
+    guard_values,
+    pressing_size,
+)
 from ...contact.projection import project
 from ...contact.regimes import Forces, acceleration, forces, slip_sign
 from ...contact.space import Contact, contact
@@ -17,7 +24,7 @@ from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
 from ..carry.problem import Problem
 from ..carry.state import State
-from ..trial.guard_proof import NOISE
+from ..trial.guard_proof import noise_digits
 from .collision import collide, complete
 from .event_kind import event_kind, what_fires
 from .stop import leave, settle, strike, struck
@@ -65,6 +72,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
     if (stop := struck(system, state, fires)) is not None:
         v, fired = strike(system, stop, time, q, v, fired)
+    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
     before = contact(system, time, q, v)
     motion, blow = collide(system, before, time, q, v, fired, sign)
     motion, completes = complete(problem, system, motion, blow, fired, time - state.last_event, end)
@@ -72,9 +80,10 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     if stop is not None:
         motion, fired = settle(problem, rough, stop, motion, fired)
     time, q, v, slip_speed, leaving, impulse = motion
-    found = regime_after(
-        system, rough._replace(slip_speed=slip_speed), fired, regime, slot, leaving
-    )
+    pressing = pressing_size(system, time, q, v)
+    trace = noise_digits(pressing.dtype) * pressing
+    exact = rough._replace(slip_speed=slip_speed)
+    found = regime_after(system, exact, fired, regime, slot, leaving, trace)
     after = found.regime
 
     # What the impulses leave of a closed contact's speeds is rounding. It goes now: taken away by
@@ -111,7 +120,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         regime=after,
         sides=sides,
         orders=tuple(orders),
-        sizes=_sizes(problem, system, c, after, time, q),
+        sizes=_sizes(system, c, after, time, q, speed, pressing),
         rate=rate,
         guards=guard_values(system, c, time, q, v, after, sides),
         reactions=reactions,
@@ -136,13 +145,11 @@ def _bounce(before: Contact, after: Contact, leaving):
     return jnp.where(top < 0, -2 * leaving / top * (1 - slope * leaving / (3 * top)), 0.0)
 
 
-def _sizes(problem: Problem, system, c: Contact, regime, time, q) -> tuple[Scalar, ...]:
+def _sizes(system, c: Contact, regime, time, q, speed, pressing) -> tuple[Scalar, ...]:
     """Return what rounding errors of the contact's guards scale with, as a regime begins."""
-    speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
-    sizes = contact_sizes(system, c, regime, jnp.broadcast_to(speed, c.b_t.shape))
+    sizes = contact_sizes(system, c, regime, jnp.broadcast_to(speed, c.b_t.shape), pressing)
     if system.unilateral:
-        digits = NOISE[c.b_t.dtype.name] * float(jnp.finfo(c.b_t.dtype).eps)
-        gap = gap_rounding(system, time, q) / digits
+        gap = gap_rounding(system, time, q) / noise_digits(c.b_t.dtype)
         sizes[FIRST] = jnp.where(regime == Regime.FLIGHT, gap, sizes[FIRST])
     return tuple(sizes)
 
