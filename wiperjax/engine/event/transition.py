@@ -23,6 +23,7 @@ from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
 from ..carry.problem import Problem
+from ..carry.start import ROUNDINGS
 from ..carry.state import State
 from ..trial.guard_proof import noise_digits
 from .collision import collide, complete
@@ -73,7 +74,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     if (stop := struck(system, state, fires)) is not None:
         v, fired = strike(system, stop, time, q, v, fired)
     speed = largest(tuple(a / problem.rtol for a in problem.atol[1]))
-    before = contact(system, time, q, v)
+    before = _landing(contact(system, time, q, v), time == state.last_event, speed)
     motion, blow = collide(system, before, time, q, v, fired, sign)
     motion, completes = complete(problem, system, motion, blow, fired, time - state.last_event, end)
     rough = contact(system, motion.time, motion.position, motion.velocity)
@@ -133,6 +134,15 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         struck=None if stop is None else stop.any,
         presses=presses,
     )
+
+
+def _landing(c: Contact, at_once, speed) -> Contact:
+    """Return the contact ``c`` before an impact: one that closes ``at_once`` at no speed, beside
+    the typical ``speed``, was never open. A corner just at the lift-off has taken it back.
+    """
+    least = ROUNDINGS * float(jnp.finfo(speed.dtype).eps) * speed
+    none = at_once & (jnp.abs(c.normal_speed) <= least)
+    return c._replace(normal_speed=jnp.where(none, 0.0, c.normal_speed))
 
 
 def _bounce(before: Contact, after: Contact, leaving):
