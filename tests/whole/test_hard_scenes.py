@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.optimize
 from matching import BLADE, common, doubles, engine, largest_shift, listed, logged, twin
 from reference.blade import Steady, Trapezoid, Wiping, energy, simulate
 from systems import Block, Puck, Rod, StopOscillator, events, trajectory
@@ -169,6 +170,59 @@ def test_a_start_in_the_glass_is_an_error(start):
     assert Result(int(s.result)) == Result.INCONSISTENT_START and int(s.steps) == 0
 
 
+def test_slip_that_the_belt_soon_carries_back_into_the_cone():
+    """At rest a trace outside the cone, and a belt that carries the tip into it: brief slip, and
+    stick for good. Its acceleration, proportional to the trace, was taken for rounding."""
+    speed, found = 0.1, {}
+    support, shoulder = BLADE["support_stiffness"], BLADE["shoulder_stiffness"]
+
+    def excess(x):
+        """How far the forces of stick there are outside of the cone, over its edge."""
+        lean = math.asin(x / LENGTH)
+        beyond = min(lean + BLADE["shoulder_angle"], 0.0)
+        moment = BLADE["neck_stiffness"] * (lean - beyond) + shoulder * beyond
+        normal = BLADE["normal_load"] - support * LENGTH * (1 - math.cos(lean))
+        normal -= BLADE["support_damping"] * math.tan(lean) * speed
+        tangential = moment / (LENGTH * math.cos(lean)) - normal * math.tan(lean)
+        return abs(tangential) / (BLADE["mu_static"] * normal) - 1
+
+    edge = scipy.optimize.brentq(excess, -0.005, -0.0035, xtol=1e-20, rtol=1e-15)
+    for farther in (*np.geomspace(1e-15, 1e-5, 21), *(2.2e-16 * np.arange(-9, 9))):
+        start = (edge * (1 + farther), 0.0, speed, 0.0)
+        solution = engine(BLADE, SteadyBelt(speed), start, 2e-3)
+        assert Result(int(solution.result)) == Result.FINISHED, farther
+        assert int(solution.final_regime) == Regime.STICK
+        found[farther] = logged(solution)
+        assert found[farther][-1][:2] == (pytest.approx(1.8736e-3, rel=1e-3), "kink")
+    captured = {x: es[0][0] for x, es in found.items() if x > 1e-12}
+    assert all(es[0][1] == "capture" for x, es in found.items() if x > 1e-12)
+    # as long as there is to go back
+    late = np.array(list(captured.values())) / np.array(list(captured))
+    np.testing.assert_allclose(late, late[0], rtol=0.03)
+
+
+def test_stick_without_a_neck_ends_in_flight():
+    """Nothing turns the rod: its force points along it, and leaves the cone at the apex. What was
+    left of it there by rounding began a slip, which was lost in steps of no length."""
+    speed, damping = 0.3, 0.1
+    changes = dict(shoulder_angle=1.3, support_damping=damping, restitution=0.6, neck_stiffness=0.0)
+
+    def pressing(time, load):
+        height = math.sqrt(LENGTH**2 - (speed * time) ** 2)
+        spring = BLADE["support_stiffness"] * (height - LENGTH)
+        return load + spring - damping * speed**2 * time / height
+
+    for load in (0.8013422818791947, *np.linspace(0.4, 2.8, 49)):
+        blade = {**BLADE, **changes, "normal_load": load}
+        for rtol in (1e-6, 1e-8):
+            s = engine(blade, SteadyBelt(speed), (0.0, 0.0, speed, 0.0), 4e-3 / speed, rtol)
+            assert Result(int(s.result)) == Result.FINISHED, (load, rtol)
+            lifts = next(event for event in logged(s) if event[1] == "lift_off")
+            exact = scipy.optimize.brentq(pressing, 1e-5, 0.0199, args=(load,), xtol=1e-16)
+            assert lifts[0] == pytest.approx(exact, rel=1e-9)
+            assert lifts[0] - logged(s)[0][0] < 1e-12
+
+
 def test_impact_at_the_start():
     s = trajectory(Puck(restitution=0.5), 1.0, ((0.0, 0.0), (1.0, -1.0)))
     assert events(s)[0] == (0.0, Event.IMPACT)
@@ -219,6 +273,54 @@ def test_hinge_mass_energy_balance():
         assert stored[j] - stored[i] == pytest.approx(simpson, abs=1e-6 * scale)
         checked += 1
     assert checked
+
+
+CORNERED = {  # its shoulder is reached as it lifts off, and presses it down again
+    "tip_mass": 0.0024207942669029463, "lip_length": 0.006, "support_stiffness": 0.0,
+    "support_damping": 0.27611875285800574, "neck_stiffness": 0.0,
+    "shoulder_stiffness": 5.619910995805754, "shoulder_angle": 0.8070155680546678,
+    "attack_angle": 0.38525218867991073, "normal_load": 2.403096974595877,
+    "restitution": 0.2804943792781272, "mu_static": 0.5, "mu_minimum": 0.0,
+    "stribeck_speed": 0.4078474096881697, "stribeck_shape": 1.0,
+    "viscous_slope": 0.34395756897378565, "hinge_mass": 0.00016100972888726496,
+    "hinge_damping": 1.403316532634116e-07, "gravity": 0.0, "collapse_angle": 1.5533430342749532,
+}  # fmt: skip
+UNLOADED = {  # what presses its tip at the start is a trace, gone after some 1e-14 s
+    "tip_mass": 0.0009029043622526573, "lip_length": 0.006, "support_stiffness": 0.0,
+    "support_damping": 1.6284765710492874, "neck_stiffness": 0.059252823521332106,
+    "shoulder_stiffness": 0.9670837517926528, "shoulder_angle": 0.6537839869670212,
+    "attack_angle": 1.060280822792946, "normal_load": 0.02402725607481086,
+    "restitution": 0.6405455139718919, "mu_static": 0.8188209121313145,
+    "mu_minimum": 0.8011438256763687, "stribeck_speed": 0.11632832685746895,
+    "stribeck_shape": 1.0, "viscous_slope": 0.06654703026882572,
+    "hinge_mass": 0.004073037178349559, "hinge_damping": 3.1770484831847e-06, "gravity": 9.81,
+    "collapse_angle": 1.5533430342749532,
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_lift_off_at_a_shoulder_that_takes_it_back():
+    """A flight of no length ended in an impact of rounding, taken for one that piles up. (The times
+    are those of the reference in long double.)"""
+    start = (0.0022556695308941902, 0.0002706533316596095, 0.24522946527842893, 0.27724849416199643)
+    for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
+        s = heavy(CORNERED, 0.013594006236850777, start, 0.005, rtol)
+        assert Result(int(s.result)) == Result.FINISHED, rtol
+        (_, turns, _, after), (leaves, corner, *_) = logged(s)[-2:]
+        assert (turns, corner) == ("reversal", "kink") and after == Regime.SLIP_NEG
+        assert logged(s)[-2][0] == pytest.approx(4.1832e-3, abs=1e-7)
+        assert leaves == pytest.approx(4.2733e-3, abs=1e-7)
+
+
+@pytest.mark.slow
+def test_slip_that_begins_as_the_load_goes():
+    """The finer the tolerance, the shorter the steps by which rounding of the load was followed."""
+    start = (0.005239332103858899, 0.0, -0.2685122079577231, 0.0)
+    for rtol in (1e-6, 1e-8, 1e-10):
+        s = heavy(UNLOADED, 0.017201927709893122, start, 0.005, rtol)
+        assert Result(int(s.result)) == Result.FINISHED, rtol
+        assert [kind for _, kind, *_ in logged(s)] == ["lift_off"]
+        assert logged(s)[0][0] < 1e-13
 
 
 @pytest.mark.slow

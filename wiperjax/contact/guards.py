@@ -21,7 +21,7 @@ from ..numerics.tracing import traced_once
 from ..numerics.types import Scalar
 from ..vocabulary.codes import Regime
 from .regimes import forces, friction_coefficient, slip_sign, stick_forces
-from .space import Contact
+from .space import Contact, contact
 from .system import AbstractSystem, like
 
 FIRST, SECOND, JAM = 0, 1, 2
@@ -38,6 +38,22 @@ def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
 
     (size,) = parts(lambda t, *q: (system.gap(t, q),), t, *q)
     return GAP_DIGITS * float(jnp.finfo(size.dtype).eps) * size
+
+
+def pressing_size(system: AbstractSystem, t, q, v) -> Scalar:
+    """Return the size of what the pressing guard, -b_n, is the difference of: what it changes by
+    with each coordinate and each speed, by their scales (at y = 0 its parts, `parts`, know nothing
+    of a stiffness along y); without derivative. Nothing where contact is for good.
+    """
+    size = jnp.zeros_like(q[0])
+    if not system.unilateral:
+        return size
+    n = len(q)
+    for i, scale in enumerate(scale for of in system.scales(n) for scale in of):
+        along = tuple(like(scale if k == i else 0.0, x) for k, x in enumerate((*q, *v)))
+        change = jax.jvp(lambda *y: contact(system, t, y[:n], y[n:]).b_n, (*q, *v), along)[1]
+        size = size + jnp.abs(change)
+    return stop_gradient(size)
 
 
 def parts(function, *at) -> tuple[Scalar, ...]:
@@ -109,14 +125,16 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> 
     return tuple(jnp.broadcast_to(jnp.asarray(s, one.dtype), one.shape) for s in slots)
 
 
-def start_of_slip_order(system: AbstractSystem, c: Contact, regime):
+def start_of_slip_order(system: AbstractSystem, c: Contact, regime, released):
     """Multiplicity of the zero of s v_t where slip starts from rest.
 
     1 where the tip leaves with an acceleration (after a reversal, or where mu drops at once from
-    static to dynamic), 2 where the cone was reached smoothly (docs/model.md, section 5).
+    static to dynamic), 2 where the cone was reached smoothly (docs/model.md, section 5), as far
+    as the tolerance tells where the tip was ``released`` from it.
     """
     f = forces(system, c, regime)
     a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
     size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
-    # an acceleration the wrong way is what the tolerance left of the release's own zero
-    return jnp.where(slip_sign(regime) * a_t > 1e-7 * size, 1, 2)
+    # less is what the tolerance left of the release's own zero; elsewhere it is an acceleration,
+    # and soon gone where the belt carries the tip back into the cone
+    return jnp.where(slip_sign(regime) * a_t > jnp.where(released, 1e-7, 0.0) * size, 1, 2)

@@ -19,7 +19,7 @@ from .friction import CLASSES
 from .space import Contact, contact
 from .system import AbstractSystem, rates
 
-ROUNDINGS = 64  # last digits of typical speeds and accelerations below which a contact has none
+ROUNDINGS = 64  # last digits of typical speeds, accelerations, forces: a contact has none below
 
 
 class Forces(NamedTuple):
@@ -141,7 +141,9 @@ def decide(system: AbstractSystem, c: Contact) -> Decision:
     def presses(normal):
         return normal > 0 if unilateral else normal >= 0
 
-    in_cone = presses(stick.normal) & (jnp.abs(stick.tangential) <= law.static * stick.normal)
+    # what is out of it by rounding would leave at an acceleration of rounding
+    edge = (1 + ROUNDINGS * float(jnp.finfo(c.b_t.dtype).eps)) * law.static * stick.normal
+    in_cone = presses(stick.normal) & (jnp.abs(stick.tangential) <= edge)
     sticks = at_rest & in_cone
 
     def start_of_slip(sign):

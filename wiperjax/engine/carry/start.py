@@ -13,6 +13,7 @@ from ...contact.guards import (
     gap_rounding,
     guard_values,
     parts,
+    pressing_size,
     start_of_slip_order,
     starting_sides,
     stop_slots,
@@ -140,7 +141,7 @@ def _entry(system, found: _Forces, start, position) -> _Entry:
     order = jnp.where(
         flying & (c.gap <= 0) & (c.normal_speed >= 0),
         jnp.where(c.normal_speed > 0, 1, jnp.where(found.idle, 3, 2)),
-        jnp.where(sliding & at_rest, start_of_slip_order(system, c, regime), 0),
+        jnp.where(sliding & at_rest, start_of_slip_order(system, c, regime, False), 0),
     ).astype(jnp.int32)
     return _Entry(regime, order, code, closed & decision.indeterminate)
 
@@ -170,12 +171,14 @@ def _is_finite(problem: Problem, start, motion, rate) -> Scalar:
     return finite
 
 
-def _reach(system, start, position: tuple, velocity: tuple, guards: list) -> tuple[Scalar, ...]:
-    """Return what rounding errors of the guards scale with: of a switch that all but vanishes with
-    what it is the difference of."""
+def _reach(system, start, position: tuple, velocity: tuple, guards: list, sliding) -> tuple:
+    """Return what rounding errors of the guards scale with: of a switch, or a pressing force, that
+    all but vanishes with what it is the difference of."""
     n, first = len(position), first_switch(system)
     sizes = parts(lambda t, *y: system.switches(t, y[:n], y[n:]), start, *position, *velocity)
-    own = tuple(map(jnp.abs, guards))
+    own = list(map(jnp.abs, guards))
+    pressing = jnp.where(sliding, pressing_size(system, start, position, velocity), 0.0)
+    own[SECOND] = larger(own[SECOND], pressing)
     return (*own[:first], *map(larger, own[first:], sizes))
 
 
@@ -244,7 +247,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         piece=piece,
         sides=sides,
         orders=(entry.order, *[jnp.zeros_like(entry.order)] * switches),
-        reach=_reach(local, start, position, velocity, guards),
+        reach=_reach(local, start, position, velocity, guards, touching & ~sticking),
         due=z - 1,
         rate=rate,
         guards=tuple(guards),

@@ -24,10 +24,11 @@ class Succession(NamedTuple):
     indeterminate: Scalar
 
 
-def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving) -> Succession:
+def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving, trace) -> Succession:
     """Return what follows ``regime`` at acceleration level; ``c`` is the contact after the event.
 
-    ``slot`` is the guard that fired, ``leaving`` the normal speed of a tip that hit the contact.
+    ``slot`` is the guard that fired, ``leaving`` the normal speed of a tip that hit the contact,
+    ``trace`` what the free normal acceleration may be off by rounding.
     """
     hit = fired.hits | fired.jams
     bounces = hit & (leaving > 0)
@@ -37,8 +38,8 @@ def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving) -> Suc
     escape = jnp.where(slot == FIRST, -1, 1)  # friction at its upper limit pushes the tip to +x
     zero = jnp.zeros_like(c.b_t)
     mu_static = zero if system.law is None else system.law.coefficient(zero)
-    released, d = slip_forces(c, escape, mu_static, system.unilateral)
-    slips = (released.normal > 0) & (d > 0)
+    _, d = slip_forces(c, escape, mu_static, system.unilateral)
+    slips = (-c.b_n > trace) & (d > 0)  # at the cone's apex what presses is rounding
     if not system.unilateral:  # it cannot fly, whatever its load
         slips = jnp.ones_like(slips)
     slips, undecided, bounces = keep((slips, undecided, bounces))
@@ -68,7 +69,7 @@ def first_order(system, c: Contact, fired: Fired, found: Succession, regime, ord
     in_slip = (after == Regime.SLIP_POS) | (after == Regime.SLIP_NEG)
     into_slip = in_slip & (c.slip_speed == 0) & (found.undecided | fired.leaves_cone)
     of_flight = jnp.where(leaves, 3, jnp.where(found.bounces, 1, 2))
-    of_slip = start_of_slip_order(system, c, after)
+    of_slip = start_of_slip_order(system, c, after, fired.leaves_cone)
     kept = jnp.where(after == regime, order, 0)
     chosen = jnp.where(into_flight, of_flight, jnp.where(into_slip, of_slip, kept))
     return chosen.astype(jnp.int32)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ...contact.guards import FIRST, first_switch, gap_rounding, guard_values
+from ...contact.guards import FIRST, first_switch, gap_rounding, guard_values, pressing_size
 from ...contact.projection import project
 from ...contact.regimes import Forces, acceleration, forces, slip_sign, stick_forces
 from ...contact.space import Contact, contact
@@ -16,7 +16,7 @@ from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
 from ..carry.problem import Problem
 from ..carry.state import State
-from ..trial.guard_proof import NOISE
+from ..trial.guard_proof import noise_digits
 from .collision import collide, complete
 from .event_kind import event_kind, what_fires
 from .stop import leave, settle, strike, struck
@@ -64,7 +64,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
     if (stop := struck(system, state, fires)) is not None:
         v, fired = strike(system, stop, time, q, v, fired)
-    before = contact(system, time, q, v)
+    before = _landing(contact(system, time, q, v), time == state.last_event, problem.least_speed)
     motion, impact = collide(system, before, time, q, v, fired, sign)
     flown = time - state.last_event
     motion, completes = complete(problem, system, motion, impact, fired, flown, end)
@@ -72,9 +72,10 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     if stop is not None:
         motion, fired = settle(problem, rough, stop, motion, fired)
     time, q, v, slip_speed, leaving, impulse = motion
-    found = regime_after(
-        system, rough._replace(slip_speed=slip_speed), fired, regime, slot, leaving
-    )
+    pressing = pressing_size(system, time, q, v)
+    trace = noise_digits(pressing.dtype) * pressing
+    exact = rough._replace(slip_speed=slip_speed)
+    found = regime_after(system, exact, fired, regime, slot, leaving, trace)
     after = found.regime
 
     # What the impulses leave of a closed contact's speeds is rounding. It goes now: taken away by
@@ -111,7 +112,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         regime=after,
         sides=sides,
         orders=tuple(orders),
-        sizes=_sizes(problem, system, c, after, time, q),
+        sizes=_sizes(problem, system, c, after, time, q, pressing),
         rate=rate,
         guards=guard_values(system, c, time, q, v, after, sides),
         reactions=reactions,
@@ -126,6 +127,14 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     )
 
 
+def _landing(c: Contact, at_once, least) -> Contact:
+    """Return the contact ``c`` before an impact: one that closes ``at_once`` at no speed (below
+    ``least``) was never open. A corner just at the lift-off has taken it back.
+    """
+    none = at_once & (jnp.abs(c.normal_speed) <= least)
+    return c._replace(normal_speed=jnp.where(none, 0.0, c.normal_speed))
+
+
 def _bounce(before: Contact, after: Contact, leaving):
     """Return how long a flight with the normal speed ``leaving`` lasts by the free acceleration at
     its top and, to first order, the dashpots: what they add to it is linear in the speed, and known
@@ -136,21 +145,20 @@ def _bounce(before: Contact, after: Contact, leaving):
     return jnp.where(top < 0, -2 * leaving / top * (1 - slope * leaving / (3 * top)), 0.0)
 
 
-def _sizes(problem: Problem, system, c: Contact, regime, time, q) -> tuple[Scalar, ...]:
+def _sizes(problem: Problem, system, c: Contact, regime, time, q, pressing) -> tuple[Scalar, ...]:
     """Return what rounding errors of the contact's guards scale with, as a regime begins: in stick
-    the load on the cone, in slip the typical speed, in flight what the gap is the difference of. A
-    pressing force that starts from zero has none but what it grows to.
+    the load on the cone, in slip the typical speed and what the ``pressing`` force is made of, in
+    flight what the gap is the difference of.
     """
     zero = cone = jnp.zeros_like(c.b_t)
     if system.law is not None:
         cone = jnp.abs(system.law.static * stick_forces(c, system.unilateral).normal)
-    cone = jnp.where(regime == Regime.STICK, cone, zero)
-    first = jnp.where(slip_sign(regime) != 0, problem.speed, cone)
+    cone, slides = jnp.where(regime == Regime.STICK, cone, zero), slip_sign(regime) != 0
+    first, second = jnp.where(slides, problem.speed, cone), jnp.where(slides, pressing, cone)
     if system.unilateral:
-        digits = NOISE[c.b_t.dtype.name] * float(jnp.finfo(c.b_t.dtype).eps)
-        gap = gap_rounding(system, time, q) / digits
+        gap = gap_rounding(system, time, q) / noise_digits(c.b_t.dtype)
         first = jnp.where(regime == Regime.FLIGHT, gap, first)
-    return (first, cone) + (zero,) * (first_switch(system) - 2)
+    return (first, second) + (zero,) * (first_switch(system) - 2)
 
 
 def _switches(problem: Problem, state: State, fires):

@@ -27,6 +27,11 @@ COARSE = 1e-4  # largest error of a guard's polynomial, over the guard, at which
 NOISE = {"float64": 256, "float32": 8}  # rounding errors of a guard, in digits of its size
 
 
+def noise_digits(dtype) -> float:
+    """Return what a guard may be off by rounding, over its size."""
+    return NOISE[dtype.name] * float(jnp.finfo(dtype).eps)
+
+
 class Guard(NamedTuple):
     """What one guard does along a trial step."""
 
@@ -57,8 +62,7 @@ def examine(values, order, size, unsure, sliver, highest: int, coarse) -> Guard:
     ``sliver``: hardly any time is left before a known time, and no event fires in it.
     """
     nodes = tuple(stop_gradient(x) for x in values)
-    own = NOISE[size.dtype.name] * float(jnp.finfo(size.dtype).eps) * size
-    noise = rounding = plus(own, unsure)
+    noise = rounding = plus(noise_digits(size.dtype) * size, unsure)
     # A guard within its own rounding errors of zero says nothing by its sign: it is treated like
     # one that starts at zero, by the way it goes.
     order = jnp.where((order == 0) & (jnp.abs(nodes[0]) <= rounding), 1, order)
