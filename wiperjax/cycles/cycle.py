@@ -12,7 +12,6 @@ import scipy.linalg
 
 from ..contact.system import AbstractSystem
 from ..systems import numbers
-from ..vocabulary import checks
 from .first_guess import moving
 from .orbit import slip_margin, words
 from .return_map import Found, Point, Shooting, correct
@@ -71,8 +70,7 @@ class Cycle:
 
 
 def shooting_of(cycle: Cycle) -> Shooting:
-    """Return the family of a found cycle. Raises ValueError for any other, and what is no cycle."""
-    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    """Return the family of a found cycle. Raises ValueError for any other."""
     if cycle.shooting is None or cycle.found != Found.FOUND:
         raise ValueError(f"cycle must be a found one, but was {cycle.found.name.lower()}")
     return cycle.shooting

@@ -51,11 +51,13 @@ def descend(
     step whose events are not those of the step before: the gradient that led there did not know of
     them. Another system than a wiper, and one on a belt that turns, has no ``label``.
     """
-    shooting, box = shooting_of(cycle), Box.of(cycle.system, bounds)
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
+    box = Box.of(cycle.system, bounds)
     checks.choice("measure", measure, MEASURES)
     step = checks.number("step", step, Range(1e-6, 1))
     most = checks.whole("most", most, Range(1, 10**6, whole=True))
     settle = checks.number("settle", settle, POSITIVE)
+    shooting = shooting_of(cycle)
     share = box.shares_of(cycle.system)
     if np.any(outside := (share < 0) | (share > 1)):
         worst = box.names[int(np.argmax(outside))]

@@ -46,12 +46,13 @@ def sensitivities(
     Raises ValueError for a cycle that was not found, an unknown measure, a maximum at an impact, or
     a ``period`` given to `find_cycle` that is another where one of the numbers is.
     """
-    shooting_of(cycle)  # raises for what is no found cycle
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
     if isinstance(names, Mapping):
         numbers.check_bounds("names", cycle.system, names)
     else:
         checks.names("names", names, 1)
     checks.choice("measure", measure, MEASURES)
+    shooting_of(cycle)  # raises for what was not found
     bounds = names if isinstance(names, Mapping) else None
     shooting = _family(cycle, names)
     system, state = shooting.system, cycle.state

@@ -58,10 +58,11 @@ def follow(
 
     Raises ValueError for a cycle that was not found, is varied over nothing, or outside the range.
     """
-    shooting = shooting_of(cycle)
+    checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
     low, high = (checks.number(n, x, FINITE) for n, x in (("low", low), ("high", high)))
     step = checks.number("step", step, Range(1e-6, 1))
     most = checks.whole("most", most, Range(1, MOST_POINTS, whole=True))
+    shooting = shooting_of(cycle)
     over = shooting.over
     if over is None:
         raise ValueError("cycle must have been found with over=..., the number to vary")
