@@ -138,9 +138,10 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
 
 def _landing(c: Contact, at_once, speed) -> Contact:
     """Return the contact ``c`` before an impact: one that closes ``at_once`` at no speed, beside
-    the typical ``speed``, was never open. A corner just at the lift-off has taken it back.
+    the typical ``speed``, was never open. A corner just at the lift-off has taken it back. (By its
+    speed, the square of a time that the clock does not tell: that of a bounce is as that time.)
     """
-    least = ROUNDINGS * float(jnp.finfo(speed.dtype).eps) * speed
+    least = (ROUNDINGS * float(jnp.finfo(speed.dtype).eps)) ** 2 * speed
     none = at_once & (jnp.abs(c.normal_speed) <= least)
     return c._replace(normal_speed=jnp.where(none, 0.0, c.normal_speed))
 
