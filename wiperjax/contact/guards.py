@@ -21,7 +21,7 @@ from ..numerics.tracing import traced_once
 from ..numerics.types import Scalar
 from ..vocabulary.codes import Regime
 from .regimes import forces, friction_coefficient, slip_sign, stick_forces
-from .space import Contact, contact
+from .space import Contact
 from .system import AbstractSystem, like
 
 FIRST, SECOND, JAM = 0, 1, 2
@@ -38,22 +38,6 @@ def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
 
     (size,) = parts(lambda t, *q: (system.gap(t, q),), t, *q)
     return GAP_DIGITS * float(jnp.finfo(size.dtype).eps) * size
-
-
-def pressing_size(system: AbstractSystem, t, q, v) -> Scalar:
-    """Return the size of what the pressing guard, -b_n, is the difference of: what it changes by
-    with each coordinate and each speed, by their scales (at y = 0 its parts, `parts`, know nothing
-    of a stiffness along y); without derivative. Nothing where contact is for good.
-    """
-    size = jnp.zeros_like(q[0])
-    if not system.unilateral:
-        return size
-    n = len(q)
-    for i, scale in enumerate(scale for of in system.scales(n) for scale in of):
-        along = tuple(like(scale if k == i else 0.0, x) for k, x in enumerate((*q, *v)))
-        change = jax.jvp(lambda *y: contact(system, t, y[:n], y[n:]).b_n, (*q, *v), along)[1]
-        size = size + jnp.abs(change)
-    return stop_gradient(size)
 
 
 def parts(function, *at) -> tuple[Scalar, ...]:

@@ -13,7 +13,6 @@ from ...contact.guards import (
     gap_rounding,
     guard_values,
     parts,
-    pressing_size,
     start_of_slip_order,
     starting_sides,
     stop_slots,
@@ -171,14 +170,12 @@ def _is_finite(problem: Problem, start, motion, rate) -> Scalar:
     return finite
 
 
-def _reach(system, start, position: tuple, velocity: tuple, guards: list, sliding) -> tuple:
-    """Return what rounding errors of the guards scale with: of a switch, or a pressing force, that
-    all but vanishes with what it is the difference of."""
+def _reach(system, start, position: tuple, velocity: tuple, guards: list) -> tuple[Scalar, ...]:
+    """Return what rounding errors of the guards scale with: of a switch that all but vanishes with
+    what it is the difference of."""
     n, first = len(position), first_switch(system)
     sizes = parts(lambda t, *y: system.switches(t, y[:n], y[n:]), start, *position, *velocity)
-    own = list(map(jnp.abs, guards))
-    pressing = jnp.where(sliding, pressing_size(system, start, position, velocity), 0.0)
-    own[SECOND] = larger(own[SECOND], pressing)
+    own = tuple(map(jnp.abs, guards))
     return (*own[:first], *map(larger, own[first:], sizes))
 
 
@@ -247,7 +244,7 @@ def initial_state(problem: Problem, position: tuple, velocity: tuple, start) -> 
         piece=piece,
         sides=sides,
         orders=(entry.order, *[jnp.zeros_like(entry.order)] * switches),
-        reach=_reach(local, start, position, velocity, guards, touching & ~sticking),
+        reach=_reach(local, start, position, velocity, guards),
         due=z - 1,
         rate=rate,
         guards=tuple(guards),

@@ -28,7 +28,7 @@ def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving, trace)
     """Return what follows ``regime`` at acceleration level; ``c`` is the contact after the event.
 
     ``slot`` is the guard that fired, ``leaving`` the normal speed of a tip that hit the contact,
-    ``trace`` what the free normal acceleration may be off by rounding.
+    ``trace`` what a normal force may be off by rounding.
     """
     hit = fired.hits | fired.jams
     bounces = hit & (leaving > 0)
@@ -38,8 +38,8 @@ def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving, trace)
     escape = jnp.where(slot == FIRST, -1, 1)  # friction at its upper limit pushes the tip to +x
     zero = jnp.zeros_like(c.b_t)
     mu_static = zero if system.law is None else system.law.coefficient(zero)
-    _, d = slip_forces(c, escape, mu_static, system.unilateral)
-    slips = (-c.b_n > trace) & (d > 0)  # at the cone's apex what presses is rounding
+    released, d = slip_forces(c, escape, mu_static, system.unilateral)
+    slips = (released.normal > trace) & (d > 0)  # at the cone's apex what presses is rounding
     if not system.unilateral:  # it cannot fly, whatever its load
         slips = jnp.ones_like(slips)
     slips, undecided, bounces = keep((slips, undecided, bounces))

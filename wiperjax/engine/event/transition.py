@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ...contact.guards import FIRST, first_switch, gap_rounding, guard_values, pressing_size
+from ...contact.guards import FIRST, SECOND, first_switch, gap_rounding, guard_values
 from ...contact.projection import project
 from ...contact.regimes import Forces, acceleration, forces, slip_sign, stick_forces
 from ...contact.space import Contact, contact
 from ...contact.system import rates
-from ...numerics.elementary import smaller
+from ...numerics.elementary import larger, smaller
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
@@ -64,7 +64,9 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
     if (stop := struck(system, state, fires)) is not None:
         v, fired = strike(system, stop, time, q, v, fired)
-    before = _landing(contact(system, time, q, v), time == state.last_event, problem.least_speed)
+    # the speed of a bounce is as its time; no clock tells the square of a last digit
+    none = problem.least_speed**2 / problem.speed
+    before = _landing(contact(system, time, q, v), time == state.last_event, none)
     motion, impact = collide(system, before, time, q, v, fired, sign)
     flown = time - state.last_event
     motion, completes = complete(problem, system, motion, impact, fired, flown, end)
@@ -72,8 +74,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     if stop is not None:
         motion, fired = settle(problem, rough, stop, motion, fired)
     time, q, v, slip_speed, leaving, impulse = motion
-    pressing = pressing_size(system, time, q, v)
-    trace = noise_digits(pressing.dtype) * pressing
+    trace = noise_digits(slip_speed.dtype) * larger(state.reach[FIRST], state.reach[SECOND])
     exact = rough._replace(slip_speed=slip_speed)
     found = regime_after(system, exact, fired, regime, slot, leaving, trace)
     after = found.regime
@@ -112,7 +113,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
         regime=after,
         sides=sides,
         orders=tuple(orders),
-        sizes=_sizes(problem, system, c, after, time, q, pressing),
+        sizes=_sizes(problem, system, c, after, time, q),
         rate=rate,
         guards=guard_values(system, c, time, q, v, after, sides),
         reactions=reactions,
@@ -145,20 +146,20 @@ def _bounce(before: Contact, after: Contact, leaving):
     return jnp.where(top < 0, -2 * leaving / top * (1 - slope * leaving / (3 * top)), 0.0)
 
 
-def _sizes(problem: Problem, system, c: Contact, regime, time, q, pressing) -> tuple[Scalar, ...]:
+def _sizes(problem: Problem, system, c: Contact, regime, time, q) -> tuple[Scalar, ...]:
     """Return what rounding errors of the contact's guards scale with, as a regime begins: in stick
-    the load on the cone, in slip the typical speed and what the ``pressing`` force is made of, in
-    flight what the gap is the difference of.
+    the load on the cone, in slip the typical speed, in flight what the gap is the difference of. A
+    pressing force that starts from zero has none but what it grows to.
     """
     zero = cone = jnp.zeros_like(c.b_t)
     if system.law is not None:
         cone = jnp.abs(system.law.static * stick_forces(c, system.unilateral).normal)
-    cone, slides = jnp.where(regime == Regime.STICK, cone, zero), slip_sign(regime) != 0
-    first, second = jnp.where(slides, problem.speed, cone), jnp.where(slides, pressing, cone)
+    cone = jnp.where(regime == Regime.STICK, cone, zero)
+    first = jnp.where(slip_sign(regime) != 0, problem.speed, cone)
     if system.unilateral:
         gap = gap_rounding(system, time, q) / noise_digits(c.b_t.dtype)
         first = jnp.where(regime == Regime.FLIGHT, gap, first)
-    return (first, second) + (zero,) * (first_switch(system) - 2)
+    return (first, cone) + (zero,) * (first_switch(system) - 2)
 
 
 def _switches(problem: Problem, state: State, fires):
