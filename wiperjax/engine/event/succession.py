@@ -10,7 +10,10 @@ from ...contact.space import Contact
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
+from ..trial.guard_proof import noise_digits
 from .event_kind import Fired
+
+TRACE = 16  # of a guard's rounding: a normal force below that is none
 
 
 class Succession(NamedTuple):
@@ -24,11 +27,11 @@ class Succession(NamedTuple):
     indeterminate: Scalar
 
 
-def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving, trace) -> Succession:
+def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving, held) -> Succession:
     """Return what follows ``regime`` at acceleration level; ``c`` is the contact after the event.
 
     ``slot`` is the guard that fired, ``leaving`` the normal speed of a tip that hit the contact,
-    ``trace`` what a normal force may be off by rounding.
+    ``held`` the largest force of the cone in the stick before.
     """
     hit = fired.hits | fired.jams
     bounces = hit & (leaving > 0)
@@ -39,7 +42,8 @@ def regime_after(system, c: Contact, fired: Fired, regime, slot, leaving, trace)
     zero = jnp.zeros_like(c.b_t)
     mu_static = zero if system.law is None else system.law.coefficient(zero)
     released, d = slip_forces(c, escape, mu_static, system.unilateral)
-    slips = (released.normal > trace) & (d > 0)  # at the cone's apex what presses is rounding
+    trace = TRACE * noise_digits(held.dtype) * held  # at the cone's apex what presses is rounding
+    slips = (released.normal > trace) & (d > 0)
     if not system.unilateral:  # it cannot fly, whatever its load
         slips = jnp.ones_like(slips)
     slips, undecided, bounces = keep((slips, undecided, bounces))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ...contact.guards import FIRST, SECOND, first_switch, gap_rounding, guard_values
+from ...contact.guards import FIRST, first_switch, gap_rounding, guard_values
 from ...contact.projection import project
 from ...contact.regimes import Forces, acceleration, forces, slip_sign, stick_forces
 from ...contact.space import Contact, contact
@@ -64,9 +64,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     q, v = keep(project(system, c, q, v, fired.hits | touching, touching, still))
     if (stop := struck(system, state, fires)) is not None:
         v, fired = strike(system, stop, time, q, v, fired)
-    # the speed of a bounce is as its time; no clock tells the square of a last digit
-    none = problem.least_speed**2 / problem.speed
-    before = _landing(contact(system, time, q, v), time == state.last_event, none)
+    before = _landing(problem, contact(system, time, q, v), time == state.last_event)
     motion, impact = collide(system, before, time, q, v, fired, sign)
     flown = time - state.last_event
     motion, completes = complete(problem, system, motion, impact, fired, flown, end)
@@ -74,9 +72,8 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     if stop is not None:
         motion, fired = settle(problem, rough, stop, motion, fired)
     time, q, v, slip_speed, leaving, impulse = motion
-    trace = noise_digits(slip_speed.dtype) * larger(state.reach[FIRST], state.reach[SECOND])
-    exact = rough._replace(slip_speed=slip_speed)
-    found = regime_after(system, exact, fired, regime, slot, leaving, trace)
+    exact, held = rough._replace(slip_speed=slip_speed), larger(*state.reach[:2])
+    found = regime_after(system, exact, fired, regime, slot, leaving, held)
     after = found.regime
 
     # What the impulses leave of a closed contact's speeds is rounding. It goes now: taken away by
@@ -128,10 +125,12 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     )
 
 
-def _landing(c: Contact, at_once, least) -> Contact:
-    """Return the contact ``c`` before an impact: one that closes ``at_once`` at no speed (below
-    ``least``) was never open. A corner just at the lift-off has taken it back.
+def _landing(problem: Problem, c: Contact, at_once) -> Contact:
+    """Return the contact ``c`` before an impact: one that closes ``at_once`` at no speed was never
+    open. A corner just at the lift-off has taken it back.
     """
+    # the speed of a bounce is as its time, and no clock tells the square of its last digit
+    least = problem.least_speed**2 / problem.speed
     none = at_once & (jnp.abs(c.normal_speed) <= least)
     return c._replace(normal_speed=jnp.where(none, 0.0, c.normal_speed))
 
