@@ -56,3 +56,12 @@ def test_an_attack_angle_behind_the_collapse_does_not_move_it():
 def test_a_belt_of_whole_metres_a_second_moves_like_any_other(speed):
     found = SteadyBelt(speed).motion(jnp.zeros(()), 0)
     assert [float(x) for x in found] == [1.0, 0.0]
+
+
+@pytest.mark.parametrize("name", ["piece", "sides", "constants"])
+def test_what_the_engine_sets_is_no_argument(name):
+    """A lip that begins beyond a shoulder where nothing says so would have another moment."""
+    with pytest.raises(TypeError, match=name):
+        Wiper(**{name: None})
+    assert getattr(Wiper(), name) in (0, None)
+    assert name not in repr(Wiper(attack_angle=0.1).prepared())

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
 from ..contact.on_belt import OnBelt
+from ..vocabulary.declared import set_by_the_engine
 from ..vocabulary.parameters import PARAMETERS
 from .block import LEAST_LOAD
 from .steady_slip import check_rigid
@@ -28,7 +29,7 @@ class Bar(OnBelt):
     per_metre: ClassVar[bool] = True
     known: ClassVar = PARAMETERS
     lip: Wiper
-    sides: tuple | None = None  # signs of the switches (set by the engine)
+    sides: tuple | None = set_by_the_engine()  # signs of the switches
 
     def __check_init__(self):
         check_rigid("lip", self.lip)

@@ -14,6 +14,7 @@ from ..numerics.fusion_barrier import keep
 from ..numerics.known_zeros import absent
 from ..numerics.types import Scalar
 from ..vocabulary import checks
+from ..vocabulary.declared import set_by_the_engine
 from ..vocabulary.kinds import FRICTIONS
 from ..vocabulary.parameters import PARAMETERS, REFERENCE, described
 
@@ -78,9 +79,9 @@ class Wiper(OnBelt):
     gravity: Scalar = REFERENCE["gravity"]  # m/s^2
     collapse_angle: Scalar = REFERENCE["collapse_angle"]  # rad
     friction: AbstractFriction | None = None  # None: Stribeck's law of the numbers above
-    piece: Scalar = 0  # smooth piece of the belt's motion (set by the engine)
-    sides: tuple | None = None  # signs of the switches (set by the engine)
-    constants: Constants | None = None  # (set by the engine: `prepared`)
+    piece: Scalar = set_by_the_engine(0)  # smooth piece of the belt's motion
+    sides: tuple | None = set_by_the_engine()  # signs of the switches
+    constants: Constants | None = set_by_the_engine()  # of `prepared`
 
     def __check_init__(self):
         checks.parameters({name: getattr(self, name) for name in _BLADE})

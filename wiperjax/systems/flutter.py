@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from ..contact.belts import AbstractBelt, SteadyBelt
 from ..contact.friction import AbstractFriction, Coulomb
 from ..contact.on_belt import AbstractBeltSystem
-from ..vocabulary.declared import parameter
+from ..vocabulary.declared import parameter, set_by_the_engine
 
 _SOFT, _HARD = 2 / 3 * (2 - 3**0.5), 2 / 3 * (2 + 3**0.5)
 
@@ -37,7 +37,7 @@ class ModeCoupling(AbstractBeltSystem):
     load: float = parameter(1.0, "N", above=0, long_name="force into the belt")
     friction: AbstractFriction = Coulomb(1.0)
     belt: AbstractBelt = SteadyBelt(10.0)
-    sides: tuple | None = None  # sign of the switch (set by the engine)
+    sides: tuple | None = set_by_the_engine()  # sign of the switch
 
     def free_acceleration(self, t, q, v):
         x, y = q

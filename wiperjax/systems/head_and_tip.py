@@ -12,7 +12,7 @@ from ..contact.belts import AbstractBelt, SteadyBelt
 from ..contact.friction import AbstractFriction, Coulomb
 from ..contact.on_belt import AbstractBeltSystem
 from ..numerics.types import Scalar
-from ..vocabulary.declared import parameter
+from ..vocabulary.declared import parameter, set_by_the_engine
 
 
 class HeadAndTip(AbstractBeltSystem):
@@ -44,7 +44,7 @@ class HeadAndTip(AbstractBeltSystem):
     hardening: float = parameter(2000.0, "1/m", low=0, long_name="of the contact, by penetration")
     friction: AbstractFriction = Coulomb(0.8)
     belt: AbstractBelt = SteadyBelt(0.3)
-    sides: tuple | None = None  # sign of the switch (set by the engine)
+    sides: tuple | None = set_by_the_engine()  # sign of the switch
 
     def contact_velocity(self, t, q, v):
         return v[2]

@@ -17,7 +17,7 @@ from ..contact.system import AbstractSystem
 from ..numerics.bernstein import largest
 from ..numerics.fusion_barrier import keep
 from ..vocabulary import checks
-from ..vocabulary.declared import parameter
+from ..vocabulary.declared import parameter, set_by_the_engine
 
 FREE, HELD = 0, 1  # normal: no more impulse than is given, or the ends stay together
 STICK = 0  # tangential; else the sign of slip
@@ -52,7 +52,7 @@ class Woodpecker(AbstractSystem):
     beak_restitution: float = parameter(0.5, low=0, high=1)
     beak_friction: float = parameter(0.3, low=0)
     friction: AbstractFriction = Coulomb(0.3)
-    sides: tuple | None = None  # signs of the switches (set by the engine)
+    sides: tuple | None = set_by_the_engine()  # signs of the switches
 
     def __check_init__(self):
         super().__check_init__()  # equinox calls it too, but after this one

@@ -62,6 +62,11 @@ def parameter(
     return dataclasses.field(default=default, metadata={KEY: found})
 
 
+def set_by_the_engine(default: Any = None) -> Any:
+    """Field of a shipped system that nobody passes: one of `SET_BY_THE_ENGINE`."""
+    return dataclasses.field(init=False, repr=False, default_factory=lambda: default)
+
+
 def marked(system: Any) -> Mapping[str, Parameter]:
     """Name -> `Parameter` of the fields that were made by `parameter`, of any dataclass."""
     found = {}
