@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from ..machine.memory import seek_garbage_less
 from .compute import sweep, verify
 from .example import example
 from .explore import explore
@@ -50,6 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns: exit status, 0 if all went well, 2 for a wrong command line, 130 after Ctrl-C, else 1.
     """
+    if arguments is None:  # the process is ours
+        seek_garbage_less()
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     if hasattr(sys.stdout, "reconfigure"):  # what a terminal cannot show must not end the work
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]

@@ -153,9 +153,7 @@ def command_line() -> str:
 
 
 def configure(cores: int | None, **options: bool) -> None:
-    """Settings of XLA, which must precede the first `import jax`, and of this process."""
+    """Settings of XLA, which must precede the first `import jax`."""
     from ..machine.jax_settings import configure
-    from ..machine.memory import seek_garbage_less
 
-    seek_garbage_less()
     configure(cores=cores, **options)
