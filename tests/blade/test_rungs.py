@@ -23,6 +23,8 @@ from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import SpecError, load_scene, parse_scene, parse_sweep
 from wiperjax.vocabulary.kinds import MODELS
 
+# numbers as arrays are in one program, also where they are 0
+ZERO = jnp.zeros(())
 WIPER = wiperjax.Wiper(attack_angle=0.1, support_damping=3.0, hinge_damping=1e-5, gravity=9.81)
 BELTS = {
     "steady": wiperjax.SteadyBelt(0.3),
@@ -40,20 +42,23 @@ def test_bar_has_the_forces_and_the_acceleration_of_the_lip(kind, regime):
     piece = wiper.first_piece(t)
     lip = wiper.on_piece(piece)
     bar = ladder.on_rung(wiper, "bar").on_piece(piece)
-    for _ in range(5):
-        x = jnp.asarray(draw.uniform(-0.8, 0.8) * 6e-3)
-        slip = 0.0 if regime == Regime.STICK else draw.uniform(0, 0.5)
-        v = jnp.asarray(-slip if regime == Regime.SLIP_NEG else slip)
+    places, slips = draw.uniform(-0.8, 0.8, 5) * 6e-3, draw.uniform(0, 0.5, 5)
+    sense = {Regime.STICK: 0.0, Regime.SLIP_NEG: -1.0, Regime.SLIP_POS: 1.0}[regime]
+
+    def at_once(x, v):
         both = (lip, (x, 0 * x), (v, 0 * v)), (bar, (x,), (v,))
         found = [forces(s, contact(s, t, q, v), regime) for s, q, v in both]
-        np.testing.assert_allclose(found[1].normal, found[0].normal, rtol=1e-13)
-        np.testing.assert_allclose(found[1].tangential, found[0].tangential, rtol=1e-12)
         rates = [vector_field(t, (q, v), (s, regime)) for s, q, v in both]
-        for part in (0, 1):
-            np.testing.assert_allclose(rates[1][part][0], rates[0][part][0], rtol=1e-11, atol=1e-9)
-        at_bar, at_lip = (t, (x,), (v,)), (t, (x, 0 * x), (v, 0 * v))
-        assert bar.switches(*at_bar)[0] == lip.switches(*at_lip)[0]
-        assert bar.ends(*at_bar)[0] == lip.ends(*at_lip)[0]
+        watched = [(s.switches(t, q, v)[0], s.ends(t, q, v)[0]) for s, q, v in both]
+        return found, rates, watched
+
+    found, rates, watched = jax.vmap(at_once)(jnp.asarray(places), jnp.asarray(sense * slips))
+    np.testing.assert_allclose(found[1].normal, found[0].normal, rtol=1e-13)
+    np.testing.assert_allclose(found[1].tangential, found[0].tangential, rtol=1e-12)
+    for part in (0, 1):
+        np.testing.assert_allclose(rates[1][part][0], rates[0][part][0], rtol=1e-11, atol=1e-9)
+    for of_bar, of_lip in zip(*watched[::-1], strict=True):
+        np.testing.assert_array_equal(of_bar, of_lip)
 
 
 def test_a_bar_that_would_lift_off_slides_freely():
@@ -90,7 +95,7 @@ def test_a_bar_keeps_its_side_of_the_corner_where_it_begins_to_slide_freely():
 @pytest.mark.parametrize("speed", [0.3, -0.6])
 def test_block_has_the_linearisation_of_the_lip(degrees, speed):
     belt = wiperjax.SteadyBelt(speed)
-    wiper = replace(WIPER, attack_angle=np.radians(degrees), belt=belt)
+    wiper = replace(WIPER, attack_angle=jnp.radians(float(degrees)), belt=belt)
     block, slip = ladder.on_rung(wiper, "block"), steady_slip(wiper)
     regime = Regime.SLIP_NEG if speed > 0 else Regime.SLIP_POS
     t = jnp.asarray(0.0)
@@ -142,7 +147,10 @@ def unstable_speeds(rung):
 def test_block_loses_stability_where_the_lip_does(degrees, hopf):
     """docs/model.md, section 10: Hopf speeds of the reference blade, four digits."""
     belt = wiperjax.SteadyBelt(hopf)
-    rung = block.block_of(wiperjax.Wiper(belt=belt, attack_angle=np.radians(degrees)))
+    angle = jnp.radians(float(degrees))
+    rung = block.block_of(
+        wiperjax.Wiper(belt=belt, attack_angle=angle, hinge_damping=ZERO, gravity=ZERO)
+    )
     low, high = unstable_speeds(rung)
     fall, load, damping = 0.7, float(rung.load), float(rung.damping)
     closed = 0.1 * np.log(fall * load / (0.1 * (damping + 0.02 * load)))

@@ -53,25 +53,29 @@ class Leaning(AbstractBeltSystem):
 def test_stick_holds_against_what_the_load_drives(lean):
     """A load that holds y = 0 leaves x = V t to friction, until it is mu. Without the load's part
     in it friction was off by the lean."""
-    run = wiperjax.simulate(Leaning(lean=lean), 5.5, rtol=1e-10, sample_interval=0.5)
+    system = Leaning(lean=jnp.asarray(lean))  # an array, also if it is 0: one program
+    run = wiperjax.simulate(system, 5.5, rtol=1e-10, sample_interval=0.5)
     held = run.isel(time=slice(0, 10))
     np.testing.assert_allclose(held.friction_force, SPEED * held.time, atol=1e-9)
     np.testing.assert_allclose(held.position[:, 0], SPEED * held.time, atol=1e-10)
     assert float(run.event_time[0]) == pytest.approx(STATIC / SPEED, abs=1e-8)
 
 
+def release(lean, static, speed):
+    system = Leaning(lean=lean, friction=Coulomb(static, DYNAMIC), belt=SteadyBelt(speed))
+    start = ((0.0, 0.0), (speed, 0.0))
+    found = wiperjax.solve(system, 8.0, initial_state=start, rtol=1e-10, max_events=1)
+    return found.events.time[0]
+
+
+release_slopes = jax.jit(jax.jacfwd(release, (0, 1, 2)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("lean", [-0.3, 0.3])
 def test_the_time_of_release_has_the_exact_derivatives(lean):
     """t = mu / V, whatever the lean."""
-
-    def release(lean, static, speed):
-        system = Leaning(lean=lean, friction=Coulomb(static, DYNAMIC), belt=SteadyBelt(speed))
-        start = ((0.0, 0.0), (speed, 0.0))
-        found = wiperjax.solve(system, 8.0, initial_state=start, rtol=1e-10, max_events=1)
-        return found.events.time[0]
-
-    slopes = jax.jit(jax.jacfwd(release, (0, 1, 2)))(lean, STATIC, SPEED)
+    slopes = release_slopes(lean, STATIC, SPEED)
     exact = (0.0, 1 / SPEED, -STATIC / SPEED**2)
     np.testing.assert_allclose(slopes, exact, rtol=1e-6, atol=1e-6)
 

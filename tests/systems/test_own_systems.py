@@ -156,9 +156,9 @@ def test_a_scene_is_the_same_motion_as_its_cell_and_knows_its_class(oscillators)
 @pytest.mark.slow
 def test_the_law_of_a_file_counts():
     one = SWEEP | {"axes": {"steepness": {"values": [3.0, 6.0]}}, "belt": {"speed": 0.1}}
-    ds = wiperjax.sweep(one)
+    ds = wiperjax.sweep(one | {"parameters": {"stiffness": 2.0}})  # of the program of the others
     for steepness in (3.0, 6.0):
-        period, *_ = stick_slip(0.1, 1.0, steepness)
+        period, *_ = stick_slip(0.1, 2.0, steepness)
         found = float(ds.dominant_frequency.sel(steepness=steepness))
         assert found == pytest.approx(1 / period, rel=2e-3)
     other = one | {"axes": {"mu_static": {"values": [1.0, 1.0 - 1e-9]}}}
@@ -398,11 +398,14 @@ def test_a_sweep_up_and_down_finds_the_bistable_zone_of_a_system_of_ones_own():
 
 @pytest.mark.slow
 def test_shares_of_random_starts_are_those_of_bstab():
-    starts = {"random": 400, "position": [[-2.0, 2.0]], "velocity": [[0.0, 2.0]]}
+    starts = {"random": 128, "position": [[-2.0, 2.0]], "velocity": [[0.0, 2.0]]}
     axes = {"belt_speed": {"values": [1.4, 1.55]}}
-    ds = wiperjax.sweep(BISTABLE | {"axes": axes, "starts": starts})
-    share = ds.class_share.sel({"class": "quiet"}).values
-    error = ds.class_share_error.sel({"class": "quiet"}).values
+    shares, errors = [], []
+    for seed in range(4):  # as many cells at once as the program of the test above has
+        ds = wiperjax.sweep(BISTABLE | {"axes": axes, "starts": starts | {"seed": seed}})
+        shares.append(ds.class_share.sel({"class": "quiet"}).values)
+        errors.append(ds.class_share_error.sel({"class": "quiet"}).values)
+    share, error = np.mean(shares, axis=0), np.sqrt(np.sum(np.square(errors), axis=0)) / 4
     assert np.all(np.abs(share - [0.2122652, 0.3565963]) < 3 * error)
     assert "start_position_0" in ds.coords and float(ds.start_velocity_0.min()) >= 0.0
 

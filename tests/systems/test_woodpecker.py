@@ -6,9 +6,6 @@ friction it needs); the reference solution of siconos (examples/mechanics/Woodpe
 with 2e-5 s).
 """
 
-import tomllib
-from pathlib import Path
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,7 +16,6 @@ import wiperjax
 from wiperjax import Coulomb, Event, Regime, Result
 from wiperjax.contact.impact import phased_impact
 from wiperjax.systems.woodpecker import Woodpecker
-from wiperjax.vocabulary.codes import LABELS
 
 TURN = 0.6 / 5.8  # rad, of the sleeve that an edge stops
 START = ((0.0, -TURN, -0.2788), (-0.3411, 0.0, -7.4583))
@@ -226,14 +222,3 @@ def test_impacts_of_an_edge_are_those_of_pfeiffer_and_glocker():
         after = ways @ reference.impact(v[i], [reference.UPPER], 0.5)
         assert float(blow.normal_speed[i]) == pytest.approx(after[0], abs=1e-12)
         assert float(blow.slip_speed[i]) == pytest.approx(after[1], abs=1e-12)
-
-
-@pytest.mark.slow
-def test_a_map_of_it_hears_its_pecking():
-    file = Path(__file__).parents[2] / "sweeps/systems/woodpecker.toml"
-    spec = tomllib.loads(file.read_text())
-    cells = wiperjax.sweep(spec | {"axes": {"beak_restitution": {"values": [0.5]}}})
-    cell = cells.isel(beak_restitution=0)
-    assert int(cell.label) == LABELS["chattering"]
-    assert float(cell.dominant_frequency) == pytest.approx(1 / 0.1452, rel=0.01)
-    assert float(cell.final_position[0]) == pytest.approx(-0.0195 * 4.0 / 0.146, rel=0.02)
