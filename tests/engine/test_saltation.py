@@ -19,6 +19,16 @@ import wiperjax
 from wiperjax import Event
 
 
+class Ramp(Puck):
+    """A puck whose load falls as it slides on: -g + rise x. By itself it does not, so that all that
+    has a puck here is one program."""
+
+    rise: float = 0.0
+
+    def free_acceleration(self, t, q, v):
+        return self.push + 0 * t, -self.gravity + self.rise * q[0]
+
+
 @partial(jax.jit, static_argnums=3)
 @partial(jax.jacfwd, argnums=2, has_aux=True)
 def _solved(system, duration, state, n):
@@ -65,15 +75,6 @@ def test_slip_onset():
     np.testing.assert_allclose(derivative[:, 1], 0.0, atol=1e-12)
 
 
-class Ramp(Puck):
-    """A puck whose load falls as it slides on: -g + rise x."""
-
-    rise: float = 3.0
-
-    def free_acceleration(self, t, q, v):
-        return self.push + 0 * t, -self.gravity + self.rise * q[0]
-
-
 @pytest.mark.slow
 def test_lift_off():
     """Nothing jumps there, but the motion after it has one freedom more."""
@@ -105,7 +106,7 @@ def test_a_second_derivative_is_refused():
 def test_impact(sticks):
     mu, e, g, end = 0.4, 0.6, 10.0, 0.5
     start = np.array([0.0, 0.8, 0.5 if sticks else 3.0, -0.3])
-    derivative, s = solved(Puck(mu, e, g), end, start)
+    derivative, s = solved(Ramp(mu, e, g), end, start)
     ((t, kind),) = events(s)
     assert kind == Event.IMPACT
     fall = -0.3 - g * t
@@ -130,7 +131,7 @@ def test_end_of_a_zeno_sequence():
     """The limit of the product of all its saltation matrices: the series summed."""
     mu, e, g, end = 0.1, 0.5, 10.0, 2.0
     start = np.array([0.0, 0.7, 4.0, 0.0])
-    derivative, s = solved(Puck(mu, e, g), end, start)
+    derivative, s = solved(Ramp(mu, e, g), end, start)
     found = events(s)
     assert [k for _, k in found] == [Event.IMPACT] * (len(found) - 1) + [Event.ZENO]
 

@@ -45,6 +45,18 @@ def engine(blade, belt, start, duration, rtol=1e-10, zeno_time=1e-8, max_steps=1
     return _solved(*given, max_steps)
 
 
+@jax.jit
+def _together(blades, belts, starts, duration, max_steps):
+    alone = lambda *given: engine(*given[:3], duration, max_steps=given[3])
+    return jax.vmap(alone)(blades, belts, starts, max_steps)
+
+
+def engines(blades, belts, starts, duration, max_steps=1_000_000):
+    """`engine` of many blades side by side: one program for those who ask for as many of them."""
+    budgets = np.broadcast_to(max_steps, len(starts))
+    return _together(*doubles((blades, belts, starts, duration)), budgets)
+
+
 def doubles(numbers):
     """The same numbers, all of one kind for jax: a Python float beside NumPy's, or a whole number,
     would make another program."""

@@ -9,7 +9,7 @@ import math
 import jax
 import numpy as np
 import pytest
-from matching import BLADE, common, engine, largest_shift, listed, logged, twin
+from matching import BLADE, common, engine, engines, largest_shift, listed, logged, twin
 from reference.blade import Steady, Trapezoid, Wiping, simulate
 
 from wiperjax import Result, SteadyBelt
@@ -126,7 +126,7 @@ def test_a_batch_gives_the_same_as_the_scalar_engine():
     blades = [{**BLADE, **blade} for blade, _, _ in drawn]
     blades = {key: np.array([blade[key] for blade in blades]) for key in blades[0]}
     belts = SteadyBelt(np.array([d[1].speed for d in drawn]))
-    together = jax.jit(jax.vmap(engine, (0, 0, 0, None)))(blades, belts, starts, DURATION)
+    together = engines(blades, belts, starts, DURATION)
     for i, (blade, belt, start) in enumerate(drawn):
         alone = logged(engine({**BLADE, **blade}, twin(belt), start, DURATION))
         lane = logged(jax.tree.map(lambda x, i=i: x[i], together))

@@ -7,6 +7,7 @@ pages use, and small; `INSTEAD` says what else is not done as it stands there.
 import glob
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from pages import CHECKOUT, PAGES, blocks, write_files
 
 import wiperjax
 from wiperjax.cli import main
+from wiperjax.plots.runs import animation
 
 SWEEP = """
 [axes]
@@ -74,24 +76,33 @@ def test_pages_have_commands():
     assert len(WITH_COMMANDS) >= 7
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """The names that pages use: sweeps, scenes, and a map, a run where a page names one."""
-    monkeypatch.chdir(tmp_path)
+    place = tmp_path_factory.mktemp("made")
     for name in ("quick", "reference", "both_ways", "remedies/squeal"):
-        file = Path("sweeps", name).with_suffix(".toml")
+        file = (place / "sweeps" / name).with_suffix(".toml")
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(SWEEP)
-    Path("sweeps/scenes").mkdir()
     shipped = "sweeps/systems/head_and_tip.toml"
     small = re.sub(r"num = \d+", "num = 2", (CHECKOUT / shipped).read_text())
-    Path("sweeps/systems").mkdir()
-    Path(shipped).write_text(small)
-    squeal = (CHECKOUT / "sweeps/scenes/squeal.toml").read_text()
-    Path("sweeps/scenes/squeal.toml").write_text(squeal)
-    wiperjax.sweep(wiperjax.load_sweep("sweeps/quick.toml"), "MAP.h5")
-    assert main("simulate sweeps/scenes/squeal.toml -o RUN.h5".split()) == 0
-    Path("run.h5").write_bytes(Path("RUN.h5").read_bytes())
+    (place / shipped).parent.mkdir()
+    (place / shipped).write_text(small)
+    scene = "sweeps/scenes/squeal.toml"
+    (place / scene).parent.mkdir()
+    (place / scene).write_bytes((CHECKOUT / scene).read_bytes())
+    wiperjax.sweep(wiperjax.load_sweep(place / "sweeps/quick.toml"), place / "MAP.h5")
+    assert main(["simulate", str(place / scene), "-o", str(place / "RUN.h5")]) == 0
+    shutil.copyfile(place / "RUN.h5", place / "run.h5")
+    return place
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """A copy of what is made for all, to work in; animations of a frame for every half second."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(animation, "FRAMES_PER_SECOND", 2)
     return tmp_path
 
 
