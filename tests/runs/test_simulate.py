@@ -268,6 +268,12 @@ def test_one_compilation_serves_all_values(squeal, flying, monkeypatch):
     # the counter counts: another solver is another program
     wiperjax.simulate(Ball(), 0.01, initial_state=((0.1,), (0.0,)), solver=diffrax.Bosh3())
     assert set(traces) == {"Ball"}
+    # nor does a time from which is gathered, which was in the program
+    start = ((0.1,), (0.0,))
+    wiperjax.simulate(Ball(), 0.01, initial_state=start, observer=wiperjax.RegimeTotals(0.002))
+    traces.clear()
+    wiperjax.simulate(Ball(), 0.01, initial_state=start, observer=wiperjax.RegimeTotals(0.003))
+    assert traces == []
 
 
 # --- ends that are results, not errors ------------------------------------------------------------

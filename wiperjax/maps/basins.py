@@ -4,6 +4,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
@@ -64,8 +65,11 @@ def basins(
     zeno_time = checks.number("zeno_time", zeno_time, POSITIVE)
     position, velocity = _arrays(starts)
     check_coordinates("starts", system, len(position))
+    atol = tolerances(atol, len(position))
+    # as arrays: other times and tolerances compile nothing
+    times, precision = jnp.asarray((settle, window)), jnp.asarray((rtol, zeno_time), float)
     integration = Integration(
-        solver, float(rtol), tolerances(atol, len(position)), max_steps, zeno_time=zeno_time
+        solver, precision[0], atol, jnp.asarray(max_steps, jnp.int32), zeno_time=precision[1]
     )
     count = position[0].size
     room = capacity(count)
@@ -75,7 +79,7 @@ def basins(
     cells = jax.tree.map(lambda x: x[..., padding], (varying, position, velocity))
 
     def compute(cells, number):
-        return _run(cells, fixed, number, settle, window, integration)
+        return _run(cells, fixed, number, *times, integration)
 
     (rows,), _ = deal(compute, cells, np.arange(count))
     return _labelled(system, (position, velocity), rows.tree(), settle, window)

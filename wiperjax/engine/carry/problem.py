@@ -140,7 +140,9 @@ def make_case(
         zeno_time=jnp.asarray(integration.zeno_time, dtype),
         max_steps=jnp.asarray(integration.max_steps, jnp.int32),
         mark=start if recording.mark is None else jnp.asarray(recording.mark, clock),
-        observer=RegimeTotals() if recording.observer is None else recording.observer,
+        observer=_as_arrays(
+            RegimeTotals() if recording.observer is None else recording.observer, clock
+        ),
         sample_times=None if times is None else jnp.asarray(times, clock),
         signal=recording.signal,
         solver=diffrax.Tsit5() if integration.solver is None else integration.solver,
@@ -151,6 +153,11 @@ def make_case(
         unroll=integration.unroll,
     )
     return Case(problem, position, velocity, start)
+
+
+def _as_arrays(observer: AbstractObserver, clock) -> AbstractObserver:
+    """Return an observer with its numbers as arrays: another time to begin at compiles nothing."""
+    return jax.tree.map(lambda x: jnp.asarray(x, clock) if isinstance(x, float) else x, observer)
 
 
 def _longest(longest, system: AbstractSystem, clock):
