@@ -18,7 +18,7 @@ from wiperjax.systems import numbers
 def test_a_branch_goes_on_where_its_section_misses_the_cycles():
     """Circles that shrink below the level at which they begin: the branch ended there."""
     cycle = find_cycle(
-        Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a", varied=("b",),
+        Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a",
         section=lambda t, q, v: q[0] - 0.8,
     )  # fmt: skip
     branch = follow(cycle, -0.1, 0.3, step=0.1)

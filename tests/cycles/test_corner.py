@@ -55,12 +55,6 @@ def runs():
     return [run if run in quick else pytest.param(*run, marks=pytest.mark.slow) for run in every]
 
 
-def of_the_stop(system, over, **given):
-    """`find_cycle` of it, with the derivatives by all that is varied here: one program."""
-    numbers = [name for name in ("amplitude", "frequency", "load") if name != over]
-    return find_cycle(system, period=turn, over=over, varied=numbers, **given)
-
-
 def no_gaps(branch, step):
     """Neighbours no further apart than steps are long, extremes and period in the measure."""
     return np.max(np.diff(branch.arclength)) < 2 * step
@@ -156,8 +150,7 @@ def test_a_cycle_that_is_small_since_the_belt_is_slow_comes_to_no_hopf_point():
     """Far below the speed of Stribeck's curve friction falls in a line, and stick alone bounds the
     motion: it is as large as the belt is fast, and steady slip unstable down to rest."""
     blade = Oscillator(belt=SteadyBelt(0.01))
-    varied = ["stribeck_speed", "load", "stiffness"]  # of one program with other files' cycles
-    cycle = find_cycle(blade, settle=300.0, over="belt_speed", varied=varied)
+    cycle = find_cycle(blade, settle=300.0, over="belt_speed")
     branch = follow(cycle, 1e-5, 0.011, step=0.2)
     assert branch.special == [] and branch.ends == ("the end of the range",) * 2
     sizes = np.array([c.amplitude for c in branch.cycles]) / branch.parameters
@@ -222,11 +215,12 @@ def test_a_tongue_narrower_than_a_step_is_not_passed_over():
 @pytest.fixture(scope="module")
 def two_impacts():
     """The period-doubled cycle of the impact oscillator, beyond its doubling over the frequency."""
-    cycle = of_the_stop(
+    cycle = find_cycle(
         StopOscillator(amplitude=1.0, frequency=2.66, restitution=0.8, side=-1.0),
-        "frequency",
         settle=1200.0,
         initial_state=((-0.5,), (0.0,)),
+        period=turn,
+        over="frequency",
     )
     assert cycle.word == "impact impact"
     return cycle
@@ -268,7 +262,7 @@ def test_branch_goes_on_beyond_a_grazing_impact():
     graze = abs(1 - w * w)
     system = StopOscillator(load=-1.0, amplitude=0.9 * graze, frequency=w, restitution=e)
     start = ((0.1,), (0.0,))  # on the free vibration: nothing damps
-    cycle = of_the_stop(system, "amplitude", settle=5.0, initial_state=start)
+    cycle = find_cycle(system, settle=5.0, initial_state=start, period=turn, over="amplitude")
     assert cycle.found == Found.FOUND and cycle.word == ""
     branch = follow(cycle, 0.5 * graze, 1.5 * graze, step=0.1)
     (special,) = branch.special
@@ -289,11 +283,12 @@ def test_a_system_that_loses_nothing_has_no_tori_and_no_stable_cycles():
     w = 2.5
     free = 1 / (1 - w * w)
     lowest = free + free / math.cos(math.pi / w)  # forced and free part, alike at the stop
-    cycle = of_the_stop(
+    cycle = find_cycle(
         StopOscillator(amplitude=1.0, frequency=w, restitution=1.0, side=-1.0),
-        "amplitude",
         settle=2 * math.pi / w,
         initial_state=((lowest,), (0.0,)),
+        period=turn,
+        over="amplitude",
     )
     assert cycle.found == Found.FOUND and cycle.word == "impact"
     np.testing.assert_allclose(np.abs(cycle.multipliers), 1.0, rtol=1e-9)

@@ -45,7 +45,7 @@ def codes(curve):
 @pytest.fixture(scope="module")
 def ring():
     """The branch of circles over ``a``, and its curves over ``a`` and ``b``."""
-    cycle = find_cycle(Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a", varied=("b",))
+    cycle = find_cycle(Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a")
     branch = follow(cycle, -0.1, 0.3, step=0.1)
     return branch, follow_curves(branch, "b", -1.05, 0.5, step=0.1)
 
@@ -107,7 +107,7 @@ class TwoFolds(Ring):
 @pytest.mark.slow
 def test_two_folds_meet_in_a_cusp():
     system = TwoFolds(a=0.3, b=-0.4)
-    cycle = find_cycle(system, settle=60.0, initial_state=((1.0,), (0.0,)), over="a", varied=("b",))
+    cycle = find_cycle(system, settle=60.0, initial_state=((1.0,), (0.0,)), over="a")
     branch = follow(cycle, -0.35, 0.35, step=0.1)
     assert [s.kind for s in branch.special if s.kind == "fold"] == ["fold", "fold"]
     (curve,) = [c for c in follow_curves(branch, "b", -0.5, 0.1, step=0.1) if c.kind == "fold"]
@@ -183,7 +183,7 @@ def test_stick_slip_ends_where_an_independent_code_has_it():
     """Over belt and damping: the grazing-sliding fold, and the Hopf point by hand."""
     start = ((0.0,), (0.2,))
     system = StribeckOscillator()
-    cycle = find_cycle(system, settle=1.0, initial_state=start, over="belt", varied=("damping",))
+    cycle = find_cycle(system, settle=1.0, initial_state=start, over="belt")
     branch = follow(cycle, 0.15, 0.33, step=0.1)
     found = by_kind(follow_curves(branch, "damping", 5.3, 6.3, step=0.1))
     fold, hopf = found["grazing_sliding_fold"], found["hopf"]
@@ -203,8 +203,7 @@ def test_a_curve_passes_through_the_fold_that_it_began_at():
     are no straight line in what slip is left. Folds by scipy: release, and back to rest."""
     system = Oscillator(belt=SteadyBelt(1.2), friction=Stribeck(1.0, 0.5, 0.05))
     stuck = ((0.0,), (1.2,))
-    numbers = {"over": "belt_speed", "varied": ("stribeck_speed",)}
-    cycle = find_cycle(system, settle=200.0, initial_state=stuck, **numbers)
+    cycle = find_cycle(system, settle=200.0, initial_state=stuck, over="belt_speed")
     branch = follow(cycle, 1.1, 1.6, step=0.1)
     (fold,) = follow_curves(branch, "stribeck_speed", 0.045, 0.06, step=0.2)
     assert codes(fold) == {CurveEnd.RANGE} and fold.special == []
@@ -340,7 +339,7 @@ def test_a_map_swept_up_and_down_has_its_borders_on_the_curves():
     the noise of a map swept up ends, and of one swept down begins, within 0.025 m/s of the curves
     (a step of the sweep throws it out of its thin basin, and growth near the onset takes long)."""
     blade = Wiper(belt=SteadyBelt(0.3), attack_angle=0.0, normal_load=15.0)
-    cycle = find_cycle(blade, settle=0.1, over="belt_speed", varied=("normal_load",))
+    cycle = find_cycle(blade, settle=0.1, over="belt_speed")
     branch = follow(cycle, 0.25, 1.8, step=0.1)
     found = by_kind(follow_curves(branch, "normal_load", 13.0, 17.0, step=0.2))
     fold, hopf = found["grazing_sliding_fold"], found["hopf"]

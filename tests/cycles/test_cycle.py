@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import scipy.optimize
 import xarray as xr
-from blades import VARIED
 from problems import IMPACT_CASES, periodic_impacts
 from systems import Block, Ring, StopOscillator, turn
 
@@ -33,7 +32,7 @@ from wiperjax.systems.oscillator import Oscillator
 
 @pytest.fixture(scope="module")
 def ring():
-    cycle = find_cycle(Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a", varied=["b"])
+    cycle = find_cycle(Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a")
     return cycle, follow(cycle, -0.1, 0.3, step=0.1)
 
 
@@ -58,7 +57,7 @@ def test_circle_from_a_simulation(ring):
 def test_a_section_finds_the_cycle_that_the_motion_settles_on(ring, place):
     """A state moved straight onto it came to the unstable circle inside, or to rest."""
     cycle = find_cycle(
-        Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a", varied=["b"],
+        Ring(), settle=60.0, initial_state=((1.2,), (0.0,)), over="a",
         section=lambda t, q, v: q[0] - place,
     )  # fmt: skip
     assert cycle.state[0] == pytest.approx(place, abs=1e-9) and cycle.state[1] < 0
@@ -77,9 +76,7 @@ def test_a_section_finds_the_cycle_that_the_motion_settles_on(ring, place):
 def test_a_section_that_the_motion_does_not_cross_is_refused(ring, section, message):
     start = ((1.2,), (0.0,))
     with pytest.raises(ValueError, match=message):
-        find_cycle(
-            Ring(), settle=60.0, initial_state=start, over="a", varied=["b"], section=section
-        )
+        find_cycle(Ring(), settle=60.0, initial_state=start, over="a", section=section)
 
 
 def test_a_range_that_lacks_the_cycle_is_refused(ring):
@@ -260,7 +257,7 @@ def test_v8_multipliers_and_period_doubling_over_the_frequency():
     system = StopOscillator(amplitude=1.0, frequency=2.5, restitution=e, side=-1.0)
     cycle = find_cycle(
         system, settle=300.0, initial_state=((-0.5,), (0.0,)), period=turn,
-        over="frequency", varied=["amplitude", "load"],
+        over="frequency",
     )  # fmt: skip
     assert cycle.word == "impact" and cycle.minimum == pytest.approx(-0.800586609, abs=1e-8)
     (pair,) = IMPACT_CASES[0][-1]
@@ -293,7 +290,7 @@ def test_squeal_and_the_unstable_cycle_that_bounds_it():
     """Subcritical Hopf at the known speed; squeal ends where stick does, on the same branch."""
     blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(1.35))
     upright = ((0.0, 0.0), (0.0, 0.0))
-    given = {"initial_state": upright, "over": "belt_speed", "varied": VARIED[1:]}
+    given = {"initial_state": upright, "over": "belt_speed"}
     squeal = find_cycle(blade, settle=0.05, **given)
     assert squeal.found == Found.FOUND and squeal.stable
     assert "capture" in squeal.word and "release" in squeal.word
@@ -322,12 +319,10 @@ def test_cycles_grow_out_of_the_hopf_point_of_v11():
     speed = 0.4511
     blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(speed * 1.05))
     rest = steady_slip(blade)
-    system = numbers.traceable(blade, *VARIED)
+    system = numbers.traceable(blade)
     scale = np.array([1e-4, 1e-4, 0.5, 0.5])
     section = chart.Turning(0)
-    family = return_map.Shooting(
-        system, "belt_speed", None, section, 1, scale, 1.0, 1.0, varied=VARIED
-    )
+    family = return_map.Shooting(system, "belt_speed", None, section, 1, scale, 1.0, 1.0)
     state = np.array([float(rest.x) + 4e-5, 0.0, 0.0, 0.0])
     small = cycles.close(family, state, wiperjax.Regime.SLIP_NEG, 1 / float(rest.frequency))
     assert small.found == Found.FOUND and not small.stable and small.word == ""
@@ -339,7 +334,7 @@ def test_cycles_grow_out_of_the_hopf_point_of_v11():
 
 def test_motions_without_a_cycle_say_so():
     start = ((1.0,), (0.0,))
-    quiet = find_cycle(Ring(a=0.3), settle=200.0, initial_state=start, over="a", varied=["b"])
+    quiet = find_cycle(Ring(a=0.3), settle=200.0, initial_state=start, over="a")
     assert quiet.found == Found.AT_REST and math.isnan(quiet.period)
     with pytest.raises(ValueError, match="parameter must be a number of Ring .*but was 'mass'"):
         find_cycle(Ring(), settle=1.0, initial_state=((1.0,), (0.0,)), over="mass")

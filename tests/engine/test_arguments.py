@@ -257,7 +257,6 @@ CASES = {
             "period": LENGTH,
             "section": ["x", 3],
             "over": NO_NAME,
-            "varied": ["attack_angle", 3, [3], ["no such"]],
             "rtol": RTOL,
         },
     ),
@@ -370,8 +369,8 @@ def refusal(call, *args, **kwargs) -> str:
 @pytest.mark.parametrize(("name", "argument", "value"), WRONG)
 def test_wrong_arguments_are_refused_by_name(name, argument, value):
     call, good, _ = CASES[name]
-    if argument in ("over", "varied"):  # numbers of the system: all are named
-        with pytest.raises(ValueError, match=r"^(parameter|varied) must be .*, but was"):
+    if argument == "over":  # numbers of the system: all are named
+        with pytest.raises(ValueError, match=r"^parameter must be .*, but was"):
             call(**good | {argument: value})
         return
     line = refusal(call, **good | {argument: value})

@@ -1,13 +1,7 @@
-"""Random blades on steady belts, and what their cycles are differentiated by."""
+"""Random blades on steady belts."""
 
 import jax
 import numpy as np
-
-# Numbers by which a cycle is differentiated: asked for all of them, cycles of the wiper on a
-# steady belt share one program, that of the notebook from a map to a remedy.
-VARIED = (
-    "belt_speed", "support_damping", "attack_angle", "mu_static", "neck_stiffness", "normal_load",
-)  # fmt: skip
 
 PARAMETERS = ("attack_angle", "normal_load", "restitution", "mu_static", "support_stiffness")
 

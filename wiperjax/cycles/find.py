@@ -1,7 +1,7 @@
 """The limit cycle that a simulation comes to: settled, guessed, closed, and passed once."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -33,7 +33,6 @@ def find_cycle(
     period: Callable[[AbstractSystem], Any] | float | None = None,
     section: Callable | None = None,
     over: str | None = None,
-    varied: Sequence[str] = (),
     rtol: float = 1e-10,
     max_step: float | None = None,
 ) -> Cycle:
@@ -47,8 +46,7 @@ def find_cycle(
     ``section(t, q, v)``, a function of positions and velocities q' on whose zeros the cycle of a
     system without a clock starts, where the settled motion falls through it (default: where the
     first coordinate that moves is highest, or else where it passes the middle of its range).
-    ``over``, name of the number that `branch.follow` will vary; ``varied``, numbers that `remedy`
-    will: named here, they share its compiled program. ``rtol`` and ``max_step`` [s] of the
+    ``over``, name of the number that `branch.follow` will vary; ``rtol``, ``max_step`` [s] of the
     integration.
 
     **Returns** a `Cycle`; ``found`` says whether there is one, else why not.
@@ -60,13 +58,11 @@ def find_cycle(
     settle = checks.number("settle", settle, POSITIVE)
     rtol = checks.number("rtol", rtol, SETTINGS["rtol"])
     max_step = longest_step(max_step)
-    checks.names("varied", varied)
     if section is not None and not callable(section):
         raise ValueError(f"section must be a function, but was {checks.shown(section)}")
     if not callable(period) and period is not None:
         checks.number("period", period, POSITIVE)
-    varied = tuple(varied) if over is None else (over, *varied)
-    system = numbers.traceable(system, *varied)
+    system = numbers.traceable(system, *(() if over is None else (over,)))
     start = coordinates(system, initial_state)
     state = np.concatenate([np.asarray(part, float).ravel() for part in start])
     clock = period if callable(period) or period is None else _Constant(float(period))
@@ -82,13 +78,12 @@ def find_cycle(
         parameter_scale=1.0 if over is None else abs(numbers.value(system, over)) or 1.0,
         rtol=rtol,
         max_step=max_step,
-        varied=varied,
     )
     beside = (state + 0.1 * sizes)[None]
     if clock is None:
         refuse_a_clock(system, beside, settle)
     else:
-        check_clock(system, clock, varied, beside)
+        check_clock(system, clock, shooting.names, beside)
     guess = free_guesses if clock is None else driven_guesses
     return _closed(system, guess(shooting, state, settle), settle)
 

@@ -114,7 +114,7 @@ def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess |
     samples = np.concatenate([m.samples for m in motions])
     clock, seen = shooting.clock, samples[:: len(samples) // STATES]
     assert clock is not None
-    check_clock(shooting.system, clock, shooting.varied, seen)
+    check_clock(shooting.system, clock, shooting.names, seen)
     if not np.any(moving(samples, shooting.scale)):
         yield Found.AT_REST
         return

@@ -59,7 +59,11 @@ class Shooting:
     parameter_scale: float = 1.0
     rtol: float = 1e-10
     max_step: float | None = None  # s; None: as long as the motion is smooth
-    varied: tuple[str, ...] = ()  # numbers that the compiled program can differentiate by
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the name of the parameter, if there is one."""
+        return () if self.over is None else (self.over,)
 
     def at(self, parameter: float) -> AbstractSystem:
         """Return the system at a value of the parameter."""
@@ -69,7 +73,7 @@ class Shooting:
 
     def along(self):
         """Return the tangent of the system along the parameter."""
-        return numbers.direction(self.system, self.over, *self.varied)
+        return numbers.direction(self.system, self.over)
 
     def chart(self, system: AbstractSystem, state, time: float, regime: int) -> Chart:
         """Return `chart` in the family's sizes, on its section. Raises `Lost`."""

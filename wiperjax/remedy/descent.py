@@ -57,15 +57,14 @@ def descend(
     step = checks.number("step", step, Range(1e-6, 1))
     most = checks.whole("most", most, Range(1, 10**6, whole=True))
     settle = checks.number("settle", settle, POSITIVE)
-    shooting = shooting_of(cycle)
+    shooting_of(cycle)
     share = box.shares_of(cycle.system)
     if np.any(outside := (share < 0) | (share > 1)):
         worst = box.names[int(np.argmax(outside))]
         raise ValueError(f"bounds must hold the blade as it is, but {worst} lies outside")
     rows = [_row(cycle, bounds, measure, True)]
-    varied = tuple(dict.fromkeys((*shooting.varied, *bounds)))
-    end, system = f"{most} steps", numbers.traceable(cycle.system, *varied)
-    cycle = replace(cycle, system=system, shooting=replace(shooting, varied=varied))
+    end, system = f"{most} steps", numbers.traceable(cycle.system, *bounds)
+    cycle = replace(cycle, system=system)
     for _ in range(most):
         if getattr(cycle, measure) == 0:
             end = f"{measure} is 0"
@@ -114,7 +113,6 @@ def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycl
         settle=settle,
         initial_state=None if default and isinstance(system, Wiper) else (state[:n], state[n:]),
         period=shooting.clock,
-        varied=shooting.varied,
         rtol=shooting.rtol,
         max_step=shooting.max_step,
     )

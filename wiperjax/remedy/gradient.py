@@ -110,12 +110,9 @@ def _family(cycle: Cycle, names) -> Shooting:
     """
     shooting, motion = cycle.shooting, cycle.motion
     assert shooting is not None and motion is not None
-    every = tuple(dict.fromkeys((*shooting.varied, *names)))
-    family = replace(shooting, system=numbers.traceable(cycle.system, *every), varied=every)
+    family = replace(shooting, system=numbers.traceable(cycle.system, *names))
     if family.clock is not None:
-        check_clock(
-            family.system, family.clock, family.varied, motion.samples[:: SAMPLES // STATES]
-        )
+        check_clock(family.system, family.clock, names, motion.samples[:: SAMPLES // STATES])
     return family
 
 

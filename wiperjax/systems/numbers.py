@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..contact.own_numbers import at, in_full, routes
+from ..contact.own_numbers import at, in_full, numbers, routes
 from ..contact.system import AbstractSystem
 from ..numerics.arrays import fields_of
 from ..vocabulary import checks
@@ -128,24 +128,21 @@ def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
     return system
 
 
-def direction(system: AbstractSystem, name: str | None, *others: str):
+def direction(system: AbstractSystem, name: str | None):
     """Return the tangent of ``system`` along the number ``name`` (or zero): 1 there.
 
-    It is 0 at ``others`` and None elsewhere: what it does not hold is not differentiated at all. So
-    one compiled program serves every direction among the same names. ``system`` must be
-    `traceable` for all of them.
+    It is 0 at its other numbers, so that one compiled program serves every direction, and None at
+    what is no number, or is left out of the program: ``system`` must be `traceable` for ``name``.
     """
-    tangent = jax.tree.map(lambda x: None, system)
-    for each in (*others, name):
-        if each is not None:
-            where = at(path(system, each))
-            size = jnp.ones_like if each == name else jnp.zeros_like
-            tangent = eqx.tree_at(where, tangent, size(where(system)), is_leaf=_is_none)
-    return tangent
+    known, route = numbers(system), None if name is None else path(system, name)
 
+    def leaf(keys, x):
+        to = fields_of(keys)
+        if not eqx.is_inexact_array(x) or (to != route and ".".join(to) not in known):
+            return None
+        return jnp.ones_like(x) if to == route else jnp.zeros_like(x)
 
-def _is_none(x) -> bool:
-    return x is None
+    return jax.tree_util.tree_map_with_path(leaf, system)
 
 
 def attributes(system: AbstractSystem, name: str) -> dict[str, str]:

@@ -81,7 +81,6 @@ def follow_scene(
         initial_state=(position, velocity),
         period=period,
         over=over,
-        varied=() if second is None else second[:1],
         max_step=spec.run.max_step,
     )
     if cycle.found != Found.FOUND:

@@ -75,9 +75,8 @@ def follow_curves(
         )
     ranges = {branch.over: branch.bounds, second: (low, high)}
     numbers.check_corners("low to high", shooting.system, ranges)
-    varied = tuple(dict.fromkeys((*shooting.varied, branch.over, second)))
     system = numbers.traceable(shooting.system, branch.over, second)
-    shooting = replace(shooting, system=system, varied=varied)
+    shooting = replace(shooting, system=system)
     bounds = np.array([*ranges.values()])
     plane = Plane(system, (branch.over, second), bounds[:, 0], bounds[:, 1])
     found: list[Curve] = []

@@ -31,13 +31,11 @@ class OfCycles(Equations):
     def pair(self, place) -> tuple[Shooting, Shooting]:
         """Return the family of systems through ``place``, varied over either parameter."""
         names, scale = self.plane.names, self.plane.scale
-        others = [name for name in self.shooting.varied if name not in names]
         return tuple(  # type: ignore[return-value]
             replace(
                 self.shooting,
                 system=self.plane.at(place),
                 over=names[k],
-                varied=(names[1 - k], *others),
                 parameter_scale=scale[k],
             )
             for k in (0, 1)
