@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import own_systems
@@ -85,6 +86,12 @@ class Wrong(wiperjax.AbstractFriction):
 
     def coefficient(self, speed):
         return None
+
+
+def test_a_law_of_ones_own_can_be_made_within_jit():
+    """Its coefficient at rest, known there only when it runs, was asked for: a traceback of JAX."""
+    found = jax.jit(lambda speed: own_systems.Falling(0.8).coefficient(speed))(1.0)
+    assert float(found) == pytest.approx(0.8 / 4)
 
 
 class Jerky(wiperjax.SteadyBelt):
