@@ -55,7 +55,8 @@ def page() -> str:
         "## [parameters]\n\nThose that [a system, or a friction law, of your own]"
         "(your_own_system.md) declares; and, of such a system, `friction`, the name of its law. In "
         "place of `[blade]`, unless it is the law of a wiper.\n",
-        "## [belt]\n\n`kind`: `steady` (if left out), `wiping` (a sine) or `trapezoid`.\n",
+        "## [belt]\n\n`kind`: `steady` (if left out), `wiping` (a sine) or `trapezoid`. A "
+        "measured one runs from Python ([how](your_own_system.md#measured-points)).\n",
         *(
             f'### kind = "{kind}"\n\n' + parameters({k: PARAMETERS[n] for k, n in keys.items()})
             for kind, keys in BELTS.items()

@@ -23,6 +23,7 @@ from wiperjax.noise import run_class
 from wiperjax.runs.scene import run_scene
 from wiperjax.store import whole
 from wiperjax.vocabulary import codes
+from wiperjax.vocabulary.cf import flags
 
 SWEEP = """
 title = "two cells"
@@ -55,6 +56,7 @@ class Stubs:
     def __init__(self, monkeypatch):
         self.calls = []
         self.error = None
+        self.map = small_map()
         self.run = xr.Dataset({"position": (("time", "axis"), np.zeros((3, 2)))})
         self.report = types.SimpleNamespace(
             cells=2,
@@ -96,8 +98,8 @@ class Stubs:
         self.calls.append(("sweep", spec, output, options))
         if self.error:
             raise self.error
-        whole.write_dataset(small_map(), output, options["force"] or options["resume"])
-        return small_map()
+        whole.write_dataset(self.map, output, options["force"] or options["resume"])
+        return self.map
 
     def verify(self, path, cells, seed):
         self.calls.append(("verify", path, cells, seed))
@@ -169,6 +171,31 @@ def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
     )
     assert "m.png" in printed.out
     assert "borders" not in printed.out
+
+
+def test_a_sweep_says_of_how_many_cells_the_answer_is_open(folder, stubs, capsys, monkeypatch):
+    """As `info` does: a short transient was not seen until someone asked."""
+    settled = xr.zeros_like(small_map()["label"]) + codes.SETTLED["no"]
+    monkeypatch.setattr(stubs, "map", small_map().assign(settled=settled))
+    assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0
+    line = r"^not settled  2 cells: growing, dying, irregular or of too few periods$"
+    assert re.search(line, capsys.readouterr().out, re.M)
+    assert main(["info", "m.h5"]) == 0
+    assert re.search(line, capsys.readouterr().out, re.M)
+
+
+@pytest.mark.parametrize(("differ", "noted"), [([1e-6, 4e-6, 0.05], 0), ([1e-6, 4e-3, 0.05], 1)])
+def test_derivatives_that_disagree_with_differences_are_noted(differ, noted, capsys):
+    """In the median: one cell may lie beside a grazing."""
+    codes_of = xr.DataArray(
+        np.zeros(3, "int8"), dims="attack_angle", attrs=flags(codes.VALIDITY, "int8")
+    )
+    agreement = ("attack_angle", np.array(differ))
+    ds = xr.Dataset({"sensitivity_code": codes_of, "sensitivity_agreement": agreement})
+    tables.print_sensitivities(ds)
+    printed = capsys.readouterr()
+    assert "checked by differences: 3 cells" in printed.out
+    assert printed.err.count("note: derivatives disagree with differences: ") == noted
 
 
 def test_what_a_sweep_will_take_names_its_borders(folder, stubs, capsys):

@@ -1,5 +1,8 @@
 """Mistakes in a system of one's own: one line that names the class and the method."""
 
+import math
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import own_systems
@@ -17,7 +20,7 @@ from wiperjax.vocabulary.kinds import MODELS
 NUMBERS = "must return 1 numbers, one a coordinate, but returned"
 PAIRS = "must return two tuples of 1 numbers, one a coordinate, but returned"
 NUMBER = "must return a number, but returned"
-IF = "must not have an if of values that are known only when it runs"
+IF = "must not have an if, a max or a float of values that are known only when it runs"
 METHODS = {
     "free_acceleration": [
         (lambda s, t, q, v: -q[0], f"{NUMBERS} one number"),
@@ -85,6 +88,12 @@ class Wrong(wiperjax.AbstractFriction):
         return None
 
 
+def test_a_law_of_ones_own_can_be_made_within_jit():
+    """Its coefficient at rest, known there only when it runs, was asked for: a traceback of JAX."""
+    found = jax.jit(lambda speed: own_systems.Falling(0.8).coefficient(speed))(1.0)
+    assert float(found) == pytest.approx(0.8 / 4)
+
+
 class Jerky(wiperjax.SteadyBelt):
     def velocity(self, time, piece):
         return (0.1, 0.2)
@@ -135,6 +144,30 @@ def test_a_blade_asks_its_belt_as_every_system_does(words, model):
     blade = on_rung(wiperjax.Wiper(**PARTS[words]), model)
     with pytest.raises(ValueError, match=f"^{words}"):
         wiperjax.solve(blade, 1e-3)
+
+
+SAID = {
+    "peak must be a property, but was a method": {"peak": lambda s: s.speed},
+    "rms must be a property, but was a method": {"rms": lambda s: s.speed},
+    "judged_at must be a property": {"judged_at": lambda s: 0.0},
+    "wiping_frequency must be a number": {"wiping_frequency": property(lambda s: None)},
+    f"peak {IF}": {"peak": property(lambda s: max(s.speed, 0.1))},
+    f"rms {IF}": {"rms": property(lambda s: math.sqrt(s.speed**2))},
+    "rms must be a number, but was an array": {"rms": property(lambda s: s.speed * jnp.ones(2))},
+    "reverses must return True or False, .* None": {"reverses": lambda s, piece: None},
+    "reverses must return True or False, .* one number": {"reverses": lambda s, piece: 0.5},
+    "reverses fails: TypeError": {"reverses": property(lambda s: False)},
+    "since_reversal must return a number": {"since_reversal": lambda s, time: None},
+}
+
+
+@pytest.mark.parametrize("words", SAID)
+def test_all_that_a_belt_says_is_asked(words):
+    """What only a blade asks, or a map, ended in a traceback there, or nowhere."""
+    belt = type("Mine", (wiperjax.SteadyBelt,), SAID[words])(0.2)
+    with pytest.raises(ValueError, match=f"^Mine.{words}") as caught:
+        wiperjax.simulate(Oscillator(belt=belt), 1.0)
+    assert "\n" not in str(caught.value)
 
 
 class Breaking(wiperjax.SteadyBelt):

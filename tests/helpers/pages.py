@@ -10,8 +10,8 @@ DOORS = ("wiperjax", "wiperjax.cycles", "wiperjax.remedy", "wiperjax.plots", "wi
 
 
 def write_files(page: Path, folder: Path) -> None:
-    """Writes the files that a page shows: code that begins with a line `# NAME`."""
-    for language in ("python", "toml"):
+    """Writes the files that a page shows: code or a table that begins with a line `# NAME`."""
+    for language in ("python", "toml", "csv"):
         for block in blocks(page, language):
             if name := re.match(r"# (\w+\.\w+)\n", block):
                 (folder / name[1]).write_text(block)

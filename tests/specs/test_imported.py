@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from wiperjax.specs.errors import SpecError
-from wiperjax.specs.load import load_scene, load_sweep
+from wiperjax.specs.load import load_scene, load_sweep, parse_sweep
 
 LAW = """
 import wiperjax
@@ -30,14 +30,14 @@ def folders(tmp_path, monkeypatch):
     """Two folders, each with a sweep and its law; the laws are of one name and of unlike physics.
     Python forgets them afterwards."""
     monkeypatch.setattr(sys, "path", [*sys.path])
-    before = set(sys.modules)
     for name, steepness in (("a", 3), ("b", 9)):
         (tmp_path / name).mkdir()
         (tmp_path / name / "twin_law.py").write_text(LAW.format(steepness))
         (tmp_path / name / "sweep.toml").write_text(SWEEP.format("twin_law"))
     yield tmp_path
-    for module in set(sys.modules) - before:
-        sys.modules.pop(module)
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", None)).startswith(str(tmp_path)):
+            sys.modules.pop(name)
 
 
 def test_a_law_of_another_folder_is_not_taken_for_that_beside_the_file(folders):
@@ -85,6 +85,66 @@ def test_a_package_beside_the_file_is_found(folders):
     for name in ("laws", "laws.dry"):
         (folders / "a/sweep.toml").write_text(SWEEP.format(name))
         assert f'"{name}:Falling"' in load_sweep(folders / "a/sweep.toml").canonical()
+
+
+MEASURED = """
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import own_systems
+import wiperjax
+from pathlib import Path
+
+def read():
+    return np.loadtxt(Path(__file__).with_name("measured.csv"))
+
+class Given(wiperjax.AbstractFriction):
+    static: float = 2.0
+    table: tuple = ()
+
+    def coefficient(self, speed):
+        return jnp.interp(speed, jnp.arange(3.0), jnp.asarray(self.table))
+
+class OfModule(Given):
+    def coefficient(self, speed):
+        return jnp.interp(speed, jnp.arange(3.0), {held})
+
+class OfField(Given):
+    table: tuple = {field}
+
+class Block(own_systems.Oscillator):
+    friction: wiperjax.AbstractFriction = {default}
+"""
+UNUSED = {"held": "TABLE", "field": "()", "default": "wiperjax.Coulomb(0.5)"}
+TABLES = {
+    "a field": UNUSED | {"field": "tuple(read().tolist())"},
+    "a factory": UNUSED | {"field": "eqx.field(default_factory=lambda: (*read(),))"},
+    "an array": UNUSED | {"more": "TABLE = read()"},
+    "a list of pairs": UNUSED | {"more": "TABLE = list(enumerate(read().tolist()))"},
+    "a mapping": UNUSED | {"more": "TABLE = {'mu': jnp.asarray(read())}"},
+    "a law by default": UNUSED | {"default": "Given(table=(*read().tolist(),))"},
+}
+
+
+@pytest.mark.parametrize("where", TABLES)
+def test_a_table_that_was_read_from_another_file_tells_maps_apart(folders, monkeypatch, where):
+    """One that was changed between a stop and `--resume` made one map of two laws of friction."""
+    parts = dict(TABLES[where])
+    text = MEASURED.format(**{name: parts[name] for name in UNUSED}) + parts.get("more", "")
+    (folders / "a/measured_law.py").write_text(text)
+    monkeypatch.syspath_prepend(folders / "a")
+    of_law = {"blade": {"friction": "measured_law:OfField"}, "axes": {"static": {"values": [1, 2]}}}
+    if parts.get("more"):
+        of_law["blade"]["friction"] = "measured_law:OfModule"
+    if where == "a law by default":
+        of_law = {"system": "measured_law:Block", "axes": {"mass": {"values": [1, 2]}}}
+    digests = []
+    for third in (0.4, 0.5, 0.4):
+        (folders / "a/measured.csv").write_text(f"0.9\n0.5\n{third}\n")
+        sys.modules.pop("measured_law", None)  # as the next process finds it
+        spec = parse_sweep(of_law | {"run": {"transient": 0, "window": 20.0}})
+        digests.append(spec.digest())
+    assert digests[0] == digests[2] != digests[1]
 
 
 def test_a_module_without_the_class_is_named_with_its_file(folders):

@@ -155,7 +155,7 @@ def test_python_runs(page, maps, monkeypatch):
     monkeypatch.setitem(sys.modules, "dask_jobqueue", queue)
     write_files(page, maps)
     monkeypatch.syspath_prepend(maps)
-    names = {"__name__": "page", "wiperjax": wiperjax, "np": np}
+    names = {"__name__": "page", "__file__": str(maps / "page.py"), "wiperjax": wiperjax, "np": np}
     for block in blocks(page, "python"):
         exec(compile(block, str(page), "exec"), names)
     for mesh in (c for n in plt.get_fignums() for ax in plt.figure(n).axes for c in ax.collections):

@@ -1,4 +1,4 @@
-"""The command that locates the borders of a map."""
+"""The command that locates the borders of a map, and what is said of them."""
 
 import shlex
 import sys
@@ -9,8 +9,18 @@ from typing import Annotated, Any
 import typer
 
 from .options import check_once, check_source, interrupted
-from .tables import cost, print_borders
+from .tables import cost
 from .who import Processes, Scheduler, Who, Workers, check_who
+
+WIDEST = "widest_bracket_share_"
+WIDE = {
+    "irregular": "at or beside irregular motion",
+    "unresolved": "not looked at to the end",
+    "meeting": "of more than two answers",
+    "unsettled": "with answers that are not settled",
+    "bent": "whose border is no plane",
+}
+"""Why a cube is not believed within a bracket of its border (`maps.refine.judge.REASONS`)."""
 
 STATED = "as --resolution needs, or [refine] of the map's file says"
 Levels = Annotated[
@@ -120,3 +130,62 @@ def boxes(texts: list[str] | None) -> dict[str, tuple[float, float]] | None:
                 f"--box must be AXIS=LOW:HIGH, such as attack_angle=-5:5, was {text}"
             ) from None
     return found or None
+
+
+def print_borders(borders: Any) -> None:
+    """What a refinement found, what it took, and how far it can be believed."""
+    from ..vocabulary.codes import CROSSINGS
+
+    said = borders.attrs
+    counts = [f"{said[f'{kind}_points']} {kind}" for kind in CROSSINGS if said[f"{kind}_points"]]
+    print(
+        f"borders of {said['on']}: {borders.sizes['border']} points ({', '.join(counts) or 'none'})"
+    )
+    print(f"bracket, as a share of the axis: {_shares(borders, 'bracket_share_')}")
+    if said.get("wide_cubes"):
+        reasons = [f"{said[f'wide_cubes_{why}']} {words}" for why, words in WIDE.items()
+                   if said[f"wide_cubes_{why}"]]  # fmt: skip
+        print(
+            f"    in {said['wide_cubes']} of {said['cubes']} cubes "
+            f"({said['wide_cubes_volume_share']:.2%} of the volume) the bracket is the cube: "
+            f"{', '.join(reasons)}"
+        )
+        if said["wide_points"]:
+            widest = _shares(borders, WIDEST)
+            print(f"    {said['wide_points']} points have such a cube, at most {widest}")
+    if "linear_points" in said:
+        print(f"{said['linear_points']} points of steady slip, no simulation")
+    else:
+        every, full = said["simulations"] + said["map_cells"], said["full_grid_cells"]
+        print(
+            f"{said['simulations']} simulations beside {said['map_cells']} of the map, for a grid "
+            f"of {full:.4g}: 1/{full / every:.3g}"
+        )
+    for name, what in (("probe", "cubes without a border"), ("border_probe", "cubes with one")):
+        count, wrong = said.get(f"{name}s", 0), said.get(f"{name}s_wrong", 0)
+        if count:
+            bound = said[f"{name}s_wrong_share_at_most"]
+            print(
+                f"probes in {what}: {wrong} of {count} unlike what was expected "
+                f"(at most {bound:.2%}, 95 % sure)"
+            )
+    if count := said.get("sure_probes", 0):
+        wrong, bound = said["sure_probes_wrong"], said["sure_probes_wrong_share_at_most"]
+        print(f"    {wrong} of the {count} beyond the bracket (at most {bound:.2%}, 95 % sure)")
+    if said["budget_spent"]:
+        print("note: the budget ended it (--max-cells); unresolved points have wider brackets")
+    if said["irregular_points"]:
+        print("note: at irregular points the answer changes to and fro; nothing there is a border")
+    if said["unsettled_points"]:
+        print(f"note: {said['unsettled_points']} points are not settled in the longest window")
+
+
+def _shares(borders: Any, prefix: str) -> str:
+    """Shares of the axes."""
+    found = []
+    for name, share in borders.attrs.items():
+        if name.startswith(prefix):
+            axis = name.removeprefix(prefix)
+            geometric = borders[axis].attrs.get("spacing") == "geometric"
+            found.append(f"{axis} 1/{1 / share:.0f}" + (" of its logarithm" if geometric else ""))
+    return ", ".join(found)

@@ -22,15 +22,16 @@ from .options import (
     check_target,
     cuts,
 )
+from .refine import print_borders
 from .tables import (
     counted,
     print_attributes,
-    print_borders,
     print_class,
     print_classes,
     print_curves,
     print_end,
     print_events,
+    print_open,
     print_sensitivities,
     print_special,
 )
@@ -214,7 +215,7 @@ def info(
     """Show what a file holds, its classes, and how it was made."""
     from ..datasets.run_dataset import is_run
     from ..machine.files import StoreError
-    from ..noise.class_counts import anatomy, unsettled_count, untold_count
+    from ..noise.class_counts import anatomy
     from ..store.levels import is_refined
     from ..store.whole import borders, open_map, sound
 
@@ -226,15 +227,10 @@ def info(
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
         if "label" in dataset:
             print_classes(dataset)
-            of = counted(dataset)
-            if fast := untold_count(dataset):
-                why = "carried, too fast for the finest samples, or of no two periods"
-                print(f"not told     {fast} {of}: {why}")
-            if lost := unsettled_count(dataset):
-                print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
+            print_open(dataset)
             if "mechanism" in dataset and "band" in dataset:
                 for mechanism, band, count in anatomy(dataset):
-                    print(f"other: {count} {of} of {mechanism}, band {band}")
+                    print(f"other: {count} {counted(dataset)} of {mechanism}, band {band}")
             print_sensitivities(dataset)
         elif "cells_done" in dataset.attrs:
             print("no cell is computed yet")

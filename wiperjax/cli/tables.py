@@ -6,6 +6,8 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
+DISAGREE = 1e-3  # median of the checked cells: what is called fine is right to that
+
 
 def print_plan(spec: Any, cores: int, finer: Any) -> None:
     """Axes with their units, so that a wrong unit is seen before hours are spent on it, and what it
@@ -31,8 +33,9 @@ def print_notes(spec: Any) -> None:
 
 
 def print_map(dataset: Any) -> None:
-    """Classes, derivatives and events of a map that was made just now."""
+    """Classes, what is open, derivatives and events of a map that was made just now."""
     print_classes(dataset)
+    print_open(dataset)
     print_sensitivities(dataset)
     print_events(dataset)
 
@@ -58,6 +61,18 @@ def print_classes(dataset: Any) -> None:
     print(f"the class depends on the start in {int(several.sum())} of {done} cells")
     if failed := int(failed_somewhere(dataset).sum()):
         print(f"some starts failed in {failed} of {done} cells; a failure is no class")
+
+
+def print_open(dataset: Any) -> None:
+    """How many answers of a map are not the last word: no frequency, or no settled motion."""
+    from ..noise.class_counts import unsettled_count, untold_count
+
+    of = counted(dataset)
+    if fast := untold_count(dataset):
+        why = "carried, too fast for the finest samples, or of no two periods"
+        print(f"not told     {fast} {of}: {why}")
+    if lost := unsettled_count(dataset):
+        print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
 
 
 def counted(dataset: Any) -> str:
@@ -127,6 +142,9 @@ def print_sensitivities(dataset: Any) -> None:
             f"checked by differences: {found.size} cells; the worst derivative of each differs by "
             f"{np.median(found):.1e} (median), {found.max():.1e} (largest)"
         )
+        if np.median(found) > DISAGREE:  # smooth systems: 1e-6 (docs/gradients.md, "Accuracy")
+            why = "have the law of friction, the belt or the forces corners that they do not tell"
+            print(f"note: derivatives disagree with differences: {why}?", file=sys.stderr)
 
 
 def print_events(dataset: Any) -> None:
@@ -197,76 +215,6 @@ def print_phases(dataset: Any) -> None:
         idle = seconds.pop("idle")
         parts = ", ".join(f"{name} {value:.1f} s" for name, value in seconds.items())
         print(f"time     {parts}; cores idle for {idle:.1f} s of it")
-
-
-WIDEST = "widest_bracket_share_"
-WIDE = {
-    "irregular": "at or beside irregular motion",
-    "unresolved": "not looked at to the end",
-    "meeting": "of more than two answers",
-    "unsettled": "with answers that are not settled",
-    "bent": "whose border is no plane",
-}
-"""Why a cube is not believed within a bracket of its border (`maps.refine.judge.REASONS`)."""
-
-
-def print_borders(borders: Any) -> None:
-    """What a refinement found, what it took, and how far it can be believed."""
-    from ..vocabulary.codes import CROSSINGS
-
-    said = borders.attrs
-    counts = [f"{said[f'{kind}_points']} {kind}" for kind in CROSSINGS if said[f"{kind}_points"]]
-    print(
-        f"borders of {said['on']}: {borders.sizes['border']} points ({', '.join(counts) or 'none'})"
-    )
-    print(f"bracket, as a share of the axis: {_shares(borders, 'bracket_share_')}")
-    if said.get("wide_cubes"):
-        reasons = [f"{said[f'wide_cubes_{why}']} {words}" for why, words in WIDE.items()
-                   if said[f"wide_cubes_{why}"]]  # fmt: skip
-        print(
-            f"    in {said['wide_cubes']} of {said['cubes']} cubes "
-            f"({said['wide_cubes_volume_share']:.2%} of the volume) the bracket is the cube: "
-            f"{', '.join(reasons)}"
-        )
-        if said["wide_points"]:
-            widest = _shares(borders, WIDEST)
-            print(f"    {said['wide_points']} points have such a cube, at most {widest}")
-    if "linear_points" in said:
-        print(f"{said['linear_points']} points of steady slip, no simulation")
-    else:
-        every, full = said["simulations"] + said["map_cells"], said["full_grid_cells"]
-        print(
-            f"{said['simulations']} simulations beside {said['map_cells']} of the map, for a grid "
-            f"of {full:.4g}: 1/{full / every:.3g}"
-        )
-    for name, what in (("probe", "cubes without a border"), ("border_probe", "cubes with one")):
-        count, wrong = said.get(f"{name}s", 0), said.get(f"{name}s_wrong", 0)
-        if count:
-            bound = said[f"{name}s_wrong_share_at_most"]
-            print(
-                f"probes in {what}: {wrong} of {count} unlike what was expected "
-                f"(at most {bound:.2%}, 95 % sure)"
-            )
-    if count := said.get("sure_probes", 0):
-        wrong, bound = said["sure_probes_wrong"], said["sure_probes_wrong_share_at_most"]
-        print(f"    {wrong} of the {count} beyond the bracket (at most {bound:.2%}, 95 % sure)")
-    if said["budget_spent"]:
-        print("note: the budget ended it (--max-cells); unresolved points have wider brackets")
-    if said["irregular_points"]:
-        print("note: at irregular points the answer changes to and fro; nothing there is a border")
-    if said["unsettled_points"]:
-        print(f"note: {said['unsettled_points']} points are not settled in the longest window")
-
-
-def _shares(borders: Any, prefix: str) -> str:
-    """Shares of the axes."""
-    found = []
-    for name, share in borders.attrs.items():
-        if name.startswith(prefix):
-            axis = name.removeprefix(prefix)
-            geometric = borders[axis].attrs.get("spacing") == "geometric"
-            found.append(f"{axis} 1/{1 / share:.0f}" + (" of its logarithm" if geometric else ""))
-    return ", ".join(found)
 
 
 def cost(output: Path, begun: float) -> str:

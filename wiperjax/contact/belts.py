@@ -37,8 +37,9 @@ class AbstractBelt(eqx.Module):
 
     @abstractmethod
     def velocity(self, time, piece):
-        """V [m/s] at ``time`` [s] by the formula of piece ``piece``, smooth within it and going on
-        in the next where it ends: what slips keeps its side of V there.
+        """V [m/s] at ``time`` [s] by the formula of piece ``piece``, smooth within it (twice
+        continuously differentiable) and going on in the next where it ends: what slips keeps its
+        side of V there.
         """
 
     def motion(self, time, piece):

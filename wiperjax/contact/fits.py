@@ -100,9 +100,25 @@ def _check_partner(system: AbstractSystem, t) -> None:
         raise ValueError(f"{kind}.first_piece {must}, but returned one of {found}")
     piece = jnp.zeros(shape, int)
     _number(f"{kind}.break_time", _asked(owner, "break_time", piece), shape)
+    turns = _asked(owner, "reverses", piece)
+    if np.dtype(getattr(turns, "dtype", type(turns))) != bool or np.shape(turns) not in ((), shape):
+        must = "must return True or False, or what JAX has of them"
+        raise ValueError(f"{kind}.reverses {must}, but returned {_told(turns)}")
     if isinstance(owner, AbstractBelt):
-        _number(f"{kind}.velocity", _asked(owner, "velocity", t, piece), shape)
-        joints.check_belt(owner, t)
+        _check_belt(owner, t, piece)
+
+
+def _check_belt(belt: AbstractBelt, t, piece) -> None:
+    """Raises ValueError unless the speed of a belt goes on, and what else it says is numbers."""
+    shape, kind = jnp.shape(t), type(belt).__name__
+    for method, *given in (("velocity", t, piece), ("since_reversal", t)):
+        _number(f"{kind}.{method}", _asked(belt, method, *given), shape)
+    for name in ("peak", "rms", "wiping_frequency", "judged_at"):
+        found = _called(f"{kind}.{name}", lambda belt, name=name: getattr(belt, name), belt)
+        if callable(found):
+            raise ValueError(f"{kind}.{name} must be a property, but was a method")
+        _number(f"{kind}.{name}", found, shape, "be")
+    joints.check_belt(belt, t)
 
 
 def _is_ours(part: Any) -> bool:
@@ -192,8 +208,9 @@ def _called(name: str, function: Callable, *given) -> Any:
         return eqx.filter_eval_shape(function, *given)
     except NotImplementedError as error:
         raise ValueError(f"{name} is missing: {error}") from None
-    except jax.errors.TracerBoolConversionError as error:
-        must = "must not have an if of values that are known only when it runs: jnp.where chooses"
+    except jax.errors.ConcretizationTypeError as error:
+        must = "must not have an if, a max or a float of values that are known only when it runs: "
+        must += "jnp.where and jnp.max choose"
         raise ValueError(f"{name} {must}") from error
     except Exception as error:  # whatever it does wrong
         said = str(error).splitlines()[0] if str(error) else ""

@@ -38,6 +38,8 @@ class AbstractFriction(eqx.Module):
         if any(checks.is_traced(x) or not checks.is_number(x) for x in numbers):
             return
         at_rest = self.coefficient(jnp.zeros(()))
+        if checks.is_traced(at_rest):  # made within a `jax.jit`
+            return
         if not checks.is_number(at_rest):  # said where a motion is asked for (`fits`)
             return
         at_rest, what = np.asarray(at_rest), f"{type(self).__name__}: its coefficient at speed 0"
@@ -53,7 +55,9 @@ class AbstractFriction(eqx.Module):
         ends with `NO_CONSISTENT_REGIME`.
 
         A step that runs past ``v_t = 0`` before the crossing is located evaluates it at slightly
-        negative speeds: it must continue smoothly there.
+        negative speeds: it must continue smoothly there. Above 0 it must be twice continuously
+        differentiable for derivatives and cycles: corners, as of measured points joined by lines,
+        are not located (a spline has none).
         """
 
 

@@ -2,15 +2,20 @@
 own. They are imported when their file is read; here no jax is (their modules do).
 """
 
+import dataclasses
 import hashlib
 import importlib
 import inspect
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
+import numpy as np
+
+from ..vocabulary.checks import is_number
 from .errors import Fault, show
 
 
@@ -121,24 +126,67 @@ def needs(key: str, found: type, methods: tuple[str, ...], what: str) -> None:
 @cache
 def fingerprint(key: str, found: type) -> str:
     """SHA-256 of the sources that a class stands in: its module's, or in a session its own, and
-    those of the classes it inherits from. (What their functions call elsewhere is not seen.) Read
+    those of the classes it inherits from; and of the tables in these, for what they were read from
+    may change while the source does not. (What functions call or read elsewhere is not seen.) Read
     once: a source that is changed meanwhile is not what this process computes with.
 
     Raises: Fault, of the key, where there is no source.
     """
     bases = [each for each in found.__mro__ if each.__module__.split(".")[0] not in _KNOWN]
     found_in = [_source(key, each) for each in (found, *bases)]
-    return hashlib.sha256("".join(dict.fromkeys(found_in)).encode()).hexdigest()
+    digest = hashlib.sha256("".join(dict.fromkeys(found_in)).encode())
+    for name, value in (pair for each in bases for pair in _held(each)):
+        for table in _tables(value):
+            digest.update(name.encode() + table)
+    return digest.hexdigest()
 
 
 _KNOWN = ("builtins", "abc", "equinox", "wiperjax")  # whose versions a map has by themselves
+_DEEPEST = 8  # tables in tables: one may hold itself
 
 
 def _source(key: str, found: type) -> str:
     try:
-        module = inspect.getmodule(found)
-        whole = module is not None and getattr(module, "__file__", None) is not None
-        return inspect.getsource(module if whole and module is not None else found)
+        return inspect.getsource(_file_of(found) or found)
     except (OSError, TypeError):
         must = "must stand in a file, so that a map can be told from one of another version"
         raise Fault(key, f"{found.__name__} {must}") from None
+
+
+def _file_of(found: type) -> ModuleType | None:
+    """The module of a class; None in a session, which has more in it than the class."""
+    module = inspect.getmodule(found)
+    return module if getattr(module, "__file__", None) is not None else None
+
+
+def _held(found: type) -> Iterator[tuple[str, Any]]:
+    """Names and values in the module of a class, in the class, and of its fields by default."""
+    module = _file_of(found)
+    for part in (found,) if module is None else (module, found):
+        yield from (pair for pair in vars(part).items() if not pair[0].startswith("__"))
+    for field in dataclasses.fields(found) if dataclasses.is_dataclass(found) else ():
+        if field.default_factory is not dataclasses.MISSING:
+            yield field.name, field.default_factory()
+
+
+def _tables(value: Any, depth: int = 0) -> Iterator[bytes]:
+    """The arrays, tuples and lists of numbers in a value: itself, its fields, its entries. A single
+    number is none: it is a parameter, which a map has by itself, or stands in the source.
+    """
+    if isinstance(value, type | ModuleType) or depth > _DEEPEST:
+        return
+    parts: Iterable[Any] = ()
+    listed = isinstance(value, tuple | list)
+    if is_number(value) or (listed and all(is_number(each, arrays=False) for each in value)):
+        if np.size(value) and np.ndim(value):
+            with np.errstate(over="ignore"):  # the last digits of an exp are each machine's own
+                table = np.asarray(value, float).astype(np.float32)
+            yield f"{table.shape}".encode() + table.tobytes()
+    elif dataclasses.is_dataclass(value):
+        parts = [getattr(value, field.name, None) for field in dataclasses.fields(value)]
+    elif isinstance(value, Mapping):
+        parts = value.values()
+    elif listed:
+        parts = value
+    for part in parts:
+        yield from _tables(part, depth + 1)

@@ -45,7 +45,7 @@ class Refine(Table):
         max_cells: simulations after which it ends, whatever is left; stored points take none.
         probes: random points in cubes without a border, and as many in those with one.
         lengthen: times as long a window where the answer is not settled; 1: never. To be left out
-            where `on` is counted in the window, or of its end: a longer one has another.
+            where `on` is counted in the window, of its end, or `settled`: a longer one has another.
         splits: how often a cube is halved whose border is not what its edges tell.
         seed: of the random points.
     """

@@ -126,7 +126,7 @@ def _first_difference(was: str, now: str) -> str:
     for key in keys[:3]:
         owner = new.get(key.removesuffix("_source"))
         if key.endswith("_source") and owner == old.get(key.removesuffix("_source")):
-            shown.append(f"{owner} has another source than it had")
+            shown.append(f"{owner} has another source, or other tables in it, than it had")
         else:
             shown.append(f"{key} was {_short(old.get(key))}, now {_short(new.get(key))}")
     return ", ".join(shown) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")

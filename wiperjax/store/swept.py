@@ -20,7 +20,7 @@ def sweep_of(ds: xr.Dataset, path: str | Path) -> SweepSpec:
     """The sweep that the map at `path`, opened as `ds`, was made by.
 
     Raises: `StoreError` for what is no such map, and where its sweep means something else by now (a
-    class of one's own has another source, or a version of wiperjax reads it otherwise);
+    class of one's own has another source or table, or a version of wiperjax reads it otherwise);
     `SpecError` where it cannot be read any more.
     """
     check_swept(ds, path)

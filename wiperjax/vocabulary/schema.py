@@ -212,9 +212,10 @@ ENDED_ELSEWHERE = ("result", "final_position", "final_velocity", "final_regime")
 OF_THE_WINDOW = (
     *("reversal_count", "impact_count", "stick_count", "lift_off_count"),
     *("steps", "rejected_steps", "unproved_steps", "final_time"),
-    *("final_x", "final_y", "final_vx", "final_vy", "final_regime"),
+    *("final_x", "final_y", "final_vx", "final_vy", "final_regime", "settled"),
 )
-"""Columns of which one motion has another value in a longer window: counts, and its end."""
+"""Columns of which one motion has another value in a longer window: counts, its end, and whether it
+has settled."""
 
 SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error")
 """Columns that only a map of several starts has; shares, only of random ones."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from border_maps import border_spec, coarse_map, engine, refined, unit
 
-from wiperjax.cli.tables import print_borders
+from wiperjax.cli.refine import print_borders
 from wiperjax.machine.files import StoreError
 from wiperjax.machine.lock import acquire, release
 from wiperjax.machine.provenance import PHASES

@@ -272,6 +272,20 @@ def test_points_are_counted_as_unsettled_also_where_no_window_is_lengthened(tmp_
 
 
 @pytest.mark.slow
+def test_the_border_of_what_settles_is_that_of_the_windows_of_the_map(tmp_path):
+    """In windows four times as long everything has settled: looked for there, it is nowhere."""
+    evaluate = engine(lambda x, y: 0 * x + 700.0, lambda window, x, y: (y > 0.45) | (window > 0.5))
+    path = tmp_path / "map.h5"
+    coarse_map(path, evaluate)
+    found = refined(path, evaluate, levels=3, on="settled")
+    assert np.abs(to_unit(found)[1] - 0.45).max() < 1 / (8 * 2**3)
+    assert found.attrs["lengthened_points"] == found.attrs["wide_cubes_unsettled"] == 0
+    fine = open_map(path, level=3)
+    expected = np.linspace(0, 1, 65) > 0.45
+    assert (fine.settled.values == expected)[fine.computed == 1].all()
+
+
+@pytest.mark.slow
 def test_counts_are_compared_in_windows_of_one_length(tmp_path):
     """Of a motion that never settles: a window four times as long has four times the count."""
     path, never = tmp_path / "map.h5", engine(disc, lambda *_: 0)
