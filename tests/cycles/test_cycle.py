@@ -19,7 +19,8 @@ from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import chart
 from wiperjax.cycles.branch.dataset import branch_dataset
 from wiperjax.cycles.branch.follow import follow
-from wiperjax.cycles.branch.up_and_down import repeat_time, up_and_down
+from wiperjax.cycles.branch.repeats import comes_back, repeat_time
+from wiperjax.cycles.branch.up_and_down import up_and_down
 from wiperjax.cycles.clock import check_clock, refuse_a_clock
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.first_guess import moving
@@ -202,11 +203,20 @@ def test_simulated_means_are_those_of_whole_periods():
 def test_time_of_a_motion_that_comes_back_and_of_one_that_does_not():
     t = np.linspace(0, 7.3, 1000)[:, None]
     wave = np.hstack([np.sin(2 * np.pi * t + 0.4), 0 * t, np.cos(2 * np.pi * t + 0.4), 1e-18 * t])
-    assert float(repeat_time(jnp.asarray(wave), 7.3)) == pytest.approx(7.0, abs=1e-4)
-    doubled = wave * (1 + 0.1 * np.cos(np.pi * t + 0.2))
-    assert float(repeat_time(jnp.asarray(doubled), 7.3)) == pytest.approx(6.0, abs=1e-3)
-    for other in (wave * np.exp(-t), 0 * wave):  # dying, at rest
-        assert float(repeat_time(jnp.asarray(other), 7.3)) == 7.3
+    sizes, both = jnp.ones(4), jnp.ones(2, bool)
+
+    def time(states, counted=both):
+        return float(repeat_time(jnp.asarray(states), 7.3, sizes, counted))
+
+    assert time(wave) == pytest.approx(7.0, abs=1e-4)
+    assert time(wave * (1 + 0.1 * np.cos(np.pi * t + 0.2))) == pytest.approx(6.0, abs=1e-3)
+    assert math.isnan(time(wave * np.exp(-t)))  # it dies out
+    assert time(0 * wave) == time(1e-7 * wave * np.exp(-t)) == 7.3  # at rest
+    falls = np.hstack([-0.2 * t, wave[:, :1], 0 * t - 0.2, wave[:, 2:3]])
+    assert math.isnan(time(falls))
+    assert time(falls, jnp.array([False, True])) == pytest.approx(7.0, abs=1e-4)
+    whole = jnp.asarray(wave[t[:, 0] <= 6.0])
+    assert comes_back(whole, sizes, both) and not comes_back(jnp.asarray(wave), sizes, both)
 
 
 @pytest.mark.slow

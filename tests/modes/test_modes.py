@@ -1,6 +1,7 @@
 """Complex eigenvalues: closed forms, the rigid lip's own linearisation, motions that grow alike."""
 
 import math
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -251,6 +252,27 @@ def test_head_and_tip_have_the_modes_of_matrices_written_out(angle, load):
     np.testing.assert_allclose(own, exact, rtol=1e-9)
     assert float(found.normal_force) == pytest.approx(force, rel=1e-10)
     assert (own.real.max() > 0) == (angle < 0)  # chatter of a blade that leans against the belt
+
+
+@pytest.mark.slow
+def test_head_and_tip_are_found_pressed_though_a_search_lifts_them_off():
+    """It stalled where the glass pushes no more: 4 of 400 wide draws were refused, this is one."""
+    system = HeadAndTip(
+        head_mass=0.5521123,
+        tip_mass=0.010237891,
+        support_along=2822.8517,
+        support_across=1174.8598,
+        axial_stiffness=974.10057,
+        bending_stiffness=126.15394,
+        attack_angle=0.077904649,
+        load=9.0022062,
+        contact_stiffness=3157.9989,
+        hardening=11.491265,
+        friction=Coulomb(0.83532572),
+        belt=wiperjax.SteadyBelt(-0.3),
+    )
+    force = four_by_hand(replace(system, attack_angle=-system.attack_angle))[-1]  # in a mirror
+    assert float(wiperjax.modes(system).normal_force) == pytest.approx(force, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -26,8 +26,8 @@ def refuse_a_clock(system: AbstractSystem, states, span: float) -> None:
 
     What is pushed against only now and then, a shaken wall say, is seen in the states of a motion.
     """
-    seen = _seen(system, states, span * jnp.geomspace(1e-6, 1.0, INSTANTS))
-    if any(np.any(np.ptp(x, axis=1) > CHANGED * np.max(np.abs(x))) for x in seen):
+    found = seen(system, states, span * jnp.geomspace(1e-6, 1.0, INSTANTS))
+    if any(np.any(np.ptp(x, axis=1) > CHANGED * np.max(np.abs(x))) for x in found):
         raise ValueError(
             f"period must be given: forces, speeds or stops of {type(system).__name__} change with "
             "time (a scene can tell the period of its belt only)"
@@ -46,7 +46,7 @@ def check_clock(system: AbstractSystem, clock: Callable, varied: Iterable[str], 
     for local, where in tried:
         period = checks.number(f"period{where}", clock(local), POSITIVE)
         times = period * (jnp.arange(INSTANTS) + 0.5**0.5) / INSTANTS  # no corner's own times
-        now, then = (_seen(local, states, t) for t in (times, times + period))
+        now, then = (seen(local, states, t) for t in (times, times + period))
         pairs = zip(now, then, strict=True)
         if any(np.any(np.abs(a - b) > AGAIN * np.max(np.abs(a))) for a, b in pairs):
             name = type(system).__name__
@@ -56,7 +56,7 @@ def check_clock(system: AbstractSystem, clock: Callable, varied: Iterable[str], 
             )
 
 
-def _seen(system: AbstractSystem, states, times) -> list[np.ndarray]:
+def seen(system: AbstractSystem, states, times) -> list[np.ndarray]:
     """All that depends on time beside the state, (states, instants, ...) each."""
     found = _looked_at(system, jnp.asarray(states, float), times)
     return [np.asarray(x) for x in jax.tree.leaves(found)]

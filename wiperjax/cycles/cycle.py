@@ -14,10 +14,11 @@ from ..contact.system import AbstractSystem
 from ..systems import numbers
 from .first_guess import moving
 from .orbit import slip_margin, words
-from .return_map import Found, Point, Shooting, correct
+from .return_map import Found, Point, Shooting, corrected
 from .shooting import UNKNOWN, Arc, Lost
 
 ISOLATED = 1e-6  # distance of a multiplier from 1
+EXACT = 1e-7  # of `trivial_error`: more is said
 NEUTRAL = 1e-9  # of a multiplier within the unit circle: less is rounding
 TOLD = 1e-6  # of the size of the motion: how closely a cycle is known that is isolated
 
@@ -35,14 +36,14 @@ class Cycle:
 
     system: AbstractSystem
     found: Found
-    why: str = ""  # more on a failure
+    why: str = ""  # more on a failure; of a found cycle, how little its multipliers are known
     period: float = math.nan
     state: np.ndarray | None = None  # (2n,): position and q' at the start
     phase: float = 0.0  # of the start, in periods of the clock
     regime: int = UNKNOWN  # `Regime` there
     multipliers: np.ndarray | None = None
     trivial_error: float = math.nan
-    residual: float = math.nan  # of the return map, relative to the size of the motion
+    residual: float = math.nan  # of the return map, of the size of the motion; also if not closed
     word: str = ""  # events of a period, in order
     regimes: str = ""  # regimes of a period, in order
     maximum: float = math.nan  # of the first coordinate
@@ -82,12 +83,11 @@ def close(shooting: Shooting, state, regime: int, period: float, phase: float = 
     shooting = replace(shooting, period_scale=period)
     try:
         where = shooting.chart(shooting.system, state, phase * period, regime)
+        guess = shooting.unknowns(where, period, parameter / shooting.parameter_scale)
+        point = corrected(shooting, where, phase, guess)
     except Lost as lost:
-        return Cycle(shooting.system, Found.NOT_CONVERGED, why=str(lost), shooting=shooting)
-    guess = shooting.unknowns(where, period, parameter / shooting.parameter_scale)
-    point = correct(shooting, where, phase, guess)
-    if point is None:
-        return Cycle(shooting.system, Found.NOT_CONVERGED, shooting=shooting)
+        known = {"why": str(lost), "residual": lost.residual, "shooting": shooting}
+        return Cycle(shooting.system, Found.NOT_CONVERGED, **known)
     if not np.any(moving(point.motion.samples, typical(shooting.system, len(where.origin) // 2))):
         return Cycle(shooting.system, Found.AT_REST, shooting=shooting)
     return cycle_at(shooting, point)
@@ -110,11 +110,17 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
     apart = np.min(np.abs(values - 1))
     # a root lies residual / apart away: a creep to a family of cycles closes, but nowhere near one
     isolated = apart > ISOLATED and point.residual < TOLD * apart
+    why = ""
+    if not isolated:
+        why = f"a multiplier is {apart:.0e} from 1, and it closes to {point.residual:.0e} only"
+    elif trivial > EXACT:
+        why = f"its multipliers are known to {trivial:.0e} only: a corner in a law or a force?"
     totals, period = motion.totals, point.period
     word, regimes = words(motion)
     return Cycle(
         system=shooting.at(point.parameter),
         found=Found.FOUND if isolated else Found.NOT_ISOLATED,
+        why=why,
         period=period,
         state=motion.samples[0],
         phase=point.phase,

@@ -15,11 +15,13 @@ from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, SETTINGS
 from .clock import check_clock, refuse_a_clock
 from .cycle import ISOLATED, Cycle, close, typical
-from .first_guess import Guess, driven_guesses, free_guesses
-from .return_map import Found, Shooting, complete
+from .drift import may_drift, names
+from .first_guess import Guess, Missing, driven_guesses, free_guesses
+from .return_map import REPEATS, Found, Shooting, complete
 from .shooting import Lost
 
 AGAIN = 1e-6  # of the size of the motion: how near a cycle that is passed twice comes to its start
+FINER = 1e-2  # of its tolerance: with that a motion is closed that nearly did
 DYING = 0.5  # of its swing: what a motion that dies out has left of it after so long
 UNSTABLE = "it passes near an unstable cycle, on which nothing settles"
 GOES_ON = "it closed a state of rest, but the motion goes on"
@@ -85,15 +87,19 @@ def find_cycle(
     else:
         check_clock(system, clock, shooting.names, beside)
     guess = free_guesses if clock is None else driven_guesses
-    return _closed(system, guess(shooting, state, settle), settle)
+    cycle = _closed(system, guess(shooting, state, settle), settle)
+    if cycle.found == Found.NOT_PERIODIC and np.any(drifts := may_drift(system, state)):
+        drift = f"nothing depends on {names(system, drifts)}, and what drifts is no cycle"
+        cycle = replace(cycle, why=f"{cycle.why}; {drift}")
+    return cycle
 
 
-def _closed(system, guesses: Iterable[Guess | Found], settle: float) -> Cycle:
+def _closed(system, guesses: Iterable[Guess | Missing], settle: float) -> Cycle:
     """Return the first of the guesses' cycles that there is, or why the first guess has none."""
     failed = None
     try:
         for guess in guesses:
-            cycle = Cycle(system, guess) if isinstance(guess, Found) else _near(guess, settle)
+            cycle = Cycle(system, *guess) if isinstance(guess, Missing) else _near(guess, settle)
             if cycle.found in (Found.FOUND, Found.NOT_ISOLATED, Found.AT_REST):
                 return cycle
             failed = failed or cycle
@@ -107,6 +113,11 @@ def _near(guess: Guess, settle: float) -> Cycle:
     """Return the cycle that the settled motion of ``guess`` is, or comes to."""
     shooting, state, regime, period, phase = guess
     cycle = once(close(*guess))
+    if cycle.residual < REPEATS and cycle.found == Found.NOT_CONVERGED:
+        # steps over a corner of a law are as rough as the tolerance allows
+        shooting = replace(shooting, rtol=max(FINER * shooting.rtol, SETTINGS["rtol"].low))
+        guess = guess._replace(shooting=shooting)
+        cycle = once(close(*guess))
     if cycle.found == Found.AT_REST and not _dies(guess, settle):
         return replace(cycle, found=Found.NOT_CONVERGED, why=GOES_ON)
     values = cycle.multipliers

@@ -30,7 +30,14 @@ class Guess(NamedTuple):
     phase: float = 0.0
 
 
-def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | Found]:
+class Missing(NamedTuple):
+    """Why there is none."""
+
+    found: Found
+    why: str = ""
+
+
+def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | Missing]:
     """Yield guesses of the cycle of a steady system that a simulation comes to, the best first.
 
     Its section is, if ``shooting`` has none, where the first coordinate that moves turns; a blow
@@ -42,7 +49,7 @@ def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | F
     motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), 0.25 * settle, 1e-8)
     moves = moving(motion.samples, shooting.scale)
     if not np.any(moves):
-        yield Found.AT_REST
+        yield Missing(Found.AT_REST)
     elif shooting.section is not None:
         yield _guess(shooting, motion, shooting.section)
     else:
@@ -60,7 +67,7 @@ def _middle(motion: Arc, coordinate: int) -> Passing:
     return Passing(coordinate, level, 1.0 if up > down else -1.0)
 
 
-def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Found:
+def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Missing:
     """Return the guess on ``section`` of a settled motion that goes on from ``motion``, or why
     there is none."""
     typical, window = shooting.scale, float(motion.times[-1])
@@ -68,7 +75,7 @@ def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Found:
     for _ in range(8):
         motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), window, 1e-8)
         if not np.any(moving(motion.samples, typical)):
-            return Found.AT_REST
+            return Missing(Found.AT_REST)
         values = on_section(section, motion)
         count = len(falls(values))
         if count < 6 and window < longest:
@@ -85,14 +92,25 @@ def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Found:
     found = passages(shooting, motion, section, values)
     times, states = (np.array([getattr(p, name) for p in found]) for name in ("time", "state"))
     scale = _sizes(motion, typical)
-    for k in range(1, min(MOST_RETURNS, len(found) - 1) + 1):
-        if np.all(np.abs(states[k:] - states[:-k]) < ALIKE * scale):
-            break
-    else:
-        return Found.NOT_PERIODIC
+    k = _returns(states, scale)
+    if isinstance(k, Missing):
+        return k
     best = max(found[-k:], key=lambda p: (p.smooth, p.state[0]))  # the highest away from events
     shooting = replace(shooting, scale=scale, section=section, repeats=k)
     return Guess(shooting, best.state, best.regime, float(np.mean(times[k:] - times[:-k])))
+
+
+def _returns(states: np.ndarray, scale: np.ndarray) -> int | Missing:
+    """Return after how many of the ``states`` (count, 2n) of a motion it comes back, or why it does
+    not: of its sizes ``scale`` (2n,)."""
+    nearest = math.inf
+    for k in range(1, min(MOST_RETURNS, len(states) - 1) + 1):
+        missed = float(np.max(np.abs(states[k:] - states[:-k]) / scale))
+        if missed < ALIKE:
+            return k
+        nearest = min(nearest, missed)
+    why = f"no return comes nearer to where it began than {nearest:.0%} of the size of the motion"
+    return Missing(Found.NOT_PERIODIC, why if nearest < math.inf else "it does not return")
 
 
 def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
@@ -101,7 +119,7 @@ def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
     return np.ptp(samples[:, :n], axis=0) > STILL * typical[:n]
 
 
-def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | Found]:
+def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | Missing]:
     """Yield the one guess of the cycle of a driven system that a simulation comes to."""
     parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
     one, _ = shooting.driven_period(parameter)
@@ -116,15 +134,13 @@ def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess |
     assert clock is not None
     check_clock(shooting.system, clock, shooting.names, seen)
     if not np.any(moving(samples, shooting.scale)):
-        yield Found.AT_REST
+        yield Missing(Found.AT_REST)
         return
     whole = motions[0]._replace(samples=samples)
     scale, states = _sizes(whole, shooting.scale), np.array(ends)
-    for k in range(1, MOST_RETURNS + 1):
-        if np.all(np.abs(states[k:] - states[:-k]) < ALIKE * scale):
-            break
-    else:
-        yield Found.NOT_PERIODIC
+    k = _returns(states, scale)
+    if isinstance(k, Missing):
+        yield k
         return
     shooting = replace(shooting, scale=scale, repeats=k)
     times = np.concatenate([m.times[:-1] + i * one for i, m in enumerate(motions[:k])])

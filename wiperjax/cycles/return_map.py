@@ -23,6 +23,7 @@ from .shooting import Arc, Lost, shoot
 
 CLOSED = 1e-9  # of the return map, relative to the size of the motion: larger is no cycle
 ENOUGH = 1e-11  # closed to rounding
+REPEATS = 1e-6  # a motion that comes back so near is periodic, and what is left no creep
 HELD = 1e-6  # of the motion: how well its end is back on the contact that it began in
 MOST_MOTIONS = 10  # of one correction: a cycle that is there takes 3 to 6
 
@@ -40,7 +41,7 @@ class Found(IntEnum):
     FOUND = 0
     AT_REST = 1  # the motion dies out: quiet
     NOT_PERIODIC = 2  # no return (`first_guess.MOST_RETURNS`): settle for longer, or chaos
-    NOT_CONVERGED = 3  # Newton's method did not close the orbit
+    NOT_CONVERGED = 3  # Newton's method did not close the orbit: settle for longer, or a corner
     NOT_ISOLATED = 4  # closed, but with a multiplier (nearly) 1 beside the trivial: fold, or family
     TRAJECTORY_FAILED = 5  # the motion ended early (collapsed, or a failure of the engine)
 
@@ -146,28 +147,38 @@ class Point:
 
 
 def correct(shooting: Shooting, where: Chart, phase: float, guess, pinned=None) -> Point | None:
-    """Return the cycle nearest to ``guess`` (scaled unknowns) by Newton's method, or None.
+    """Return the cycle that `corrected` does, or None."""
+    try:
+        return corrected(shooting, where, phase, guess, pinned)
+    except Lost:
+        return None
+
+
+def corrected(shooting: Shooting, where: Chart, phase: float, guess, pinned=None) -> Point:
+    """Return the cycle nearest to ``guess`` (scaled unknowns) by Newton's method.
 
     ``pinned @ unknowns`` keeps its value: by default that is the parameter; in a continuation the
-    step along the tangent.
+    step along the tangent. Raises `Lost`, which says why, where it comes to none.
     """
     guess = np.asarray(guess, float)
     if pinned is None:
         pinned = np.eye(len(guess))[-1]
     d = where.basis.shape[1]
+    missed = []
 
     def equations(u):
         parameter = u[-1] * shooting.parameter_scale
-        return shooting.returned(where, phase, u[:d], shooting.period_of(where, u), parameter)
+        found = shooting.returned(where, phase, u[:d], shooting.period_of(where, u), parameter)
+        missed.append(float(np.max(np.abs(found[0]), initial=0.0)))  # nothing may be left free
+        return found
 
     found = pinned_root(equations, guess, pinned, enough=ENOUGH, tolerance=1e-10, most=MOST_MOTIONS)
-    if found is None:
-        return None
-    size = float(np.max(np.abs(found.values), initial=0.0))  # contact may leave nothing free
-    motion = found.more
-    aside = np.max(np.abs(motion.state - motion.samples[0]) / where.scale)  # of the contact, too
-    if not (size < CLOSED and found.off < CLOSED and aside < HELD):
-        return None
+    size, motion = missed[-1], found.more
+    if not (size < CLOSED and found.off < CLOSED):
+        raise Lost(_why_open(missed), min(missed))
+    aside = np.max(np.abs(motion.state - motion.samples[0]) / where.scale)
+    if not aside < HELD:
+        raise Lost("its end is off the contact that it begins in", float(aside))
     return Point(
         where,
         phase,
@@ -177,4 +188,17 @@ def correct(shooting: Shooting, where: Chart, phase: float, guess, pinned=None) 
         motion,
         period=float(motion.times[-1] - motion.times[0]),
         parameter=found.unknowns[-1] * shooting.parameter_scale,
+    )
+
+
+def _why_open(missed: list[float]) -> str:
+    """Say why motions that ``missed`` their starts by so much, of their size, were not closed."""
+    if min(missed) < REPEATS:
+        return (
+            f"the motion comes back to {min(missed):.0e} of its size, but no nearer: "
+            "a corner in a law or a force?"
+        )
+    return (
+        f"the motion still changes by {missed[0]:.0e} of its size in a period: it creeps, and must "
+        "settle for longer, or is quasi-periodic or chaotic"
     )

@@ -35,13 +35,13 @@ def pinned_root(
     enough: float,
     tolerance: float,
     most: int,
-) -> Solved | None:
+) -> Solved:
     """Return where ``equations(u)``, (values, derivatives, more), and ``pinned @ u = target`` hold.
 
     By `scipy.optimize.root` (MINPACK's Levenberg-Marquardt: Newton's method within a trust region),
     which takes the exact derivatives at each place, where its hybrid method would update one and
-    take three times as many. ``most`` of them; values below ``enough`` are rounding. None if one is
-    `Lost`.
+    take three times as many. ``most`` of them; values below ``enough`` are rounding. Raises what
+    ``equations`` do, such as `Lost`.
     """
     if target is None:
         target = float(pinned @ guess)
@@ -62,8 +62,6 @@ def pinned_root(
             square(answer.x)
     except _Solved:
         pass
-    except Lost:
-        return None
     return Solved(**last, off=abs(float(pinned @ last["unknowns"]) - target))
 
 

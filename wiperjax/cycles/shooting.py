@@ -5,6 +5,7 @@ its time are in it (the saltation matrices). One compiled program serves a type 
 the start, the period, the parameter that is varied and its value.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -30,7 +31,14 @@ UNKNOWN = -1  # regime of a state: the engine finds it
 
 
 class Lost(RuntimeError):
-    """A motion on the way to a cycle that did not come to it; its text says why."""
+    """A motion on the way to a cycle that did not come to it; its text says why.
+
+    ``residual``: how near it came, of the size of the motion, if it was one that returned.
+    """
+
+    def __init__(self, why: str, residual: float = math.nan):
+        super().__init__(why)
+        self.residual = residual
 
 
 class Arc(NamedTuple):

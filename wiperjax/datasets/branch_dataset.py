@@ -20,7 +20,7 @@ TAKEN = frozenset(
         *("flight_fraction", "normal_force_max", "slip_margin", "residual", "trivial_error"),
         *("stable", "word", "regimes", "multiplier_real", "multiplier_imag", "special_kind"),
         *("special_detail", "special_parameter", "special_point"),
-        *("way", "peak", "result"),  # of simulations
+        *("way", "peak", "repeat_time", "result"),  # of simulations
         *("rest", "rest_position", "rest_stable"),
         *("curve", "end", "lyapunov", "row_size", "kind", "end_code", "end_detail"),  # of curves
         "special_curve",

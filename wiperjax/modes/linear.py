@@ -55,34 +55,46 @@ def linear(system: AbstractSystem, near: Coordinates) -> Linear:
     system = system.on_piece(system.first_piece(t))
     n = len(near)
     scale = jnp.stack([jnp.asarray(x, float) for x in system.scales(n)[0]])
-    sign = jnp.sign(_slip_speed(system, t, jnp.asarray(near, float)))
+    start, rest = jnp.asarray(near, float), jnp.zeros(n)
+    sign = jnp.sign(_slip_speed(system, t, start))
 
-    def motion(z):
+    def motion(z, sides=None):
         """q'' in slip, normal force, gap, D; of places and velocities z (2n,)."""
-        return _slip(system, t, z[:n], z[n:], sign)
+        return _slip(system, t, z[:n], z[n:], sign, sides)
 
-    rest, place = jnp.zeros(n), jnp.asarray(near, float)
-
-    def still(place):
-        return motion(jnp.concatenate([place, rest]))
+    def still(place, sides=None):
+        return motion(jnp.concatenate([place, rest]), sides)
 
     # what the forces there can make of a place of usual size: accelerations are measured by that
-    size = jnp.max(jnp.abs(jax.jacfwd(lambda place: still(place)[0])(place)) @ scale)
+    size = jnp.max(jnp.abs(jax.jacfwd(lambda place: still(place)[0])(start)) @ scale)
 
-    def residual(u, _):
-        accelerations, _, gap, _ = still(u * scale)
+    def residual(u, sides=None):
+        accelerations, _, gap, _ = still(u * scale, sides)
         return accelerations / size, gap / scale.max()
 
-    found = optx.least_squares(
-        residual, _FINDER, place / scale, max_steps=MOST_STEPS, throw=False
-    ).value
-    place = found * scale
-    missed, gap = residual(found, None)
-    _, force, _, d = still(place)
-    slip = _slip_speed(system, t, place)
-    exists = jnp.all(jnp.abs(missed) <= CLOSED) & (jnp.abs(gap) <= CLOSED)
-    # where D <= 0 no slip lasts (docs/model.md, section 7)
-    exists &= (force > 0) & (d > 0) & (jnp.sign(slip) == sign) & (sign != 0)
+    def sought(u, sides=None):
+        return optx.least_squares(
+            residual, _FINDER, u, args=sides, max_steps=MOST_STEPS, throw=False
+        ).value
+
+    def judged(u):
+        """Whether there is steady sliding at a place, and its normal force and slip speed."""
+        missed, gap = residual(u)
+        _, force, _, d = still(u * scale)
+        slip = _slip_speed(system, t, u * scale)
+        exists = jnp.all(jnp.abs(missed) <= CLOSED) & (jnp.abs(gap) <= CLOSED)
+        # where D <= 0 no slip lasts (docs/model.md, section 7)
+        exists &= (force > 0) & (d > 0) & (jnp.sign(slip) == sign) & (sign != 0)
+        return exists, force, slip
+
+    u = sought(start / scale)
+    # It may stall beyond a corner of the forces, as where a yielding glass pushes no more: then the
+    # start is the place that forces without the corner have.
+    q = tuple(start)
+    sides = starting_sides(system, t, q, system.from_rates(t, q, tuple(rest)))
+    u = jnp.where(judged(u)[0], u, sought(sought(start / scale, sides)))
+    exists, force, slip = judged(u)
+    place = u * scale
     z = jnp.concatenate([place, rest])
     whole = jax.jacfwd(lambda z: jnp.concatenate([z[n:], motion(z)[0]]))(z)
     basis = _along(system, t, place)
@@ -96,11 +108,12 @@ def _slip_speed(system: AbstractSystem, t, place):
     return jnp.asarray(system.slip_speed(t, q, system.from_rates(t, q, still)), float)
 
 
-def _slip(system: AbstractSystem, t, place, speeds, sign):
-    """Return q'' (n,), the normal force, the gap and D in slip of ``sign``."""
+def _slip(system: AbstractSystem, t, place, speeds, sign, sides=None):
+    """Return q'' (n,), the normal force, the gap and D in slip of ``sign``; with forces continued
+    from the ``sides`` of the switches, or as they are there."""
     q = tuple(place)
     v = tuple(jnp.asarray(x, float) for x in system.from_rates(t, q, tuple(speeds)))
-    system = system.on_sides(starting_sides(system, t, q, v))
+    system = system.on_sides(starting_sides(system, t, q, v) if sides is None else sides)
     c = contact(system, t, q, v)
     force, d = slip_forces(c, sign, friction_coefficient(system, c, sign), system.unilateral)
     gap = c.gap if system.unilateral else jnp.zeros(())

@@ -1,4 +1,5 @@
 """Branches of cycles over a parameter, and what happens on them.
 
-Read `follow`, `step`, `walk`, `bifurcations`, `dataset`, `from_scene`, `up_and_down`, `peaks`.
+Read `follow`, `step`, `walk`, `bifurcations`, `dataset`, `from_scene`, `up_and_down`, `repeats`,
+`peaks`.
 """

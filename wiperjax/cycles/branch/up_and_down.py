@@ -31,12 +31,13 @@ from ...vocabulary.codes import FAIR, RESULTS, Result
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
 from ..clock import STATES, check_clock, refuse_a_clock
 from ..cycle import typical
+from ..drift import may_drift
 from ..shooting import UNKNOWN, tidy
 from .peaks import peaks
+from .repeats import comes_back, repeat_time
 
 WAYS = ("up", "down")
 FLAT = 1e-9  # of the typical size: a smaller range is a motion at rest
-ALIKE = 0.02  # of half the range of a state: how near a motion that repeats comes back
 
 
 def up_and_down(
@@ -70,9 +71,12 @@ def up_and_down(
     **Returns** a dataset with the dimensions ``way`` (up, down), the parameter (in the unit of
     files) and ``peak``: ``maximum`` of the first coordinate (the largest first; NaN-padded; of a
     motion at rest, where it rests), ``velocity_rms``, ``stick_fraction``, ``flight_fraction``,
-    ``result``. After a motion that failed or collapsed the next value starts from
-    ``initial_state``. A wall that a step moves over the state of the value before is one such
-    failure (``inconsistent_start``): by chance of the phase, so that other values or times may do.
+    ``result``, and ``repeat_time`` [s], the whole periods that these means are over: NaN where the
+    motion did not come back to itself, and they are over the window. A coordinate on which nothing
+    depends (the height of what falls) need not come back, and has no ``maximum``. After a motion
+    that failed or collapsed the next value starts from ``initial_state``. A wall that a step moves
+    over the state of the value before is one such failure (``inconsistent_start``): by chance of
+    the phase, so that other values or times may do.
 
     Both ways run side by side in one compiled program.
 
@@ -102,7 +106,8 @@ def up_and_down(
     ways = jnp.stack([values, values[::-1]])
     spans = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))
     spans += (None if max_step is None else jnp.asarray(max_step, float),)
-    found = _march(system, over, period, ways, state, spans, samples)
+    drifts = may_drift(system, state[0])
+    found = _march(system, over, period, ways, state, spans, jnp.asarray(~drifts), samples)
     states, *columns = (np.array(x) for x in found)
     # a shaken wall, say, is seen in states that it pushes
     settled = states[:, 0, :: max(1, samples // STATES)]
@@ -111,6 +116,8 @@ def up_and_down(
         array[1] = array[1, ::-1]
     first = states[..., [0, state.shape[1] // 2]]  # coordinate, and its rate
     highs = peaks(first, columns[3], columns[4], FLAT * sizes[0])
+    if drifts[0]:
+        highs = np.full_like(highs, np.nan)
     ds = _table(given, over, values, highs, columns)
     return ds.assign_attrs(settle=settle, window=window)
 
@@ -139,7 +146,7 @@ def _check_drive(system: AbstractSystem, over: str, period, values, states, span
 
 def _table(given: AbstractSystem, over: str, values, highs: np.ndarray, columns) -> xr.Dataset:
     """Return the dataset of `up_and_down`, of ``columns`` (ways, values) as `_march` gives them."""
-    stick, flight, rms, _, _, result = columns
+    stick, flight, rms, _, _, repeats, result = columns
     fair = np.isin(result, FAIR)
     name, attrs, to_file = numbers.stored(given, over)
     plane = ("way", name)
@@ -160,6 +167,7 @@ def _table(given: AbstractSystem, over: str, values, highs: np.ndarray, columns)
             "velocity_rms": settled(rms, f"rms of the {words['velocity']} about its mean", speed),
             "stick_fraction": settled(stick, "share of the window in stick", "1"),
             "flight_fraction": settled(flight, "share of the window in flight", "1"),
+            "repeat_time": settled(repeats, "time in which the motion came back to itself", "s"),
             "result": (plane, result.astype(np.int8), flags),
         },
         coords={"way": list(WAYS), name: (name, to_file(values), attrs)},
@@ -167,32 +175,8 @@ def _table(given: AbstractSystem, over: str, values, highs: np.ndarray, columns)
     )
 
 
-def repeat_time(states, window):
-    """Return the longest time in which a motion comes back to itself, of states (samples, 2n) that
-    are evenly spread over ``window`` [s]: whole periods, from one maximum of the first coordinate
-    to the last that is like it. It is ``window`` if that is not half as long, or there is none.
-    """
-    count, n = states.shape[0], states.shape[1] // 2
-    velocity = states[:, n]
-    turns = (velocity[:-1] > 0) & (velocity[1:] <= 0)
-    part = velocity[:-1] / jnp.where(turns, velocity[:-1] - velocity[1:], 1.0)
-    there = states[:-1] + part[:, None] * jnp.diff(states, axis=0)
-    times = (jnp.arange(count - 1) + part) * window / (count - 1)
-    half = 0.5 * (states.max(0) - states.min(0))
-    kind = jnp.repeat(
-        half.reshape(2, n).max(1), n
-    )  # a coordinate that rests has no size of its own
-    half = jnp.maximum(half, 1e-3 * kind)
-    first = jnp.argmax(turns)
-    off = jnp.max(jnp.abs(there - there[first]) / jnp.where(half > 0, half, 1.0), axis=1)
-    again = turns & (off < ALIKE)
-    last = count - 2 - jnp.argmax(again[::-1])
-    time = times[last] - times[first]
-    return jnp.where(jnp.any(turns) & (time >= 0.5 * window), time, window)
-
-
 @Kept
-def _march(system, over, period, ways, states, spans, samples: int):
+def _march(system, over, period, ways, states, spans, counted, samples: int):
     settle, window, kick, rtol, max_step = spans
     grid = jnp.linspace(0.0, 1.0, samples)
 
@@ -207,7 +191,7 @@ def _march(system, over, period, ways, states, spans, samples: int):
             after = jnp.ceil(after / turn * (1 - 1e-9)) * turn
 
         def look(carry, _):
-            state, regime, before, after, result = carry
+            state, regime, before, after, repeats, result = carry
             state = tidy(local, jnp.zeros(()), state, regime)
             s = solve(
                 local,
@@ -225,17 +209,23 @@ def _march(system, over, period, ways, states, spans, samples: int):
             shares = totals.stick_time / after, totals.flight_time / after
             q, v = s.samples.position, s.samples.velocity
             states = jnp.stack([*q, *v], axis=-1)
-            found = states, *shares, rms, s.statistics.highest, after / (samples - 1)
+            if period is not None:
+                repeats = jnp.where(comes_back(states, sizes, counted), after, jnp.nan)
+            step = after / (samples - 1)
+            found = states, *shares, rms, s.statistics.highest, step, repeats
             result = jnp.where(_fair(result), s.result, result)  # what went wrong first
             end = jnp.concatenate([s.final_position, s.final_velocity])
             end = jnp.where(_fair(result), end, initial)
             # x' = 0 in a slip that the kick has just begun is left to the engine to decide
             regime = jnp.where(_fair(result), s.final_regime, UNKNOWN)
-            again = repeat_time(states, after)
-            return (end, regime, jnp.zeros_like(before), again, result), found
+            again = repeat_time(states, after, sizes, counted)
+            onward = jnp.where(jnp.isnan(again), after, again)
+            return (end, regime, jnp.zeros_like(before), onward, again, result), found
 
-        state = state.at[0].add(kick * local.scales(n)[0][0])
-        begin = state, regime, before, after, jnp.asarray(Result.FINISHED, jnp.int32)
+        sizes = jnp.stack([jnp.asarray(x, float) for kind in local.scales(n) for x in kind])
+        state = state.at[0].add(kick * sizes[0])
+        finished = jnp.asarray(Result.FINISHED, jnp.int32)
+        begin = state, regime, before, after, jnp.full_like(after, jnp.nan), finished
         looks = 2 if period is None else 1  # of one compiled program
         (end, regime, *_, result), found = jax.lax.scan(look, begin, None, looks)
         return (end, regime), (*(x[-1] for x in found), result)

@@ -127,13 +127,12 @@ def solve(
 
     None where it does not come to one. The tangent goes with ``pinned``.
     """
-    found = pinned_root(
-        equations.values, guess, pinned, target, enough=equations.enough, tolerance=1e-13, most=MOST
-    )
-    if found is None or not (np.max(np.abs(found.values)) < CLOSED and found.off < CLOSED):
-        return None
-    u = found.unknowns
+    settings = {"enough": equations.enough, "tolerance": 1e-13, "most": MOST}
     try:
+        found = pinned_root(equations.values, guess, pinned, target, **settings)
+        if not (np.max(np.abs(found.values)) < CLOSED and found.off < CLOSED):
+            return None
+        u = found.unknowns
         jacobian = equations.exact(u, found.jacobian)
     except Lost:
         return None
