@@ -135,14 +135,26 @@ def direction(system: AbstractSystem, name: str | None):
     what is no number, or is left out of the program: ``system`` must be `traceable` for ``name``.
     """
     known, route = numbers(system), None if name is None else path(system, name)
+    one, zero = jnp.ones(()), jnp.zeros(())
 
     def leaf(keys, x):
         to = fields_of(keys)
         if not eqx.is_inexact_array(x) or (to != route and ".".join(to) not in known):
             return None
-        return jnp.ones_like(x) if to == route else jnp.zeros_like(x)
+        part = one if to == route else zero
+        return part if x.shape == () else jnp.broadcast_to(part, x.shape)
 
     return jax.tree_util.tree_map_with_path(leaf, system)
+
+
+def moved(system: AbstractSystem, along: Any, number) -> AbstractSystem:
+    """Return ``system`` with the number replaced that ``along``, a `direction`, tells: so that one
+    compiled program serves all of them, where `replaced` has one for each."""
+
+    def leaf(d, x):
+        return x if d is None else jnp.where(d == 1, number, x)
+
+    return jax.tree.map(leaf, along, system, is_leaf=lambda x: x is None)
 
 
 def attributes(system: AbstractSystem, name: str) -> dict[str, str]:

@@ -107,7 +107,8 @@ def up_and_down(
     spans = tuple(jnp.asarray(x, float) for x in (settle, window, kick, rtol))
     spans += (None if max_step is None else jnp.asarray(max_step, float),)
     drifts = may_drift(system, state[0])
-    found = _march(system, over, period, ways, state, spans, jnp.asarray(~drifts), samples)
+    along = numbers.direction(system, over)
+    found = _march(system, along, period, ways, state, spans, jnp.asarray(~drifts), samples)
     states, *columns = (np.array(x) for x in found)
     # a shaken wall, say, is seen in states that it pushes
     settled = states[:, 0, :: max(1, samples // STATES)]
@@ -176,13 +177,13 @@ def _table(given: AbstractSystem, over: str, values, highs: np.ndarray, columns)
 
 
 @Kept
-def _march(system, over, period, ways, states, spans, counted, samples: int):
+def _march(system, along, period, ways, states, spans, counted, samples: int):
     settle, window, kick, rtol, max_step = spans
     grid = jnp.linspace(0.0, 1.0, samples)
 
     def one(initial, carry, value):
         state, regime = carry
-        local = numbers.replaced(system, over, value)
+        local = numbers.moved(system, along, value)
         n = state.shape[0] // 2
         before, after = settle, window
         if period is not None:

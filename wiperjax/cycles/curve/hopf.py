@@ -110,15 +110,15 @@ class Hopf(Equations):
     def _numbers(self):
         w, plane, sides = self.where, self.plane, tuple(float(s) for s in self.sides)
         where = w.origin, w.basis, w.scale, w.regime
-        return plane.system, plane.names, plane.scale, *where, jnp.asarray(sides), self.rate
+        return plane.system, plane.ways, plane.scale, *where, jnp.asarray(sides), self.rate
 
 
-def _field(system, names, scale, origin, basis, sizes, regime, sides, rate):
+def _field(system, ways, scale, origin, basis, sizes, regime, sides, rate):
     """Return (w, p) -> (state, its change in the coordinates w) within ``regime``."""
     time = jnp.zeros(())
 
     def local(p):
-        found = placed(system, names, p * scale)
+        found = placed(system, ways, p * scale)
         found = found.prepared().on_piece(found.first_piece(time))
         return found.on_sides(tuple(sides)) if len(sides) else found
 
@@ -141,8 +141,8 @@ def _field(system, names, scale, origin, basis, sizes, regime, sides, rate):
 
 
 @Kept
-def _hopf(system, names, scale, origin, basis, sizes, regime, sides, rate, u):
-    change = _field(system, names, scale, origin, basis, sizes, regime, sides, rate)[2]
+def _hopf(system, ways, scale, origin, basis, sizes, regime, sides, rate, u):
+    change = _field(system, ways, scale, origin, basis, sizes, regime, sides, rate)[2]
 
     def values(u):
         w, p = u[:-2], u[-2:]
@@ -165,10 +165,8 @@ class Expansion(NamedTuple):
 
 
 @Kept
-def _expansion(system, names, scale, origin, basis, sizes, regime, sides, rate, u):
-    state, contacts, change = _field(
-        system, names, scale, origin, basis, sizes, regime, sides, rate
-    )
+def _expansion(system, ways, scale, origin, basis, sizes, regime, sides, rate, u):
+    state, contacts, change = _field(system, ways, scale, origin, basis, sizes, regime, sides, rate)
     w, p = u[:-2], u[-2:]
     first = jax.jacfwd(change)
     second = jax.jacfwd(first)

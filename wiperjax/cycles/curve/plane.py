@@ -1,6 +1,8 @@
 """Two numbers of a family of systems, and the box of the plane in which curves are followed."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +26,20 @@ class Plane:
 
     def at(self, place) -> AbstractSystem:
         """Return the system at ``place`` (2,), SI."""
-        return placed(self.system, self.names, place)
+        system = self.system
+        for name, number in zip(self.names, place, strict=True):
+            system = numbers.replaced(system, name, number)
+        return system
+
+    @cached_property
+    def ways(self) -> tuple[Any, Any]:
+        """The directions of the two numbers, by which compiled programs know them (`placed`)."""
+        one, two = (numbers.direction(self.system, name) for name in self.names)
+        return one, two
 
 
-def placed(system: AbstractSystem, names: tuple[str, str], place) -> AbstractSystem:
-    """Return ``system`` with its two numbers replaced."""
-    for name, number in zip(names, place, strict=True):
-        system = numbers.replaced(system, name, number)
+def placed(system: AbstractSystem, ways: tuple[Any, Any], place) -> AbstractSystem:
+    """Return ``system`` with the numbers replaced that ``ways`` tell: as `Plane.at`, traced."""
+    for along, number in zip(ways, place, strict=True):
+        system = numbers.moved(system, along, number)
     return system

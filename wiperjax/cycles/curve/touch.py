@@ -77,7 +77,7 @@ class Touch(OfCycles):
             arc = moved(pair[0])
             time = jnp.asarray((self.phase + part) * period)
             numbers = jnp.asarray(place), jnp.asarray(arc.state), time, jnp.asarray(regime)
-            out = _slip(self.plane.system, self.plane.names, *numbers)
+            out = _slip(self.plane.system, self.plane.ways, *numbers)
             speed, by, rate, jerk = (np.asarray(x) for x in out)
             if rate**2 < 2 * SMALL * self.speed * abs(jerk):
                 break
@@ -174,16 +174,16 @@ def fastest(cycle) -> float:
 
 
 @Kept
-def _slip(system, names, place, state, time, regime):
+def _slip(system, ways, place, state, time, regime):
     """Slip speed, its derivatives by (place, state, time), and its first two derivatives by time
     along the motion within ``regime``."""
 
     def speed(place, state, time):
-        here, q, v = at_state(placed(system, names, place), time, state)
+        here, q, v = at_state(placed(system, ways, place), time, state)
         return contact(here, time, q, v).slip_speed
 
     def motion(state, time):
-        here, q, v = at_state(placed(system, names, place), time, state)
+        here, q, v = at_state(placed(system, ways, place), time, state)
         return flow(here, time, q, v, regime)
 
     def rate(state, time):
