@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from ...datasets.run_dataset import is_steady, pitch, sample_interval, signal
+from ...datasets.run_dataset import is_steady, pitch, signal
 from ...noise.classes import stored
+from ...noise.samples import sample_interval
 from ...noise.spectrum import dominant_frequency
 
 HIGHEST = 20_000.0  # Hz: what is heard
