@@ -25,6 +25,7 @@ from wiperjax.datasets import map_dataset
 from wiperjax.noise import classes
 from wiperjax.plots import files
 from wiperjax.plots.maps import categories, numbers, planes, stability
+from wiperjax.plots.maps.borders import border_pieces, border_places
 from wiperjax.plots.modes import modes_page
 from wiperjax.plots.style import axes as plot_axes  # noqa: E402
 from wiperjax.plots.style import palette  # noqa: E402
@@ -663,6 +664,33 @@ def test_located_borders_are_joined_however_an_axis_is_spaced(tmp_path, monkeypa
     x, y = (ends[..., 0] + 40) / 80, (ends[..., 1] - low) / (high - low)
     located = np.hypot(x - middle[0], y - middle[1])
     assert np.quantile(np.abs(located - radius), 0.9) < 1 / 2**5 / 4
+
+
+def test_a_part_of_a_map_has_the_borders_that_lie_in_it(tmp_path):
+    """Those beyond its ends were strokes along its frame, and those of all loads lay over one whose
+    load was dropped.
+    """
+    from border_maps import coarse_map, engine, refined
+
+    def ball(x, y, z):
+        return np.where((x - 0.5) ** 2 + (y - 0.5) ** 2 + (z - 0.5) ** 2 < 0.4**2, 700.0, 300.0)
+
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(ball), axes=("attack_angle", "normal_load", "belt_speed"))
+    found = refined(path, engine(ball), levels=2, probes=0)
+    with whole.open_map(path) as ds:
+        ds = plots.with_borders(ds.load(), found)
+    plane = ("attack_angle", "belt_speed", "label")
+    ends = np.array(border_pieces(ds.isel(normal_load=2), *plane)[0])  # (pieces, 2, 2), in cells
+    inside = ((ends[..., 0] >= 3) & (ends[..., 0] <= 5)).all(axis=1)
+    part = ds.isel(normal_load=2, attack_angle=slice(3, 6))
+    np.testing.assert_allclose(border_pieces(part, *plane)[0], ends[inside] - [3.0, 0.0])
+    assert 0 < inside.sum() < len(ends)
+    along = border_places(part.isel(belt_speed=4), "attack_angle", "label")
+    assert ((along > 0) & (along < 2)).all() and along.size
+    with pytest.raises(ValueError, match="must say which normal_load it is of"):
+        plots.class_map(ds.isel(normal_load=2, drop=True))
+    plots.class_map(ds.isel(normal_load=2))
 
 
 @pytest.mark.slow
