@@ -493,6 +493,30 @@ def test_line_shows_a_cell_between_failed_ones_and_hatches_these(small_map):
     assert failed.get_hatch() == palette.HATCHES["failed"][0]
 
 
+def test_cells_that_have_not_settled_are_told_from_the_others(small_map):
+    settled = xr.full_like(small_map["label"], codes.SETTLED["yes"])
+    settled.loc[{"belt_speed": small_map["belt_speed"][4]}] = codes.SETTLED["no"]
+    at = {"attack_angle": 5.0, "normal_load": 17.5}
+    for ds, hollow in ((small_map, 0), (small_map.assign(settled=settled), 1)):
+        axes = plots.along_axis(ds, at=at)
+        marks = [c for c in axes[1].collections if _is_marks(c)]
+        white = [c for c in marks if (c.get_facecolor() == 1).all()]
+        assert len(white) == hollow and ("not settled" in _texts(axes[0].figure)) == hollow
+        said = plots.map_overview(ds).subfigs[1].get_supxlabel()
+        assert ("50 of 459 cells have not settled" in said) == hollow
+    place = white[0].get_offsets()[0]
+    assert tuple(place) == (small_map["belt_speed"][4], small_map.sel(at)["velocity_rms"][4])
+
+
+def test_speeds_of_an_overview_have_the_colours_of_what_is_heard(small_map):
+    """What quiet cells leave is rounding noise; over three decades 0.2 and 0.5 m/s look alike."""
+    heard = small_map["label"] != codes.LABELS["quiet"]
+    speed = xr.where(heard, 0.2 + 0.3 * (small_map["belt_speed"] > 0.1), 1e-9)
+    figure = plots.map_overview(small_map.assign(velocity_rms=speed))
+    (ax,) = (ax for ax in figure.axes if ax.get_title().startswith("tip velocity"))
+    assert ax.collections[0].get_clim() == pytest.approx((0.2, 0.5))
+
+
 def test_a_grey_cell_is_called_what_it_is(small_map):
     """Ten of eighteen grey cells had failed below the words 'grey: quiet'."""
     broken, at = small_map.copy(deep=True), {"normal_load": 17.5}
