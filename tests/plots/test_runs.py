@@ -611,6 +611,10 @@ def test_bands_of_a_spectrum_are_those_stored_with_the_run():
     assert 500.0 in reach(tone())["squeal"]
     narrow = tone().assign_attrs(class_squeal_band=np.array([700.0, 900.0]))
     assert 700.0 in reach(narrow)["squeal"] and 500.0 not in reach(narrow)["squeal"]
+    wide = tone().assign_attrs(class_squeal_band=np.array([60.0, 500.0]))
+    spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in
+             plots.spectrum(wide).patches]  # fmt: skip
+    assert sorted(spans) == [(pytest.approx(20.0), 60.0), (60.0, 500.0)]  # not one over the other
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
+from ...noise.classes import class_bands, stored
 from ...vocabulary.cf import flag_names
 from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
 from ..style.caption import is_own, moving, set_caption, start_text
@@ -138,10 +139,9 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
                 label="steady slip, linearised",
             )  # fmt: skip
             handles.append(drawn)
-    for name, colour in (("class_squeal_band", "squeal"), ("class_chatter_band", "chattering")):
-        if name in line.attrs:
-            low, high = np.atleast_1d(line.attrs[name])[[0, -1]]
-            ax.axhspan(max(low, 1e-3), high, color=CLASSES[colour], alpha=0.10, linewidth=0)
+    if "class_squeal_band" in line.attrs:
+        for name, low, high in class_bands(stored(line.attrs)):
+            ax.axhspan(max(low, 1e-3), high, color=CLASSES[name], alpha=0.10, linewidth=0)
     heard = frequency[np.isfinite(frequency)]
     seen = heard if heard.size else linear[linear > 0]
     low, high = (np.inf, 0.0) if is_own(line) and seen.size else (80.0, 1500.0)
