@@ -273,6 +273,7 @@ def test_samples_that_cannot_tell_a_class_are_refused_and_a_heading_has_none(squ
     with pytest.raises(ValueError, match=line):
         assess(made(squeal))
     assert caption.noise_text(made(squeal)) == ""
+    assert run_dataset.last_periods(made(squeal)).sizes == made(squeal).sizes  # drawn it can be
 
 
 @pytest.mark.parametrize("part", [slice(None, 0.15), slice(0.15, None), slice(0.12, 0.17)])

@@ -66,13 +66,17 @@ def counted(dataset: Any) -> str:
 
 
 def print_class(run: Any) -> None:
-    """Class and frequency of a run."""
+    """Class and frequency of a run, or why its samples tell none."""
     import numpy as np
 
     from ..noise.run_class import assess, why_no_frequency, words
     from ..vocabulary.codes import BANDS, LABELS
 
-    found = assess(run)
+    try:
+        found = assess(run)
+    except ValueError as error:
+        print(f"{'label':<12}not known: {error}")
+        return
     for name, word in words(found).items():
         print(f"{name:<12}{word}")
     frequency, label = float(found["dominant_frequency"]), int(found["label"])

@@ -219,12 +219,17 @@ def pitch(ds: xr.Dataset) -> float:
 def last_periods(ds: xr.Dataset, periods: float = 6.0, always: bool = False) -> xr.Dataset:
     """The end of a run with so many of its periods, if it has more; all of it otherwise.
 
-    All of it too if it has no period or few samples, or the belt is not steady; and, unless
-    `always` the end is wanted, if its regimes can be told apart.
+    All of it too if it has no period or few samples, or samples that tell none, or the belt is not
+    steady; and, unless `always` the end is wanted, if its regimes can be told apart.
     """
     many = always or sum(1 for _ in regime_spans(ds)) > MOST_SPANS
-    if not many or ds.sizes["time"] < FEWEST or np.isnan(frequency := pitch(ds)):
+    if not many or ds.sizes["time"] < FEWEST:
         return ds
-    stop = float(ds["time"][-1])
-    start = stop - max(periods / frequency, FEWEST * sample_interval(ds))
+    try:
+        frequency, step = pitch(ds), sample_interval(ds)
+    except ValueError:
+        return ds
+    if np.isnan(frequency):
+        return ds
+    start = float(ds["time"][-1]) - max(periods / frequency, FEWEST * step)
     return between(ds, start) if start > float(ds["time"][0]) else ds
