@@ -177,9 +177,8 @@ def print_curves(branch: Any) -> None:
         return ", ".join(f"{n} {v} {u}" for n, v, u in zip(names, values, units, strict=True))
 
     first = 0
-    for k, (kind, size) in enumerate(
-        zip(held["kind"].values, held["row_size"].values, strict=True)
-    ):
+    sizes = zip(held["kind"].values, held["row_size"].values, strict=True)
+    for k, (kind, size) in enumerate(sizes):
         print(f"curve    {str(kind).replace('_', ' ')}: {size} points")
         for point, end in ((first, 0), (first + int(size) - 1, 1)):
             code, why = codes[int(held["end_code"][k, end])], str(held["end_detail"][k, end].values)
@@ -220,9 +219,8 @@ def print_borders(borders: Any) -> None:
 
     said = borders.attrs
     counts = [f"{said[f'{kind}_points']} {kind}" for kind in CROSSINGS if said[f"{kind}_points"]]
-    print(
-        f"borders of {said['on']}: {borders.sizes['border']} points ({', '.join(counts) or 'none'})"
-    )
+    found = ", ".join(counts) or "none"
+    print(f"borders of {said['on']}: {borders.sizes['border']} points ({found})")
     print(f"bracket, as a share of the axis: {_shares(borders, 'bracket_share_')}")
     if said.get("wide_cubes"):
         reasons = [f"{said[f'wide_cubes_{why}']} {words}" for why, words in WIDE.items()
@@ -278,6 +276,5 @@ def cost(output: Path, begun: float) -> str:
     from ..machine.memory import peak_memory
 
     elapsed = timedelta(seconds=round(time.monotonic() - begun))
-    return (
-        f"{output.stat().st_size / 1e6:.3g} MB, {elapsed}, {peak_memory() / 1e9:.2f} GB of memory"
-    )
+    size, memory = output.stat().st_size / 1e6, peak_memory() / 1e9
+    return f"{size:.3g} MB, {elapsed}, {memory:.2f} GB of memory"
