@@ -1,6 +1,7 @@
 """Scene files: the wiper, belt and start they state, and the run they make."""
 
 import json
+import re
 from pathlib import Path
 
 import jax
@@ -12,6 +13,7 @@ import wiperjax
 from wiperjax import plots
 from wiperjax.blade import build
 from wiperjax.blade.steady_slip import steady_slip
+from wiperjax.cli.tables import print_class
 from wiperjax.datasets import run_dataset
 from wiperjax.noise.run_class import GATHERED, assess, why_no_frequency, words
 from wiperjax.plots.style import caption
@@ -269,11 +271,15 @@ def test_a_thinned_run_has_the_frequency_of_the_whole(squeal):
         (lambda run: run.sel(axis="y"), "along the glass, axis x, but holds y"),
     ],
 )
-def test_samples_that_cannot_tell_a_class_are_refused_and_a_heading_has_none(squeal, made, line):
+def test_samples_that_cannot_tell_a_class_are_refused_and_a_heading_has_none(
+    squeal, made, line, capsys
+):
     with pytest.raises(ValueError, match=line):
         assess(made(squeal))
     assert caption.noise_text(made(squeal)) == ""
     assert run_dataset.last_periods(made(squeal)).sizes == made(squeal).sizes  # drawn it can be
+    print_class(made(squeal))
+    assert re.match(f"label       not known: .*{line}", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("part", [slice(None, 0.15), slice(0.15, None), slice(0.12, 0.17)])
