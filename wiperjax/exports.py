@@ -12,8 +12,9 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from .datasets.run_dataset import axis_of, check_run, contact_axis, is_run, sample_interval
+from .datasets.run_dataset import axis_of, check_run, contact_axis, is_run
 from .machine.files import check_output, replacing
+from .noise.samples import sample_interval
 from .vocabulary import checks
 
 QUANTITIES = (

@@ -23,11 +23,11 @@ from .datasets.run_dataset import (
     is_quiet,
     is_steady,
     pitch,
-    sample_interval,
     settled,
     signal,
 )
 from .machine.files import check_output, write_bytes
+from .noise.samples import sample_interval
 from .vocabulary import checks
 from .vocabulary.ranges import FINITE, POSITIVE, Range
 

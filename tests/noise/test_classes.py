@@ -185,6 +185,17 @@ def test_whether_a_tip_that_is_carried_has_settled_is_unknown():
     assert found["mechanism"] == "carried" and found["settled"] == "unknown"
 
 
+@pytest.mark.parametrize("squeal", [(500, 1000), (60, 500), (20, 80), (0, 200), (300, 301)])
+def test_a_band_is_drawn_where_its_class_is_told(squeal):
+    """Where two overlap the first rule holds; there they were drawn over each other, grey."""
+    limits = thresholds.Thresholds(squeal_band=squeal)
+    bands = classes.class_bands(limits)
+    for frequency in np.arange(0.5, 1100, 3.3):
+        names = [name for name, low, high in bands if low <= frequency < high]
+        told = classify(limits, dominant_frequency=frequency, stick_fraction=0.5)
+        assert names == [told] * (told != "other"), frequency
+
+
 def test_stored_thresholds():
     given = thresholds.Thresholds(squeal_band=(400.0, 2500.0), quiet_velocity_ratio=0.02)
     attrs = {

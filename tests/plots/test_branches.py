@@ -6,6 +6,7 @@ import odd_systems
 import pytest
 import xarray as xr
 from matplotlib.colors import same_color
+from own_systems import Ball, Nameless
 from pictures import SIGHT, inside_the_page, lab
 
 matplotlib.use("Agg")
@@ -13,7 +14,7 @@ matplotlib.use("Agg")
 import wiperjax  # noqa: E402
 from wiperjax import plots  # noqa: E402
 from wiperjax.cycles.branch.bifurcations import Special  # noqa: E402
-from wiperjax.cycles.branch.dataset import branch_dataset  # noqa: E402
+from wiperjax.cycles.branch.dataset import branch_dataset, column_attributes  # noqa: E402
 from wiperjax.cycles.branch.follow import Branch  # noqa: E402
 from wiperjax.cycles.cycle import Cycle  # noqa: E402
 from wiperjax.cycles.return_map import Found  # noqa: E402
@@ -72,6 +73,14 @@ def test_axes_of_a_branch_are_in_words_of_the_blade(branch):
         assert heading[0] == "Squeal at 5 degrees"
         assert heading[1] == "attack angle 5°, normal load 15 N/m, support stiffness 8000 N/m/m"
         assert inside_the_page(drawn) == []
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [(Ball, "largest coordinate height"), (Nameless, "largest first coordinate")],
+)
+def test_an_axis_of_a_branch_names_the_coordinate_of_a_system_of_ones_own(system, words):
+    assert column_attributes(system(), "maximum")["long_name"] == words
 
 
 def test_every_name_of_a_branch_is_taken(branch):

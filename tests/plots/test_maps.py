@@ -25,6 +25,7 @@ from wiperjax.datasets import map_dataset
 from wiperjax.noise import classes
 from wiperjax.plots import files
 from wiperjax.plots.maps import categories, numbers, planes, stability
+from wiperjax.plots.maps.borders import border_pieces, border_places
 from wiperjax.plots.modes import modes_page
 from wiperjax.plots.style import axes as plot_axes  # noqa: E402
 from wiperjax.plots.style import palette  # noqa: E402
@@ -492,6 +493,30 @@ def test_line_shows_a_cell_between_failed_ones_and_hatches_these(small_map):
     assert failed.get_hatch() == palette.HATCHES["failed"][0]
 
 
+def test_cells_that_have_not_settled_are_told_from_the_others(small_map):
+    settled = xr.full_like(small_map["label"], codes.SETTLED["yes"])
+    settled.loc[{"belt_speed": small_map["belt_speed"][4]}] = codes.SETTLED["no"]
+    at = {"attack_angle": 5.0, "normal_load": 17.5}
+    for ds, hollow in ((small_map, 0), (small_map.assign(settled=settled), 1)):
+        axes = plots.along_axis(ds, at=at)
+        marks = [c for c in axes[1].collections if _is_marks(c)]
+        white = [c for c in marks if (c.get_facecolor() == 1).all()]
+        assert len(white) == hollow and ("not settled" in _texts(axes[0].figure)) == hollow
+        said = plots.map_overview(ds).subfigs[1].get_supxlabel()
+        assert ("50 of 459 cells have not settled" in said) == hollow
+    place = white[0].get_offsets()[0]
+    assert tuple(place) == (small_map["belt_speed"][4], small_map.sel(at)["velocity_rms"][4])
+
+
+def test_speeds_of_an_overview_have_the_colours_of_what_is_heard(small_map):
+    """What quiet cells leave is rounding noise; over three decades 0.2 and 0.5 m/s look alike."""
+    heard = small_map["label"] != codes.LABELS["quiet"]
+    speed = xr.where(heard, 0.2 + 0.3 * (small_map["belt_speed"] > 0.1), 1e-9)
+    figure = plots.map_overview(small_map.assign(velocity_rms=speed))
+    (ax,) = (ax for ax in figure.axes if ax.get_title().startswith("tip velocity"))
+    assert ax.collections[0].get_clim() == pytest.approx((0.2, 0.5))
+
+
 def test_a_grey_cell_is_called_what_it_is(small_map):
     """Ten of eighteen grey cells had failed below the words 'grey: quiet'."""
     broken, at = small_map.copy(deep=True), {"normal_load": 17.5}
@@ -663,6 +688,33 @@ def test_located_borders_are_joined_however_an_axis_is_spaced(tmp_path, monkeypa
     x, y = (ends[..., 0] + 40) / 80, (ends[..., 1] - low) / (high - low)
     located = np.hypot(x - middle[0], y - middle[1])
     assert np.quantile(np.abs(located - radius), 0.9) < 1 / 2**5 / 4
+
+
+def test_a_part_of_a_map_has_the_borders_that_lie_in_it(tmp_path):
+    """Those beyond its ends were strokes along its frame, and those of all loads lay over one whose
+    load was dropped.
+    """
+    from border_maps import coarse_map, engine, refined
+
+    def ball(x, y, z):
+        return np.where((x - 0.5) ** 2 + (y - 0.5) ** 2 + (z - 0.5) ** 2 < 0.4**2, 700.0, 300.0)
+
+    path = tmp_path / "map.h5"
+    coarse_map(path, engine(ball), axes=("attack_angle", "normal_load", "belt_speed"))
+    found = refined(path, engine(ball), levels=2, probes=0)
+    with whole.open_map(path) as ds:
+        ds = plots.with_borders(ds.load(), found)
+    plane = ("attack_angle", "belt_speed", "label")
+    ends = np.array(border_pieces(ds.isel(normal_load=2), *plane)[0])  # (pieces, 2, 2), in cells
+    inside = ((ends[..., 0] >= 3) & (ends[..., 0] <= 5)).all(axis=1)
+    part = ds.isel(normal_load=2, attack_angle=slice(3, 6))
+    np.testing.assert_allclose(border_pieces(part, *plane)[0], ends[inside] - [3.0, 0.0])
+    assert 0 < inside.sum() < len(ends)
+    along = border_places(part.isel(belt_speed=4), "attack_angle", "label")
+    assert ((along > 0) & (along < 2)).all() and along.size
+    with pytest.raises(ValueError, match="must say which normal_load it is of"):
+        plots.class_map(ds.isel(normal_load=2, drop=True))
+    plots.class_map(ds.isel(normal_load=2))
 
 
 @pytest.mark.slow

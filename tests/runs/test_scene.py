@@ -1,6 +1,7 @@
 """Scene files: the wiper, belt and start they state, and the run they make."""
 
 import json
+import re
 from pathlib import Path
 
 import jax
@@ -12,8 +13,10 @@ import wiperjax
 from wiperjax import plots
 from wiperjax.blade import build
 from wiperjax.blade.steady_slip import steady_slip
+from wiperjax.cli.tables import print_class
 from wiperjax.datasets import run_dataset
 from wiperjax.noise.run_class import GATHERED, assess, why_no_frequency, words
+from wiperjax.plots.style import caption
 from wiperjax.runs import scene, simulate
 from wiperjax.specs.load import load_scene, parse_scene, parse_sweep
 from wiperjax.specs.tables import Start
@@ -242,6 +245,63 @@ def test_class_of_a_run_that_cannot_be_told(squeal):
         assess(squeal, transient=0.199)
     with pytest.raises(ValueError, match="run of a scene file"):
         assess(squeal.drop_attrs())
+
+
+def test_a_thinned_run_has_the_frequency_of_the_whole(squeal):
+    """Its attributes still hold the step that it was simulated with."""
+    thin = squeal.isel(time=slice(None, None, 4))
+    found = assess(thin)
+    assert float(found.dominant_frequency) == pytest.approx(780.8, abs=0.2)
+    assert words(found) == words(assess(squeal))
+    assert caption.noise_text(thin) == caption.noise_text(squeal) == "squeal (stick-slip), 780.8 Hz"
+    for name in (*GATHERED[:7], "stick_fraction", "slip_rate"):  # these are still exact
+        assert float(found[name]) == float(assess(squeal)[name]), name
+
+
+@pytest.mark.parametrize(
+    ("made", "line"),
+    [
+        (lambda run: run.sortby("time", ascending=False), "must rise, but falls"),
+        (lambda run: run.assign_coords(time=run.time * 1e3), "in s and end at .* 0.2 s, but ends"),
+        (
+            lambda run: run.assign_coords(time=(1e3 * run.time).assign_attrs(units="ms")),
+            "must be in s, but is in ms",
+        ),
+        (lambda run: run.isel(time=np.r_[:8000, 8001:10001]), "evenly spaced"),
+        (lambda run: run.sel(axis="y"), "along the glass, axis x, but holds y"),
+    ],
+)
+def test_samples_that_cannot_tell_a_class_are_refused_and_a_heading_has_none(
+    squeal, made, line, capsys
+):
+    with pytest.raises(ValueError, match=line):
+        assess(made(squeal))
+    assert caption.noise_text(made(squeal)) == ""
+    assert run_dataset.last_periods(made(squeal)).sizes == made(squeal).sizes  # drawn it can be
+    print_class(made(squeal))
+    assert re.match(f"label       not known: .*{line}", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("part", [slice(None, 0.15), slice(0.15, None), slice(0.12, 0.17)])
+def test_a_cut_run_is_counted_in_the_time_that_its_samples_are_of(squeal, part):
+    """Whose motion repeats costs the same a slip in every part of it."""
+    cut = squeal.sel(time=part)
+    whole, found = assess(squeal), assess(cut)
+    length = np.ptp(cut.sel(time=slice(0.1, None)).time.values)
+    assert float(found.stick_count) == pytest.approx(780.8 * length, abs=1.01)
+    assert float(found.slip_rate) == pytest.approx(780.8, abs=1.01 / length)
+    for name in ("energy_per_slip", "stick_fraction"):
+        assert float(found[name]) == pytest.approx(float(whole[name]), rel=0.03), name
+
+
+@pytest.mark.parametrize("axes", [["y", "x"], "x"])
+def test_a_blade_is_judged_by_its_motion_along_the_glass(squeal, axes):
+    turned = squeal.sel(axis=axes)
+    assert assess(turned).identical(assess(squeal))
+    assert run_dataset.pitch(turned) == run_dataset.pitch(squeal)
+    assert plots.phase_portrait(turned).get_xlabel() == "position along the glass (mm)"
+    with pytest.raises(ValueError, match="axis x, but holds y"):
+        run_dataset.pitch(squeal.sel(axis="y"))
 
 
 @pytest.mark.slow

@@ -636,7 +636,7 @@ def test_a_window_without_a_turn_in_some_cells_is_noted_of_any_system():
 def test_a_window_of_no_two_periods_of_squeal_is_noted(band):
     """Of a microsecond: what squeals was quiet, settled, its frequency told."""
     axes, least = {"attack_angle": {"values": [0.0, 5.0]}}, 2 / band[0]
-    given = {"classes": {"squeal_band": list(band)}}
+    given = {"classes": {"squeal_band": list(band), "chatter_band": [0, 50]}}
     for window, notes in ((0.9 * least, 1), (least, 0)):
         scene = parse_scene(given | {"run": {"duration": 2 * window}})
         sweep = parse_sweep(given | {"axes": axes, "run": {"transient": 1, "window": window}})
@@ -708,3 +708,13 @@ def test_a_scene_notes_a_lip_that_cannot_flip_within_the_longest_window():
     assert note.startswith("classes.reversal_window is 0.04 s, but the glass needs up to 0.048 s")
     (note,) = parse_scene(scene | {"classes": {"reversal_window": 0.02}}).notes()
     assert "is 0.02 s, but the glass needs up to 0.028 s after V = 0 to carry the lip over" in note
+
+
+def test_bands_that_overlap_are_noted():
+    sweep = {"axes": {"belt_speed": {"values": [0.3]}}, "run": {"transient": 0.1, "window": 0.1}}
+    for parse, spec in ((parse_scene, {"run": {"duration": 0.3}}), (parse_sweep, sweep)):
+        (note,) = parse(spec | {"classes": {"squeal_band": [60, 500]}}).notes()
+        assert note.startswith(
+            "classes.squeal_band and classes.chatter_band both hold 60 to 100 Hz"
+        )
+        assert parse(spec | {"classes": {"squeal_band": [100, 500]}}).notes() == []

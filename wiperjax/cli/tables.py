@@ -81,13 +81,17 @@ def counted(dataset: Any) -> str:
 
 
 def print_class(run: Any) -> None:
-    """Class and frequency of a run."""
+    """Class and frequency of a run, or why its samples tell none."""
     import numpy as np
 
     from ..noise.run_class import assess, why_no_frequency, words
     from ..vocabulary.codes import BANDS, LABELS
 
-    found = assess(run)
+    try:
+        found = assess(run)
+    except ValueError as error:
+        print(f"{'label':<12}not known: {error}")
+        return
     for name, word in words(found).items():
         print(f"{name:<12}{word}")
     frequency, label = float(found["dominant_frequency"]), int(found["label"])
@@ -191,9 +195,8 @@ def print_curves(branch: Any) -> None:
         return ", ".join(f"{n} {v} {u}" for n, v, u in zip(names, values, units, strict=True))
 
     first = 0
-    for k, (kind, size) in enumerate(
-        zip(held["kind"].values, held["row_size"].values, strict=True)
-    ):
+    sizes = zip(held["kind"].values, held["row_size"].values, strict=True)
+    for k, (kind, size) in enumerate(sizes):
         print(f"curve    {str(kind).replace('_', ' ')}: {size} points")
         for point, end in ((first, 0), (first + int(size) - 1, 1)):
             code, why = codes[int(held["end_code"][k, end])], str(held["end_detail"][k, end].values)
@@ -222,6 +225,5 @@ def cost(output: Path, begun: float) -> str:
     from ..machine.memory import peak_memory
 
     elapsed = timedelta(seconds=round(time.monotonic() - begun))
-    return (
-        f"{output.stat().st_size / 1e6:.3g} MB, {elapsed}, {peak_memory() / 1e9:.2f} GB of memory"
-    )
+    size, memory = output.stat().st_size / 1e6, peak_memory() / 1e9
+    return f"{size:.3g} MB, {elapsed}, {memory:.2f} GB of memory"

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ..noise.classes import stored
-from ..noise.run_class import judged
+from ..noise.samples import judged, sample_interval
 from ..noise.spectrum import interval_means, strongest_lines
 from ..vocabulary.cf import flag_names
 from ..vocabulary.thresholds import FEWEST_PERIODS, silence
@@ -112,19 +112,6 @@ def between(ds: xr.Dataset, start: float | None = None, stop: float | None = Non
     return ds.isel(chosen)
 
 
-def sample_interval(ds: xr.Dataset) -> float:
-    """Time between the samples of a run (s).
-
-    Raises: `ValueError` if there are fewer than 8, or they are not evenly spaced.
-    """
-    steps = np.diff(np.asarray(ds["time"], dtype=float))
-    if steps.size < 7:
-        raise ValueError(f"the run must have at least 8 samples, but has {steps.size + 1}")
-    if not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
-        raise ValueError("the samples of the run must be evenly spaced in time")
-    return float(steps.mean())
-
-
 def contact_axis(ds: xr.Dataset) -> int | None:
     """Number of the coordinate whose velocity is that of the contact point, which slides over its
     partner; None where it is no coordinate's, as on the rim of a shaft, or nothing tells it.
@@ -212,13 +199,15 @@ def pitch(ds: xr.Dataset) -> float:
 
     NaN if it is quiet or has no two periods there, or is too fast for its samples; and on a belt
     that is not steady: there the stroke itself is the strongest line.
+
+    Raises: `ValueError` as `judged` and `sample_interval`.
     """
     if not is_steady(ds):
         return float("nan")
     part = settled(ds)
+    place, speed = judged(part)
     if is_quiet(part):
         return float("nan")
-    place, speed = judged(part)
     step = sample_interval(part)
     mean, inner = interval_means(place, speed, step)
     # longer periods than are told are looked for too: else a side lobe stands in for them
@@ -230,12 +219,17 @@ def pitch(ds: xr.Dataset) -> float:
 def last_periods(ds: xr.Dataset, periods: float = 6.0, always: bool = False) -> xr.Dataset:
     """The end of a run with so many of its periods, if it has more; all of it otherwise.
 
-    All of it too if it has no period or few samples, or the belt is not steady; and, unless
-    `always` the end is wanted, if its regimes can be told apart.
+    All of it too if it has no period or few samples, or samples that tell none, or the belt is not
+    steady; and, unless `always` the end is wanted, if its regimes can be told apart.
     """
     many = always or sum(1 for _ in regime_spans(ds)) > MOST_SPANS
-    if not many or ds.sizes["time"] < FEWEST or np.isnan(frequency := pitch(ds)):
+    if not many or ds.sizes["time"] < FEWEST:
         return ds
-    stop = float(ds["time"][-1])
-    start = stop - max(periods / frequency, FEWEST * sample_interval(ds))
+    try:
+        frequency, step = pitch(ds), sample_interval(ds)
+    except ValueError:
+        return ds
+    if np.isnan(frequency):
+        return ds
+    start = float(ds["time"][-1]) - max(periods / frequency, FEWEST * step)
     return between(ds, start) if start > float(ds["time"][0]) else ds

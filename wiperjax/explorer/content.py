@@ -16,7 +16,7 @@ from ..datasets.run_dataset import (
     signal,
     usual_axis,
 )
-from ..noise.classes import stored
+from ..noise.classes import class_bands, stored
 from ..plots.runs.bands import pieces
 from ..plots.runs.friction import coefficient, has_law
 from ..plots.runs.history import MARKED
@@ -180,9 +180,8 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
     chosen = thinned(np.log(heights), even=False)
     content.columns["lines"] = {"f": found.frequency[chosen], "a": heights[chosen]}
     low, high = float(found.frequency[0]), float(found.frequency[-1])
-    bands = stored(part.attrs)
-    rows = [("squeal", *bands.squeal_band), ("chattering", *bands.chatter_band)]
-    rows = [(name, max(a, low), min(b, high)) for name, a, b in rows if max(a, low) < min(b, high)]
+    rows = [(name, max(a, low), min(b, high)) for name, a, b in class_bands(stored(part.attrs))]
+    rows = [row for row in rows if row[1] < row[2]]
     content.columns["classes"] = {
         "left": [a for _, a, _ in rows],
         "right": [b for *_, b in rows],

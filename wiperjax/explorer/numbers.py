@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..datasets.run_dataset import sample_interval
 from ..noise.run_class import words
+from ..noise.samples import sample_interval
 from ..plots.maps.numbers import TONE
 from ..plots.style.palette import CLASSES, UNKNOWN, readable
 from ..sound import COARSEST, sound

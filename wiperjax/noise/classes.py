@@ -29,6 +29,15 @@ def stored(attrs: Mapping[str, Any]) -> Thresholds:
     return Thresholds(**found)
 
 
+def class_bands(limits: Any) -> list[tuple[str, float, float]]:
+    """Name of a class, lowest and highest frequency [Hz] that tell it: chattering has what of its
+    band is none of squeal's.
+    """
+    (low, high), (lowest, highest) = limits.squeal_band, limits.chatter_band
+    rest = (lowest, min(highest, low)), (max(lowest, high), highest)
+    return [("squeal", low, high)] + [("chattering", a, b) for a, b in rest if a < b]
+
+
 def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np.ndarray]:
     """Codes `label`, `mechanism` and `band` of cells, int8, of the shape of the columns; also
     `settled` if it is among these.

@@ -17,6 +17,7 @@ from ..vocabulary.kinds import BELT_KINDS, since_reversal, usual_transient
 from ..vocabulary.ranges import FEWEST_SETTLED, Range
 from ..vocabulary.thresholds import FEWEST_PERIODS, Thresholds, silence
 from .classes import classify, stored
+from .samples import judged, sample_interval
 from .signals import signal_columns
 from .spectrum import interval_means
 
@@ -59,12 +60,8 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     limits = thresholds if thresholds is not None else stored(run.attrs)
     kind, end = str(run.attrs["belt_kind"]), float(run["final_time"])
     belt = BELT_KINDS[checks.choice("belt_kind", kind, BELT_KINDS)] if kind else None
-    if transient is not None:
-        transient = checks.number("transient", transient, Range(0, end, high_open=True, unit="s"))
-    else:
-        usual = usual_transient(float(run.attrs["duration"]), kind)
-        transient = float(run.attrs.get("statistics_start", usual))
-    kept = run.sel(time=slice(transient, None))
+    transient = _transient(run, transient)
+    kept = run.isel(time=np.flatnonzero(np.asarray(run["time"], dtype=float) >= transient))
     time = np.asarray(kept["time"], dtype=float)
     finished = int(run["result"]) == RESULTS["finished"]
     if finished and time.size < FEWEST_SETTLED:
@@ -80,7 +77,10 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
 
     place, velocity = judged(kept)
     force = np.asarray(kept["normal_force"], dtype=float)
-    interval = float(run.attrs["sample_interval"])
+    interval = sample_interval(kept)
+    whole = np.allclose((time[0], time[-1]), (transient, end), rtol=0, atol=1.5 * interval)
+    if not whole:  # what is counted is of the time that the samples are of
+        transient, end = float(time[0]), float(time[-1])
     since = None if kind in ("", "steady") else _since_reversal(run, time)
     wiping = run.attrs.get("belt_frequency")
     columns |= {
@@ -89,13 +89,14 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
         "normal_force_mean": force.mean(),
         "normal_force_max": force.max(),
     }
-    columns |= _events(run, transient, end, None) | _slips(kept, end - transient)
+    columns |= _events(run, transient, end, None) | _slips(kept, transient, end)
     if since is not None:
         near = np.abs(since) <= limits.reversal_window
         columns["normal_force_max_reversal"] = force[near].max() if near.any() else np.nan
         columns["normal_force_mean_stroke"] = force[~near].mean() if (~near).any() else np.nan
         columns |= _events(run, transient, end, limits.reversal_window)
-    columns |= _gathered(run, transient, time, limits)
+    if whole and float(run.attrs.get("statistics_start", np.nan)) == transient:
+        columns |= _gathered(run, limits)
     quiet = silence(limits, columns.get("belt_speed_rms"))
     mean, inner = interval_means(place, velocity, interval)
     if since is None:
@@ -109,18 +110,15 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     return _named(columns | classify(columns, limits))
 
 
-def judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Place and velocity over time that tell the noise: of the first coordinate (of the tip along
-    the glass), or the output of a system of one's own with its integral.
+def _transient(run: xr.Dataset, given: float | None) -> float:
+    """Time [s] that is left out: as `given`, else by the engine; of a run that says none the usual
+    one.
     """
-    if "output" not in run:
-        tip = run.isel(axis=0) if "axis" in run.dims else run
-        return np.asarray(tip["position"], float), np.asarray(tip["velocity"], float)
-    from scipy.interpolate import CubicSpline  # half a second, which a map's picture does not need
-
-    velocity = np.asarray(run["output"], dtype=float)
-    spline = CubicSpline(np.asarray(run["time"], dtype=float), velocity)
-    return spline.antiderivative()(run["time"]), velocity
+    if given is not None:
+        allowed = Range(0, float(run["final_time"]), high_open=True, unit="s")
+        return checks.number("transient", given, allowed)
+    usual = usual_transient(float(run.attrs["duration"]), str(run.attrs["belt_kind"]))
+    return float(run.attrs.get("statistics_start", usual))
 
 
 def words(columns: Any) -> dict[str, str]:
@@ -155,24 +153,25 @@ def _named(columns: dict[str, Any]) -> xr.Dataset:
 
 
 def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> dict[str, float]:
-    """Shares of time in stick and flight and impacts after `start`; with a `window`, those of the
-    strokes, and the hardest impact in it.
+    """Shares of time in stick and flight and impacts from `start` to `end`; with a `window`, those
+    of the strokes, and the hardest impact in it.
     """
     names = flag_names(run["regime"])
     times = np.asarray(run["event_time"], dtype=float)
     after = np.asarray(run["regime_after"], dtype=int)
     first = int(run["regime_before"][0]) if times.size else int(run["final_regime"])
-    borders = np.clip(np.concatenate([[0.0], times, [end]]), start, None)
+    borders = np.clip(np.concatenate([[0.0], times, [end]]), start, end)
+    inside = (times >= start) & (times <= end)
     regimes = [names[code] for code in (first, *after)]
     caught = np.array([name == "stick" for name in regimes])
     caught = caught[1:] & ~caught[:-1]
-    impulse = np.where(times >= start, np.asarray(run["event_impulse"], dtype=float), 0.0)
+    impulse = np.where(inside, np.asarray(run["event_impulse"], dtype=float), 0.0)
     if window is None:
         length, suffix = np.diff(borders), ""
         found = {
             "impact_count": float(np.sum(impulse > 0)),
             "impact_impulse_max": impulse.max(initial=0.0),
-            "stick_count": float(np.sum(caught & (times >= start))),
+            "stick_count": float(np.sum(caught & inside)),
         }
     else:
         # time outside the window: the integral of a function that is 1 on the strokes
@@ -190,23 +189,18 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
     return found
 
 
-def _gathered(run: xr.Dataset, start: float, time: np.ndarray, limits: Any) -> dict[str, float]:
-    """What the engine has gathered from `start` on, if the samples at `time` are of all of that."""
-    ends = (start, float(run["final_time"]))
-    near = 1.5 * float(run.attrs["sample_interval"])
-    whole = np.allclose((time[0], time[-1]), ends, rtol=0, atol=near)
-    if not whole or float(run.attrs.get("statistics_start", np.nan)) != start:
-        return {}
+def _gathered(run: xr.Dataset, limits: Any) -> dict[str, float]:
+    """What the engine has gathered, with the `limits` that it had."""
     names = [name for name in GATHERED if name in run]
     if limits.reversal_window != stored(run.attrs).reversal_window:
         names = [name for name in names if not name.endswith(("_reversal", "_stroke"))]
     return {name: float(run[name]) for name in names}
 
 
-def _slips(run: xr.Dataset, window: float) -> dict[str, float]:
-    """What slips out of stick cost in the `window` [s] that the samples of `run` cover: their rate
-    is exact, forces and work are those of the samples, of what is quicker too little; they cannot
-    tell an acceleration, nor a work without their slip speed.
+def _slips(run: xr.Dataset, start: float, end: float) -> dict[str, float]:
+    """What slips out of stick cost from `start` to `end` [s], which the samples of `run` cover:
+    their rate is exact, forces and work are those of the samples, of what is quicker too little;
+    they cannot tell an acceleration, nor a work without their slip speed.
     """
     time = np.asarray(run["time"], dtype=float)
     names = flag_names(run["regime"])
@@ -215,7 +209,8 @@ def _slips(run: xr.Dataset, window: float) -> dict[str, float]:
         for name in ("regime", "regime_before", "regime_after")
     )
     at = np.asarray(run["event_time"], dtype=float)
-    out = (before == "stick") & np.char.startswith(after, "slip") & (at >= time[0])
+    out = (before == "stick") & np.char.startswith(after, "slip")
+    out &= (at >= time[0]) & (at <= end)
     count = int(out.sum())
     friction = np.asarray(run["friction_force"], dtype=float)
     stick, slip = regime == "stick", np.char.startswith(regime, "slip")
@@ -227,7 +222,7 @@ def _slips(run: xr.Dataset, window: float) -> dict[str, float]:
         power = np.where(slip, -friction * np.asarray(run["slip_speed"]), 0.0)
         work = float(np.trapezoid(power, time))
     return {
-        "slip_rate": count / window,
+        "slip_rate": count / (end - start),
         "force_drop": drop,
         "energy_per_slip": work / count if count else 0.0,
         "acceleration_max": np.nan,

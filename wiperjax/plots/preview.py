@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import xarray as xr
 
 from ..datasets.map_starts import from_start
-from ..datasets.run_dataset import is_run, last_periods
+from ..datasets.run_dataset import is_run, last_periods, usual_axis
 from ..vocabulary import checks
 from .maps.categories import category_legend, category_panel
 from .maps.line import along_axis
@@ -111,7 +111,7 @@ def _map(plane: xr.Dataset, x: str, y: str) -> bytes:
 
 def _run(run: xr.Dataset) -> bytes:
     figure = page((5.0, 2.2))
-    component = 0 if run["velocity"].ndim > 1 else None
+    component = usual_axis(run) if run["velocity"].ndim > 1 else None
     part = last_periods(run)
     time_history(part, figure.subplots(), component=component, legend=False)
     return _png(figure)

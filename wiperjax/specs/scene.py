@@ -59,5 +59,5 @@ class SceneSpec(System):
         window, classes = self.run.duration - self.transient, self.thresholds()
         named = "run.duration less run.transient"
         lines = settled_notes(self.transient, window, named, classes, known)
-        lines += law_notes(self.family.law(self), known)
+        lines += [*classes.notes(), *law_notes(self.family.law(self), known)]
         return lines + flip_notes(self.belt_kind, known, classes.reversal_window)

@@ -231,7 +231,7 @@ class SweepSpec(System):
         if "belt_frequency" in known and (interval := window / self.samples) > around:
             what = f"classes.reversal_window is {around:g} s, less than a sample ({interval:.3g} s)"
             lines.append(f"{what}: a cell with no sample so soon after a turn is called failed")
-        lines += law_notes(self.family.law(self), known)
+        lines += [*self.classes.notes(), *law_notes(self.family.law(self), known)]
         return lines + flip_notes(self.belt_kind, known, around)
 
     def canonical(self) -> str:

@@ -266,3 +266,12 @@ class Classes(_table_of(Thresholds)):
                 must = "must be [low, high] in Hz with 0 <= low < high"
                 raise Fault(key, f"{must}, was [{low:g}, {high:g}]")
         return self
+
+    def notes(self) -> list[str]:
+        """A line where a frequency lies in the bands of two classes."""
+        bands = self.squeal_band, self.chatter_band
+        low, high = max(band[0] for band in bands), min(band[1] for band in bands)
+        if low >= high:
+            return []
+        both = f"classes.squeal_band and classes.chatter_band both hold {low:g} to {high:g} Hz"
+        return [f"{both}: a noise of these is squeal"]

@@ -180,7 +180,8 @@ def words(system: AbstractSystem) -> dict[str, str]:
     ``velocity``."""
     if system.of_a_blade:
         return {"position": "tip position along the glass", "velocity": "tip velocity"}
-    return {"position": "first coordinate", "velocity": "output velocity"}
+    named = f"coordinate {system.coordinates[0]}" if system.coordinates else "first coordinate"
+    return {"position": named, "velocity": "output velocity"}
 
 
 def _names(module: eqx.Module, before: tuple[str, ...] = ()) -> dict[str, tuple[str, ...]]:

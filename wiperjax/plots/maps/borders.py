@@ -55,6 +55,8 @@ def draw_borders(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str) -> boo
 def border_pieces(ds: xr.Dataset, x: str, y: str, variable: str) -> tuple[list, np.ndarray]:
     """Borders of `variable` in a plane of a map, in cells from its first one along `x` and `y`:
     straight pieces, each a pair of points (2,), and the points that no curve joins, (points, 2).
+
+    Raises: `ValueError` where nothing tells which plane it is: an axis that is not drawn is gone.
     """
     if not _has_borders(ds, variable):
         return [], np.zeros((0, 2))
@@ -70,7 +72,8 @@ def border_places(ds: xr.Dataset, x: str, variable: str) -> np.ndarray:
         return np.zeros(0)
     names = str(ds[PREFIX + "axis"].attrs["flag_meanings"]).split()
     here = ds[PREFIX + "axis"].values == names.index(x)
-    return _rank(ds, x, ds[PREFIX + x].values[here])
+    place = _rank(ds, x, ds[PREFIX + x].values[here])
+    return place[np.isfinite(place)]
 
 
 def _has_borders(ds: xr.Dataset, variable: str) -> bool:
@@ -96,11 +99,16 @@ def _in_plane(ds: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray, n
     names = str(ds[PREFIX + "axis"].attrs["flag_meanings"]).split()
     axis = ds[PREFIX + "axis"].values
     inside = np.isin(axis, [names.index(name) for name in (x, y) if name in names])
+    for name in names:
+        if name not in (x, y, *ds.coords) and np.ptp(ds[PREFIX + name].values) > 0:
+            must = f"must say which {name} it is of, for its borders to be drawn"
+            raise ValueError(f"the map {must}; ds.isel({name}=0) without drop=True keeps it")
     for name in ds.coords:
         if str(name) not in (x, y) and PREFIX + str(name) in ds and not ds[name].ndim:
             value = float(ds[name])
             inside &= np.abs(ds[f"{PREFIX}{name}"].values - value) <= 1e-9 * max(1, abs(value))
     place = np.stack([_rank(ds, name, ds[PREFIX + name].values) for name in (x, y)], axis=-1)
+    inside &= np.isfinite(place).all(axis=1)
     codes = np.sort([ds[PREFIX + side].values for side in ("side_low", "side_high")], axis=0)
     kind = ds[PREFIX + "kind"].values
     rough = np.isin(kind, [CROSSINGS["irregular"], CROSSINGS["unresolved"]])
@@ -116,12 +124,17 @@ def _geometric(ds: xr.Dataset, name: str) -> bool:
 
 
 def _rank(ds: xr.Dataset, name: str, values: np.ndarray) -> np.ndarray:
-    """Values of an axis in cells from its first one."""
+    """Values of an axis in cells from its first one; NaN of those beyond its ends, where the map
+    is a part of the one that the borders are of.
+    """
     axis = np.asarray(ds[name].values, dtype=float)
     if _geometric(ds, name):  # may be negative throughout
         axis, values = np.log(np.abs(axis)), np.log(np.abs(values))
     order = np.argsort(axis)
-    return np.interp(values, axis[order], np.arange(float(len(axis)))[order])
+    low, high = axis[order[[0, -1]]]
+    room = NEAR * (high - low) / len(axis)
+    rank = np.interp(values, axis[order], np.arange(float(len(axis)))[order])
+    return np.where((values >= low - room) & (values <= high + room), rank, np.nan)
 
 
 def _values(ds: xr.Dataset, x: str, y: str, place: np.ndarray) -> np.ndarray:

@@ -1,17 +1,21 @@
 """Maps along one axis: frequency, amplitude and regimes over belt speed, and regimes over time."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
+from ...noise.classes import class_bands, stored
 from ...vocabulary.cf import flag_names
 from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
 from ..style.caption import is_own, moving, set_caption, start_text
 from ..style.palette import BOUNDARY, CLASSES, HATCHES, REGIMES, UNKNOWN, readable
-from .numbers import TONE, told
+from .numbers import TONE, told, unsettled
 from .planes import At, check_dim, check_order, class_names, cut, map_dims
 from .shares import regime_shares, stacked
 from .stability import between, growth_between, places
@@ -25,7 +29,8 @@ def along_axis(
     at: At | None = None,
 ) -> np.ndarray:
     """Dominant frequency, amplitude and shares of the regimes over one axis of a map, as in a
-    bifurcation diagram: marks have the colour of their noise class.
+    bifurcation diagram: marks have the colour of their noise class, and are hollow where the
+    motion had not settled.
 
     Arguments:
 
@@ -47,7 +52,7 @@ def along_axis(
     across = shown(line[along])[0]
     names = class_names(line)
     handles = _frequencies(line, rows[0], across, names)
-    _amplitudes(line, rows[1], across, names)
+    _amplitudes(line, rows[1], across)
     shares = regime_shares(line, rows[2], across, names)
     for ax in rows:
         set_axis(ax, "x", line[along])
@@ -84,24 +89,29 @@ def _line(ds: xr.Dataset, along: str | None, at: At | None) -> tuple[xr.Dataset,
     return line, where, along
 
 
-def _marks(ax: Axes, across: np.ndarray, values: np.ndarray, names: np.ndarray) -> None:
-    """Points in the colours of their classes, with a thin outline: quiet is nearly white."""
-    for name in dict.fromkeys(names):
-        chosen = names == name
-        ax.scatter(
-            across[chosen],
-            values[chosen],
-            s=22,
-            color=CLASSES.get(name, UNKNOWN),
-            edgecolor="#333333",
-            linewidth=0.5,
-            zorder=3,
-        )
+def _marks(ax: Axes, across: np.ndarray, values: np.ndarray, line: xr.Dataset) -> None:
+    """Points in the colours of their classes, with a thin outline: quiet is nearly white. Those of
+    cells that have not settled are hollow.
+    """
+    names, loose = class_names(line), unsettled(line).values
+    for name, hollow in dict.fromkeys(zip(names, loose, strict=True)):
+        chosen = (names == name) & (loose == hollow)
+        ax.scatter(across[chosen], values[chosen], s=22, zorder=3, **_mark(name, hollow))
+
+
+def _mark(name: str, hollow: bool) -> dict[str, Any]:
+    """How a point of a class is drawn."""
+    colour = CLASSES.get(name, UNKNOWN)
+    if not hollow:
+        return {"facecolor": colour, "edgecolor": "#333333", "linewidth": 0.5}
+    outline = [withStroke(linewidth=2.4, foreground="#333333")]
+    ring = {"facecolor": "white", "edgecolor": colour, "linewidth": 1.4}
+    return ring | {"path_effects": outline}
 
 
 def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarray) -> list:
     frequency = told(line, TONE).values
-    _marks(ax, across, frequency, names)
+    _marks(ax, across, frequency, line)
     plain_log(ax, "y")
     ax.set_ylabel("dominant\nfrequency (Hz)")
     handles = [
@@ -113,6 +123,13 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
         for name in CLASSES
         if name in names and name not in HATCHES
     ]  # fmt: skip
+    if unsettled(line).any():
+        handles.append(
+            Line2D(
+                [], [], marker="o", linestyle="", markersize=5, markerfacecolor="white",
+                markeredgecolor="#333333", label="not settled",
+            )
+        )  # fmt: skip
     linear = np.zeros(0)
     if "linear_frequency" in line:
         linear = np.asarray(line["linear_frequency"], dtype=float)
@@ -122,10 +139,9 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
                 label="steady slip, linearised",
             )  # fmt: skip
             handles.append(drawn)
-    for name, colour in (("class_squeal_band", "squeal"), ("class_chatter_band", "chattering")):
-        if name in line.attrs:
-            low, high = np.atleast_1d(line.attrs[name])[[0, -1]]
-            ax.axhspan(max(low, 1e-3), high, color=CLASSES[colour], alpha=0.10, linewidth=0)
+    if "class_squeal_band" in line.attrs:
+        for name, low, high in class_bands(stored(line.attrs)):
+            ax.axhspan(max(low, 1e-3), high, color=CLASSES[name], alpha=0.10, linewidth=0)
     heard = frequency[np.isfinite(frequency)]
     seen = heard if heard.size else linear[linear > 0]
     low, high = (np.inf, 0.0) if is_own(line) and seen.size else (80.0, 1500.0)
@@ -134,10 +150,10 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
     return handles
 
 
-def _amplitudes(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarray) -> None:
+def _amplitudes(line: xr.Dataset, ax: Axes, across: np.ndarray) -> None:
     """Standard deviation of the tip velocity, and what it would be at the speed of the glass."""
     speed = told(line, "velocity_rms").values
-    _marks(ax, across, speed, names)
+    _marks(ax, across, speed, line)
     ax.set_ylabel(f"{moving(line)},\nstd (m/s)")
     ax.set_ylim(0, 1.08 * np.nanmax(speed, initial=0.0) or 1.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 
-from ...vocabulary.codes import LABELS, NOT_COMPUTED
+from ...vocabulary.codes import LABELS, NOT_COMPUTED, SETTLED
 from ..style.palette import readable
 
 SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody
@@ -37,8 +37,19 @@ def _untold(name: str) -> dict[str, int]:
     return {"quiet": LABELS["quiet"]} | ENDED if name == TONE else ENDED
 
 
+def unsettled(ds: xr.Dataset) -> xr.DataArray:
+    """Which cells move at the end of their window otherwise than before: their numbers are of that
+    window alone.
+    """
+    if "settled" not in ds:
+        return xr.zeros_like(ds["label"], dtype=bool)
+    return (ds["settled"] == SETTLED["no"]) & ~ds["label"].isin(list(ENDED.values()))
+
+
 def tones(values: np.ma.MaskedArray) -> LogNorm:
-    """Scale for the frequencies of a plane: logarithmic, of three decades at most."""
+    """Scale for the frequencies of a plane, or its speeds: logarithmic, of three decades at
+    most.
+    """
     heard = values.compressed()
     heard = heard[heard > 0]
     low, top = (float(heard.min()), float(heard.max())) if heard.size else (10.0, 1000.0)

@@ -2,14 +2,15 @@
 
 import numpy as np
 import xarray as xr
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from ...vocabulary.codes import LABELS
 from ..curves import curve_legend
 from ..style.axes import legend_below, page
 from ..style.caption import footnote, moving, set_caption
 from .categories import category_legend, category_panels, shown_cells
 from .classes import class_bars
+from .numbers import told, tones, unsettled
 from .planes import At, choose_plane, cut, fraction_map, frequency_map, map_dims, value_map
 from .stability import NOTE
 
@@ -44,9 +45,8 @@ def map_overview(
     axes = lower.subplots(1, 4, width_ratios=[1, 1, 1, 0.85])
     frequency_map(ds, axes[0], x=x, y=y, at=at)
     fraction_map(ds, "stick", axes[1], x=x, y=y, at=at)
-    speed = np.asarray(cut(ds, (x, y), at)[0]["velocity_rms"], dtype=float)
-    speed = speed[np.isfinite(speed) & (speed > 0)]
-    top = float(speed.max()) if speed.size else 1.0
+    plane = cut(ds, (x, y), at)[0]
+    loud = told(plane, "velocity_rms").where(plane["label"] != LABELS["quiet"])
     value_map(
         ds,
         "velocity_rms",
@@ -54,7 +54,7 @@ def map_overview(
         x=x,
         y=y,
         at=at,
-        norm=LogNorm(1e-3 * top, top),
+        norm=tones(np.ma.masked_invalid(loud)),
         cmap="magma",
         title=f"{moving(ds)} (std)",
     )
@@ -63,5 +63,7 @@ def map_overview(
     free = tuple(dim for dim in map_dims(ds) if dim not in (at or {}))
     class_bars(*cut(ds, free, at), axes[3])
     words = f"{footnote(ds)}\n{NOTE}" if boundary else footnote(ds)
+    if loose := int(unsettled(ds).sum()):
+        words += f"\n{loose:,} of {ds['label'].size:,} cells have not settled in their window"
     lower.supxlabel(words, fontsize="small", color="#555555")
     return figure

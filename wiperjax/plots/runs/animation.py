@@ -9,8 +9,9 @@ import xarray as xr
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.ticker import FuncFormatter
 
-from ...datasets.run_dataset import between, event_times, is_steady, last_periods, sample_interval
+from ...datasets.run_dataset import between, event_times, is_steady, last_periods
 from ...noise.classes import stored
+from ...noise.samples import sample_interval
 from ...vocabulary.cf import flag_names
 from ..style.axes import page
 from ..style.caption import set_caption

@@ -5,12 +5,14 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from ...datasets.run_dataset import is_steady, pitch, sample_interval, signal
+from ...datasets.run_dataset import is_steady, pitch, signal
 from ...noise.classes import stored
+from ...noise.samples import sample_interval
 from ...noise.spectrum import dominant_frequency
 
 HIGHEST = 20_000.0  # Hz: what is heard
 FEWEST_LINES = 4  # of a spectrum: the first two are skirts of the mean
+BETWEEN = 8  # places between two bins where a line is looked for
 VELOCITIES = ("velocity", "output", "slip_speed")
 TURNING = 0.02  # s, of the spectrogram's window: what happens around V = 0 lasts some tens of ms
 
@@ -20,7 +22,7 @@ class Lines(NamedTuple):
 
     Attributes:
         frequency: Hz, those that are shown.
-        amplitude: rms of a line there (Hann window).
+        amplitude: rms of the highest line within half a bin (Hann window), 0.02 dB too low at most.
         strongest: frequency of the strongest line; NaN of a quiet run.
         quiet: what counts as no vibration (`quiet_level`).
         resolution: Hz.
@@ -39,7 +41,8 @@ class Levels(NamedTuple):
     Attributes:
         time: borders of the columns (s).
         frequency: middles of the rows (Hz), evenly spaced.
-        decibels: re one unit of the quantity, (rows, columns).
+        decibels: re one unit of the quantity, (rows, columns); between rows a line is up to 0.09 dB
+            too low.
         peak: of the scale: reaches up to what counts as quiet at least.
         window: length of the Hann window (s).
     """
@@ -59,6 +62,7 @@ def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = N
     is too short for two lines.
     """
     import scipy.signal  # most of a second, which pictures of maps do not need
+    from scipy.ndimage import maximum_filter1d
 
     values = signal(ds, quantity, component)
     step = sample_interval(ds)
@@ -68,8 +72,11 @@ def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = N
         must = f"must be of {shortest:g} s or more, was of {span:.2g} s"
         raise ValueError(f"a spectrum up to {HIGHEST:g} Hz {must}")
     frequency, power = scipy.signal.periodogram(
-        numbers, 1 / step, window="hann", detrend="constant", scaling="spectrum"
-    )
+        numbers, 1 / step, window="hann", detrend="constant", scaling="spectrum",
+        nfft=BETWEEN * numbers.size,
+    )  # fmt: skip
+    # a bin has the highest level within half a bin of it: bare it shows a line beside it too low
+    frequency, power = frequency[::BETWEEN], maximum_filter1d(power, BETWEEN + 1)[::BETWEEN]
     top = min(HIGHEST, frequency[-1])
     heard = np.isfinite(pitch(ds))  # rounding noise has a strongest line too
     line = float(dominant_frequency(numbers, step)) if heard else float("nan")
@@ -126,7 +133,7 @@ def levels(
 
     weights = windows.hann(samples, sym=False)
     transform = ShortTimeFFT(
-        weights, hop, 1 / step, mfft=max(256, 2 * samples), scale_to="magnitude"
+        weights, hop, 1 / step, mfft=max(256, 4 * samples), scale_to="magnitude"
     )
     if transform.f[1] > top:
         least = f"must be {transform.f[1]:.3g} Hz or more where a window is {samples * step:.2g} s"

@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ...datasets.run_dataset import is_steady, signal
-from ...noise.classes import stored
+from ...noise.classes import class_bands, stored
 from ..style.axes import label, page, plain_log, shown_unit, time_text
 from ..style.caption import quantity_words, set_caption
 from ..style.palette import CLASSES, EVENT_NAMES
@@ -84,10 +84,8 @@ def spectrum(
 
 def _bands(ds: xr.Dataset, ax: Axes) -> None:
     """The bands of squeal and chattering behind a spectrum, named where the frame has the room."""
-    limits, (low, top) = stored(ds.attrs), ax.get_xlim()
-    for name, (left, right) in {
-        "squeal": limits.squeal_band, "chattering": limits.chatter_band
-    }.items():  # fmt: skip
+    low, top = ax.get_xlim()
+    for name, left, right in class_bands(stored(ds.attrs)):
         left, right = max(left, low), min(right, top)
         if left >= right:
             continue

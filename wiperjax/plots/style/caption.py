@@ -9,6 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from ...datasets.run_dataset import is_run, pitch
 from ...noise.run_class import assess, why_no_frequency, words
+from ...noise.samples import sample_interval
 from ...vocabulary.codes import Result
 from ...vocabulary.columns import SYSTEM
 from ...vocabulary.kinds import BELTS
@@ -18,7 +19,7 @@ from .axes import SHOWN, long_name, number
 from .palette import readable
 
 ALWAYS = ("attack_angle", "normal_load", "belt_speed")
-DIRECTIONS = ("along the glass", "normal to the glass")
+DIRECTIONS = {"x": "along the glass", "y": "normal to the glass"}
 BLADES = {"Wiper": "lip", "Bar": "bar", "Block": "block"}  # as runs and branches name their models
 UNSAID = ("", "steady", "lip", "stribeck")  # kinds that a caption leaves out
 
@@ -90,9 +91,11 @@ def partner(ds: xr.Dataset) -> str:
 
 def direction(ds: xr.Dataset, component: int) -> str:
     """Which coordinate of a run one is: `along the glass`, of a system of one's own its name."""
-    if not is_own(ds):
-        return DIRECTIONS[component]
-    return str(ds["axis"].values[component]) if "axis" in ds.coords else f"coordinate {component}"
+    if "axis" not in ds.coords:
+        numbered = f"coordinate {component}"
+        return numbered if is_own(ds) else list(DIRECTIONS.values())[component]
+    name = str(np.atleast_1d(ds["axis"])[component])
+    return name if is_own(ds) else DIRECTIONS.get(name, name)
 
 
 def quantity_words(ds: xr.Dataset, values: xr.DataArray) -> str:
@@ -130,15 +133,23 @@ def noise_text(ds: xr.Dataset) -> str:
         return str(ds.attrs["noise"])
     if not is_run(ds):
         return ""
+    try:
+        return _noise(ds)
+    except ValueError:  # of samples that tell none, as `assess` says: the motion can be drawn
+        return ""
+
+
+def _noise(ds: xr.Dataset) -> str:
+    """`noise_text` of a run. Raises: `ValueError` where its samples do not tell it."""
     if "belt_kind" not in ds.attrs or "event_time" not in ds:
         if "belt_velocity" not in ds:
             return ""
         return f"{tone:.4g} Hz" if np.isfinite(tone := pitch(ds)) else ""
-    time, left = np.asarray(ds["time"], float), 1.5 * float(ds.attrs["sample_interval"])
-    if time[0] > 0 or time[-1] + left < float(ds["final_time"]):
-        return ""
+    time = np.asarray(ds["time"], float)
     begin = float(ds.attrs.get("statistics_start", time.mean()))
-    if np.count_nonzero(time >= begin) < FEWEST_SETTLED:
+    if time[0] > 0 or np.count_nonzero(time >= begin) < FEWEST_SETTLED:
+        return ""
+    if time[-1] + 1.5 * sample_interval(ds) < float(ds["final_time"]):
         return ""
     found = assess(ds)
     names = words(found)

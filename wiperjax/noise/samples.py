@@ -1,0 +1,55 @@
+"""What a run is judged by: the step of its samples, and the velocity that tells its noise.
+
+Both are those of the samples that a run holds now: it may have been thinned, cut or turned round
+since it was simulated, and its attributes do not know.
+"""
+
+import numpy as np
+import xarray as xr
+
+FEWEST_EVEN = 8  # samples that tell their step
+
+
+def sample_interval(run: xr.Dataset) -> float:
+    """Time between the samples of a run (s).
+
+    Raises: `ValueError` if there are fewer than `FEWEST_EVEN`, or their times are not evenly
+        spaced, fall, or are not seconds: of another unit, or beyond the end of the run.
+    """
+    time = np.asarray(run["time"], dtype=float)
+    if time.size < FEWEST_EVEN:
+        must = f"must have at least {FEWEST_EVEN} samples"
+        raise ValueError(f"the run {must}, but has {time.size}")
+    steps = np.diff(time)
+    if not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
+        raise ValueError("the samples of the run must be evenly spaced in time")
+    if not steps[0] > 0:
+        raise ValueError("the time of the run must rise, but falls; run.sortby('time') sorts it")
+    end, unit = float(run.get("final_time", np.inf)), str(run["time"].attrs.get("units", "s"))
+    if unit != "s":
+        raise ValueError(f"the time of the run must be in s, but is in {unit}")
+    if time[-1] > end + steps[0]:
+        must = f"must be in s and end at its final_time, {end:g} s"
+        raise ValueError(f"the time of the run {must}, but ends at {time[-1]:g}")
+    return float(steps.mean())
+
+
+def judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Place and velocity over time that tell the noise: of the tip along the glass, or the output
+    of a system of one's own with its integral (without an output its first coordinate).
+
+    Raises: `ValueError` for a run of a blade without its coordinate x.
+    """
+    if "output" not in run:
+        names = np.atleast_1d(run["axis"]).tolist() if "axis" in run.coords else []
+        if names and "x" not in names and run.attrs.get("of_a_blade", True):
+            must = "must hold the motion along the glass, axis x"
+            raise ValueError(f"the run {must}, but holds {' and '.join(map(str, names))}")
+        along = names.index("x") if "x" in names else 0
+        tip = run.isel(axis=along) if "axis" in run.dims else run
+        return np.asarray(tip["position"], float), np.asarray(tip["velocity"], float)
+    from scipy.interpolate import CubicSpline  # half a second, which a map's picture does not need
+
+    velocity = np.asarray(run["output"], dtype=float)
+    spline = CubicSpline(np.asarray(run["time"], dtype=float), velocity)
+    return spline.antiderivative()(run["time"]), velocity
