@@ -116,9 +116,7 @@ def up_and_down(
     for array in (states, *columns):
         array[1] = array[1, ::-1]
     first = states[..., [0, state.shape[1] // 2]]  # coordinate, and its rate
-    highs = peaks(first, columns[3], columns[4], FLAT * sizes[0])
-    if drifts[0]:
-        highs = np.full_like(highs, np.nan)
+    highs = np.where(drifts[0], np.nan, peaks(first, columns[3], columns[4], FLAT * sizes[0]))
     ds = _table(given, over, values, highs, columns)
     return ds.assign_attrs(settle=settle, window=window)
 
