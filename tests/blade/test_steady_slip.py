@@ -137,7 +137,7 @@ def test_branches_are_seen_where_they_are_born():
 @pytest.mark.slow
 def test_mirror_image():
     blade, speed = random_blades(2)
-    mirrored = wiperjax.Wiper(**{**vars(blade), "attack_angle": -blade.attack_angle})
+    mirrored = replace(blade, attack_angle=-blade.attack_angle)
     a, b = steady_slip(blade, speed), steady_slip(mirrored, -speed)
     np.testing.assert_allclose(a.phi, -b.phi, rtol=1e-12)
     np.testing.assert_allclose(a.growth_rate, b.growth_rate, rtol=1e-8, atol=1e-6)

@@ -16,7 +16,7 @@ from systems import Block, Ring, StopOscillator, turn
 import wiperjax
 from wiperjax import AbstractSystem, Coulomb
 from wiperjax.blade.steady_slip import steady_slip
-from wiperjax.cycles import chart
+from wiperjax.cycles import branch, chart, shooting
 from wiperjax.cycles.branch.dataset import branch_dataset
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.branch.repeats import comes_back, repeat_time
@@ -162,6 +162,26 @@ def test_up_and_down_shows_what_coexists():
     np.testing.assert_allclose(high.sel(way="up"), circle, atol=3e-6)
     circle[values > 0] = 0.0
     np.testing.assert_allclose(high.sel(way="down"), circle, atol=3e-6)
+
+
+@pytest.mark.slow
+def test_another_number_to_vary_compiles_nothing(monkeypatch):
+    """Which one was in the program: 15 s for the same cycle of the wiper over its load."""
+    block = Oscillator(belt=wiperjax.SteadyBelt(0.5))
+    times = {"settle": 100.0, "window": 50.0}
+    cycle = find_cycle(block, settle=100.0, over="belt_speed")
+    swept = up_and_down(block, "belt_speed", [0.5, 0.55], **times)
+    for module in (shooting, branch.up_and_down):
+        monkeypatch.delattr(module, "Reach")  # what is traced needs it
+    other = find_cycle(block, settle=100.0, over="stiffness")
+    assert other.period == cycle.period and other.found == Found.FOUND
+    system, step = cycle.system, 1e-4
+    stiffer = find_cycle(replace(system, stiffness=system.stiffness + step), settle=100.0)
+    by = sensitivities(other, {"stiffness": (0.5, 2.0)}, "period").derivative.item()
+    assert by == pytest.approx((stiffer.period - cycle.period) / step, rel=1e-3)
+    again = up_and_down(block, "stiffness", [1.0, 1.1], **times)
+    highs = (ds.maximum.sel(way="up").values[0, 0] for ds in (swept, again))
+    assert next(highs) == pytest.approx(next(highs), rel=1e-12)
 
 
 def test_values_at_which_a_belt_is_none_are_refused():

@@ -191,6 +191,9 @@ def test_numbers_of_a_given_law_are_found_by_the_names_of_files():
     assert float(changed.law.coefficient(1.0)) == pytest.approx(0.4, rel=1e-15)
     assert numbers.stored(blade, "mu_minimum")[0] == "mu_minimum"
     along = numbers.direction(blade, "mu_minimum")
-    assert float(along.friction.dynamic) == 1.0 and along.friction.static is None
+    assert float(along.friction.dynamic) == 1.0 and float(along.friction.static) == 0.0
+    assert float(along.normal_load) == 0.0 and along.gravity is None  # left out, as it is 0
+    moved = numbers.moved(blade, along, 0.4)
+    assert float(moved.friction.dynamic) == 0.4 and float(moved.friction.static) == 0.6
     with pytest.raises(ValueError, match="parameter must be a number of Wiper"):
         numbers.value(blade, "stribeck_speed")
