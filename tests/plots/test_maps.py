@@ -690,18 +690,25 @@ def test_located_borders_are_joined_however_an_axis_is_spaced(tmp_path, monkeypa
     assert np.quantile(np.abs(located - radius), 0.9) < 1 / 2**5 / 4
 
 
+def refined_ball(path, radius, levels):
+    """Borders of a map over three axes, in shares of which a ball about the middle squeals."""
+    import border_maps
+
+    def ball(x, y, z):
+        off = (x - 0.5) ** 2 + (y - 0.5) ** 2 + (z - 0.5) ** 2
+        return np.where(off < radius**2, 700.0, 300.0)
+
+    engine = border_maps.engine(ball)
+    border_maps.coarse_map(path, engine, axes=("attack_angle", "normal_load", "belt_speed"))
+    return border_maps.refined(path, engine, levels=levels, probes=0)
+
+
 def test_a_part_of_a_map_has_the_borders_that_lie_in_it(tmp_path):
     """Those beyond its ends were strokes along its frame, and those of all loads lay over one whose
     load was dropped.
     """
-    from border_maps import coarse_map, engine, refined
-
-    def ball(x, y, z):
-        return np.where((x - 0.5) ** 2 + (y - 0.5) ** 2 + (z - 0.5) ** 2 < 0.4**2, 700.0, 300.0)
-
     path = tmp_path / "map.h5"
-    coarse_map(path, engine(ball), axes=("attack_angle", "normal_load", "belt_speed"))
-    found = refined(path, engine(ball), levels=2, probes=0)
+    found = refined_ball(path, 0.4, levels=2)
     with whole.open_map(path) as ds:
         ds = plots.with_borders(ds.load(), found)
     plane = ("attack_angle", "belt_speed", "label")
@@ -720,14 +727,8 @@ def test_a_part_of_a_map_has_the_borders_that_lie_in_it(tmp_path):
 @pytest.mark.slow
 def test_borders_are_drawn_as_curves_over_the_classes_of_each_slice(tmp_path):
     """The curve of a disc that was located runs along the disc, in each plane that it crosses."""
-    from border_maps import coarse_map, engine, refined
-
-    def ball(x, y, z):
-        return np.where((x - 0.5) ** 2 + (y - 0.5) ** 2 + (z - 0.5) ** 2 < 0.3**2, 700.0, 300.0)
-
     path = tmp_path / "map.h5"
-    coarse_map(path, engine(ball), axes=("attack_angle", "normal_load", "belt_speed"))
-    found = refined(path, engine(ball), levels=5, probes=0)
+    found = refined_ball(path, 0.3, levels=5)
     with whole.open_map(path) as ds:
         drawn = plots.class_map(plots.with_borders(ds, found), x="attack_angle", y="belt_speed")
         crossed = 0

@@ -14,8 +14,8 @@ import xarray as xr
 
 from ..datasets.map_starts import from_start
 from ..machine.files import StoreError
+from ..noise.class_counts import ENDED
 from ..plots.maps.borders import PREFIX, with_borders
-from ..plots.maps.numbers import ENDED
 from ..plots.maps.planes import map_dims, usual_plane
 from ..plots.style.axes import axis_numbers, is_ordered, long_name, shown
 from ..specs.imported import paths_in

@@ -7,8 +7,14 @@ import xarray as xr
 
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
-from ..vocabulary.codes import LABELS, SETTLED, TOLD
+from ..vocabulary.codes import LABELS, NOT_COMPUTED, SETTLED, TOLD
 from ..vocabulary.ranges import COUNT, NON_NEGATIVE
+
+ENDED = {  # cells that hold what was counted until they ended, if anything
+    "failed": LABELS["failed"],
+    "collapsed": LABELS["collapsed"],
+    "not_computed": NOT_COMPUTED,
+}
 
 
 def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int, float]]:
@@ -70,9 +76,16 @@ def untold_count(ds: xr.Dataset) -> int:
     return int(np.sum((np.asarray(ds["frequency_told"]) == TOLD["no"]) & ~quiet))
 
 
+def unsettled(ds: xr.Dataset) -> xr.DataArray:
+    """Which cells' motion had not settled in the window, or is irregular for good."""
+    if "settled" not in ds:
+        return xr.zeros_like(ds["label"], dtype=bool)
+    return (ds["settled"] == SETTLED["no"]) & ~ds["label"].isin(list(ENDED.values()))
+
+
 def unsettled_count(ds: xr.Dataset) -> int:
-    """Number of cells whose motion had not settled in the window, or is irregular for good."""
-    return int(np.sum(np.asarray(ds["settled"]) == SETTLED["no"])) if "settled" in ds else 0
+    """Number of cells that are `unsettled`."""
+    return int(unsettled(ds).sum())
 
 
 def share_error(count: Any, of: int) -> np.ndarray:

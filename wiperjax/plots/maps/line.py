@@ -10,12 +10,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
+from ...noise.class_counts import unsettled
 from ...noise.classes import class_bands, stored
 from ...vocabulary.cf import flag_names
 from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
 from ..style.caption import is_own, moving, set_caption, start_text
 from ..style.palette import BOUNDARY, CLASSES, HATCHES, REGIMES, UNKNOWN, readable
-from .numbers import TONE, told, unsettled
+from .numbers import TONE, told
 from .planes import At, check_dim, check_order, class_names, cut, map_dims
 from .shares import regime_shares, stacked
 from .stability import between, growth_between, places

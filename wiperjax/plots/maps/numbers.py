@@ -4,16 +4,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 
-from ...vocabulary.codes import LABELS, NOT_COMPUTED, SETTLED
+from ...noise.class_counts import ENDED
+from ...vocabulary.codes import LABELS
 from ..style.palette import readable
 
 SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody
 TONE = "dominant_frequency"
-ENDED = {  # cells that hold what was counted until they ended, if anything
-    "failed": LABELS["failed"],
-    "collapsed": LABELS["collapsed"],
-    "not_computed": NOT_COMPUTED,
-}
 
 
 def told(ds: xr.Dataset, name: str) -> xr.DataArray:
@@ -35,15 +31,6 @@ def why_untold(ds: xr.Dataset, name: str) -> str:
 
 def _untold(name: str) -> dict[str, int]:
     return {"quiet": LABELS["quiet"]} | ENDED if name == TONE else ENDED
-
-
-def unsettled(ds: xr.Dataset) -> xr.DataArray:
-    """Which cells move at the end of their window otherwise than before: their numbers are of that
-    window alone.
-    """
-    if "settled" not in ds:
-        return xr.zeros_like(ds["label"], dtype=bool)
-    return (ds["settled"] == SETTLED["no"]) & ~ds["label"].isin(list(ENDED.values()))
 
 
 def tones(values: np.ma.MaskedArray) -> LogNorm:

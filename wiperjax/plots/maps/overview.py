@@ -4,13 +4,14 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from ...noise.class_counts import unsettled_count
 from ...vocabulary.codes import LABELS
 from ..curves import curve_legend
 from ..style.axes import legend_below, page
 from ..style.caption import footnote, moving, set_caption
 from .categories import category_legend, category_panels, shown_cells
 from .classes import class_bars
-from .numbers import told, tones, unsettled
+from .numbers import told, tones
 from .planes import At, choose_plane, cut, fraction_map, frequency_map, map_dims, value_map
 from .stability import NOTE
 
@@ -63,7 +64,7 @@ def map_overview(
     free = tuple(dim for dim in map_dims(ds) if dim not in (at or {}))
     class_bars(*cut(ds, free, at), axes[3])
     words = f"{footnote(ds)}\n{NOTE}" if boundary else footnote(ds)
-    if loose := int(unsettled(ds).sum()):
+    if loose := unsettled_count(ds):
         words += f"\n{loose:,} of {ds['label'].size:,} cells have not settled in their window"
     lower.supxlabel(words, fontsize="small", color="#555555")
     return figure
