@@ -26,7 +26,7 @@ def seek_garbage_less() -> None:
     not once more when it ends.
 
     Imports and tracing leave what is in use: looking for garbage there was a seventh of it, and
-    with the end a fifth of a small sweep whose programs are kept.
+    with the end a seventh of a small sweep whose programs are kept.
     """
     gc.set_threshold(200_000, 50, 100)
     atexit.register(gc.freeze)
