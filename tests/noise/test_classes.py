@@ -196,6 +196,23 @@ def test_a_band_is_drawn_where_its_class_is_told(squeal):
         assert names == [told] * (told != "other"), frequency
 
 
+@pytest.mark.parametrize(
+    ("squeal", "chatter", "frequency", "band"),
+    [
+        ((60, 500), (0, 100), 80.0, "squeal"),  # it was "chatter", and the class squeal
+        ((60, 500), (0, 100), 59.0, "chatter"),
+        ((60, 500), (0, 1500), 1400.0, "chatter"),
+        ((20, 80), (0, 100), 10.0, "chatter"),
+        ((20, 80), (0, 100), 90.0, "chatter"),
+    ],
+)
+def test_what_two_bands_hold_has_the_band_of_its_class(squeal, chatter, frequency, band):
+    limits = thresholds.Thresholds(squeal_band=squeal, chatter_band=chatter)
+    found = named_codes(limits, dominant_frequency=frequency, stick_fraction=0.5)
+    told = {"squeal": "squeal", "chatter": "chattering"}
+    assert (found["band"], found["label"]) == (band, told[band])
+
+
 def test_stored_thresholds():
     given = thresholds.Thresholds(squeal_band=(400.0, 2500.0), quiet_velocity_ratio=0.02)
     attrs = {

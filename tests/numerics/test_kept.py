@@ -127,9 +127,10 @@ def test_inside_another_trace_it_is_differentiated(place):
     assert slope == 4.0 and list(place.iterdir()) == []
 
 
-def test_nothing_is_kept_where_jax_keeps_nothing(monkeypatch):
+@pytest.mark.parametrize("nowhere", [None, ""])  # "" wrote into a folder of the working directory
+def test_nothing_is_kept_where_jax_keeps_nothing(monkeypatch, nowhere):
     assert kept.folder() is not None  # as this suite is set up
-    monkeypatch.setattr(kept, "CONFIG", type("Config", (), {"jax_compilation_cache_dir": None}))
+    monkeypatch.setattr(kept, "CONFIG", type("Config", (), {"jax_compilation_cache_dir": nowhere}))
     monkeypatch.setattr(kept.CONFIG, "jax_enable_compilation_cache", True, raising=False)
     assert kept.folder() is None
     assert Kept(area)(sides(), 2)["area"][0] == 4.0

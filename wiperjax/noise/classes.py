@@ -189,12 +189,16 @@ def _mechanism(seen: _Heard, limits: Any, unheard, reversal) -> np.ndarray:
 
 
 def _band(seen: _Heard, limits: Any, unnamed) -> np.ndarray:
-    """Codes of `codes.BANDS`; none where `unnamed`, or where no frequency makes the sound."""
+    """Codes of `codes.BANDS`; none where `unnamed`, or where no frequency makes the sound.
+
+    What the bands of squeal and of chatter both hold is squeal's, as it is in `_label`.
+    """
+    low, high = limits.squeal_band
     found = (
         ("none", unnamed | seen.carried | seen.unseen),
+        ("squeal", (seen.frequency >= low) & (seen.frequency <= high)),
         ("chatter", seen.frequency < limits.chatter_band[1]),
-        ("low", seen.frequency < limits.squeal_band[0]),
-        ("squeal", seen.frequency <= limits.squeal_band[1]),
+        ("low", seen.frequency < low),
     )
     codes = [BANDS[name] for name, _ in found]
     return np.select([where for _, where in found], codes, default=BANDS["high"])

@@ -129,7 +129,7 @@ def as_arrays(tree: Any, precision: str) -> Any:
 def folder() -> Path | None:
     """Return where programs are kept, in the folder of jax's own; None: nowhere."""
     place, wanted = CONFIG.jax_compilation_cache_dir, CONFIG.jax_enable_compilation_cache
-    return Path(place) / "wiperjax" if place is not None and wanted else None
+    return Path(place) / "wiperjax" if place and wanted else None  # "" is none to jax, too
 
 
 def _read(path: Path) -> Callable[..., Any] | None:
