@@ -25,6 +25,8 @@ from wiperjax.store import whole
 from wiperjax.vocabulary import codes
 from wiperjax.vocabulary.cf import flags
 
+NAN = float("nan")
+
 SWEEP = """
 title = "two cells"
 [axes]
@@ -196,6 +198,41 @@ def test_derivatives_that_disagree_with_differences_are_noted(differ, noted, cap
     printed = capsys.readouterr()
     assert "checked by differences: 3 cells" in printed.out
     assert printed.err.count("note: derivatives disagree with differences: ") == noted
+
+
+@pytest.mark.parametrize(
+    ("trivial", "repeats", "notes"),
+    [
+        ([1e-9, 1e-9], [0.01, 0.02, 0.02, NAN], []),  # the last was not simulated to its end
+        ([NAN, NAN], [0.01] * 4, []),  # of what something drives
+        (
+            [1e-9, 3e-2],
+            [NAN, 0.01, NAN, NAN],
+            [
+                "note: multipliers of 1 cycles are known to 3e-02 only (trivial_error)",
+                "note: 2 of them did not come back to themselves: their means are over the window"
+                " (repeat_time)",
+            ],
+        ),
+    ],
+)
+def test_what_is_not_known_well_of_a_branch_is_said(trivial, repeats, notes, capsys):
+    plane, ended = ("way", "simulated_load"), [[0, 0], [0, codes.RESULTS["collapsed"]]]
+    ds = xr.Dataset(
+        {
+            "stable": ("point", [1, 0]),
+            "trivial_error": ("point", trivial),
+            **{f"special_{key}": ("special", []) for key in ("kind", "parameter", "detail")},
+            "simulated_result": (plane, ended),
+            "simulated_repeat_time": (plane, np.reshape(repeats, (2, 2))),
+        },
+        coords={"load": ("point", [1.0, 2.0], {"units": "N"})},
+        attrs={"over": "load", "ends": "both ends of the range"},
+    )
+    tables.print_special(ds)
+    printed = capsys.readouterr()
+    assert printed.out.splitlines()[-1] == "simulated 3 of 4 motions to their end"
+    assert printed.err.splitlines() == notes
 
 
 def test_what_a_sweep_will_take_names_its_borders(folder, stubs, capsys):

@@ -323,6 +323,21 @@ def test_a_spectrogram_is_where_the_windows_are(columns, inner):
     assert set(found["f"]) == {-25.0} and set(found["height"]) == {500.0}  # rows around their own
 
 
+@pytest.mark.parametrize(("rows", "columns"), [(257, 10), (700, 1001), (4097, 500)])
+def test_a_tone_is_seen_where_a_spectrogram_has_more_rows_than_a_screen(rows, columns):
+    """It is one row: of 700 rows, 444 were not drawn. So is a click of one column."""
+    for row in (0, 1, rows // 2, rows - 1):
+        levels = np.full((rows, columns), -60.0)
+        levels[:, columns // 3], levels[row] = -20.0, 0.0
+        time = 1e-3 * np.arange(columns + 1.0)
+        found = level_images(Levels(time, 50.0 * np.arange(rows), levels, 0.0, 1e-3))
+        for image in found["image"]:
+            assert len(image) == 256 and image.shape[1] <= 400
+            (place,) = np.flatnonzero((image == 249).all(axis=1))
+            assert abs(place - row * 256 / rows) <= 1
+        assert ((found["image"][1] > 0).all(axis=0)).sum() == 1  # the click
+
+
 def test_a_thinned_curve_keeps_its_peaks():
     curve = np.sin(np.linspace(0, 300, 100_000))
     curve[54_321] = 7.0

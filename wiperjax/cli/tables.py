@@ -166,7 +166,12 @@ def print_events(dataset: Any) -> None:
 
 
 def print_special(branch: Any) -> None:
-    """Special points of a branch of cycles, and why it ends."""
+    """Special points of a branch of cycles, why it ends, and what of it is not known well."""
+    import numpy as np
+
+    from ..datasets.branch_dataset import EXACT, simulations
+    from ..vocabulary.codes import FAIR
+
     over = branch.attrs["over"]
     unit = branch[over].attrs["units"]
     for kind, value, detail in zip(
@@ -175,7 +180,21 @@ def print_special(branch: Any) -> None:
         print(f"{over} {value:.6g} {unit}: {str(kind).replace('_', ' ')} ({detail})")
     stable = branch["stable"].values.astype(bool)
     print(f"cycles   {stable.sum()} stable, {(~stable).sum()} unstable")
+    inexact = branch["trivial_error"].values > EXACT  # NaN of what is driven: it has no such one
+    if inexact.any():
+        most = float(branch["trivial_error"].max())
+        known = f"multipliers of {inexact.sum()} cycles are known to {most:.0e} only"
+        print(f"note: {known} (trivial_error)", file=sys.stderr)
     print(f"ends     {branch.attrs['ends']}")
+    if (simulated := simulations(branch)) is not None:
+        ended, repeats = simulated["result"].values, simulated["repeat_time"].values
+        went_on = np.isin(ended, FAIR)
+        print(f"simulated {went_on.sum()} of {ended.size} motions to their end")
+        if alone := (went_on & np.isnan(repeats)).sum():
+            means = (
+                f"{alone} of them did not come back to themselves: their means are over the window"
+            )
+            print(f"note: {means} (repeat_time)", file=sys.stderr)
 
 
 def print_curves(branch: Any) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.linalg
 
 from ..contact.system import AbstractSystem
+from ..datasets.branch_dataset import EXACT
 from ..systems import numbers
 from .first_guess import moving
 from .orbit import slip_margin, words
@@ -18,7 +19,6 @@ from .return_map import Found, Point, Shooting, corrected
 from .shooting import UNKNOWN, Arc, Lost
 
 ISOLATED = 1e-6  # distance of a multiplier from 1
-EXACT = 1e-7  # of `trivial_error`: more is said
 NEUTRAL = 1e-9  # of a multiplier within the unit circle: less is rounding
 TOLD = 1e-6  # of the size of the motion: how closely a cycle is known that is isolated
 

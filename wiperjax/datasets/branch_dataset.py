@@ -12,6 +12,7 @@ import xarray as xr
 _SIMULATED = "simulated_"
 _KEPT = ("settle", "window")
 CURVE = "curve_"
+EXACT = 1e-7  # of `trivial_error`: where it is more, that is said
 _OF_CURVES = ("over", "second", "fixed")
 TAKEN = frozenset(
     (

@@ -15,15 +15,16 @@ def level_images(found: Levels) -> dict[str, Any]:
     """Shades of levels with their places, columns of a source.
 
     An image draws its columns equally wide, and those at both ends of a run are wider than the
-    others: each of these is an image of its own.
+    others: each of these is an image of its own. Where there are more rows or columns than a screen
+    has, one shows the highest level of those it stands for: a tone is one row wide.
     """
     row, last = float(found.frequency[1] - found.frequency[0]), found.time.size - 2
     low, high = (float(found.frequency[k] + s * row) for k, s in ((0, -0.5), (-1, 0.5)))  # middles
-    rows = _spread(0, found.frequency.size, MOST_ROWS)
     spans = [(0, 1), (1, last), (max(last, 1), last + 1)]
     spans = [(first, stop) for first, stop in spans if first < stop]
-    cells = [np.ix_(rows, _spread(*span, MOST_COLUMNS)) for span in spans]
-    shares = [(found.decibels[these] - found.peak) / LEVELS + 1 for these in cells]
+    rows = _highest(found.decibels, 0, MOST_ROWS)
+    levels = [_highest(rows[:, slice(*span)], 1, MOST_COLUMNS) for span in spans]
+    shares = [(one - found.peak) / LEVELS + 1 for one in levels]
     return {
         "image": [np.clip(SHADES * one, 0, SHADES - 1).astype(np.uint8) for one in shares],
         "t": [float(found.time[first]) for first, _ in spans],
@@ -33,7 +34,8 @@ def level_images(found: Levels) -> dict[str, Any]:
     }
 
 
-def _spread(first: int, stop: int, most: int) -> np.ndarray:
-    """Places from `first` up to `stop`, of these at most so many, evenly spread."""
-    count = min(stop - first, most)
-    return first + ((np.arange(count) + 0.5) * (stop - first) / count).astype(int)
+def _highest(levels: np.ndarray, axis: int, most: int) -> np.ndarray:
+    """The highest of levels beside each other, so that at most so many are left along an axis."""
+    size = levels.shape[axis]
+    count = min(size, most)
+    return np.maximum.reduceat(levels, np.arange(count) * size // count, axis=axis)
