@@ -481,9 +481,12 @@ def test_a_sweep_with_a_target_error(tmp_path, capsys):
     assert cli.main([*words, "2"]) == 1
     assert "target_error must be at least" in capsys.readouterr().err
     spec = wiperjax.load_sweep(file)
-    chosen = cli.compute.at_error(spec, 1e-4, file)
-    assert chosen.run.rtol == accuracy.choose(1e-4).rtol
-    assert chosen.digest() != spec.digest()
+    for target, precision in ((1e-4, "float32"), (1e-7, "float64")):
+        chosen = cli.compute.at_error(spec, target, file)
+        assert chosen.run.rtol == accuracy.choose(target).rtol
+        assert chosen.run.precision == precision and chosen.digest() != spec.digest()
+        noted = "note: in float32 a few cells have other classes" in capsys.readouterr().err
+        assert noted == (precision == "float32")
 
 
 def test_a_call_in_a_process_of_its_own():
