@@ -92,6 +92,28 @@ def test_an_axis_in_disorder_is_refused_only_where_it_is_drawn(order):
     assert plots.class_map(a_map().isel(attack_angle=[2, 1, 0])).shape == (1,)
 
 
+@pytest.mark.parametrize("speeds", [slice(None), slice(0, 3)])
+def test_a_label_of_axes_in_another_order_is_of_the_same_cells(speeds):
+    """`xr.where` orders the axes as its mask does: on a square map other cells were drawn."""
+    ds = a_map().isel(belt_speed=speeds)
+    broken = (ds["belt_speed"] == 1) & (ds["attack_angle"] == 10)
+    turned = xr.where(broken, LABELS["failed"], ds["label"]).assign_attrs(ds["label"].attrs)
+    assert turned.dims == ds["label"].dims[::-1]
+    ours = ds.assign(label=turned.transpose(*ds["label"].dims))
+    turned = ds.assign(label=turned)
+    assert (plots.motion(turned) == plots.motion(ours)).all()
+    for draw in (plots.regime_map, plots.mechanism_map):
+        codes, same = (draw(one)[0].collections[0].get_array() for one in (turned, ours))
+        np.testing.assert_array_equal(codes, same)
+
+
+def test_one_cell_is_refused_as_a_plane():
+    cell = a_map().isel(attack_angle=0, belt_speed=0)
+    for draw in (plots.class_map, plots.regime_map, plots.mechanism_map):
+        with pytest.raises(ValueError, match="^a map needs at least two axes of more than one"):
+            draw(cell)
+
+
 def test_cells_that_are_masked_are_left_blank():
     """They are neither slip, nor quiet, nor an error."""
     ds = a_map()

@@ -55,8 +55,16 @@ def whole_codes(variable: xr.DataArray) -> np.ndarray:
     return codes
 
 
+def cell_by_cell(ds: xr.Dataset) -> xr.Dataset:
+    """A map whose variables have the dimensions of its label in their order, so that what has the
+    same place in two of them is of one cell: `xr.where` orders as its condition names them.
+    """
+    return ds.transpose(*ds["label"].dims, ...)
+
+
 def anatomy(ds: xr.Dataset, label: str = "other") -> list[tuple[str, str, int]]:
     """Mechanism, band and number of cells of one class of a map, the most frequent first."""
+    ds = cell_by_cell(ds)
     chosen = np.asarray(ds["label"]) == LABELS[label]
     mechanisms, bands = flag_names(ds["mechanism"]), flag_names(ds["band"])
     pairs = np.stack([np.asarray(ds[name])[chosen] for name in ("mechanism", "band")])
@@ -72,8 +80,7 @@ def untold_count(ds: xr.Dataset) -> int:
     """Number of noisy cells whose frequency the finest samples do not tell."""
     if "frequency_told" not in ds:
         return 0
-    quiet = np.asarray(ds["label"]) == LABELS["quiet"]
-    return int(np.sum((np.asarray(ds["frequency_told"]) == TOLD["no"]) & ~quiet))
+    return int(((ds["frequency_told"] == TOLD["no"]) & (ds["label"] != LABELS["quiet"])).sum())
 
 
 def unsettled(ds: xr.Dataset) -> xr.DataArray:
