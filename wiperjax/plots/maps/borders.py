@@ -60,6 +60,7 @@ def border_pieces(ds: xr.Dataset, x: str, y: str, variable: str) -> tuple[list, 
     """
     if not _has_borders(ds, variable):
         return [], np.zeros((0, 2))
+    ds = _once(ds)
     place, pair, rough = _in_plane(ds, x, y)
     last = np.array([ds.sizes[x], ds.sizes[y]]) - 2
     cells = _cells((place[~rough], pair[~rough]), last)
@@ -70,6 +71,7 @@ def border_places(ds: xr.Dataset, x: str, variable: str) -> np.ndarray:
     """Borders of `variable` along the one axis `x` of a map, (points,), in cells from its first."""
     if not _has_borders(ds, variable):
         return np.zeros(0)
+    ds = _once(ds)
     names = str(ds[PREFIX + "axis"].attrs["flag_meanings"]).split()
     here = ds[PREFIX + "axis"].values == names.index(x)
     place = _rank(ds, x, ds[PREFIX + x].values[here])
@@ -80,6 +82,14 @@ def _has_borders(ds: xr.Dataset, variable: str) -> bool:
     """Whether a map has borders, and these are of `variable` or of a threshold."""
     on = str(ds.attrs.get(PREFIX + "on", ""))
     return PREFIX + "axis" in ds and ("=" in on or on == variable)
+
+
+def _once(ds: xr.Dataset) -> xr.Dataset:
+    """A map with each point on its borders once: `ds.where` and `xr.concat` give one to each cell,
+    NaN to those that are taken out.
+    """
+    points = ds[[name for name in ds.data_vars if str(name).startswith(PREFIX)]]
+    return ds.assign(points.max(set(points.dims) - {"border"}, keep_attrs=True).data_vars)
 
 
 def border_legend(on: str) -> Line2D:
@@ -109,11 +119,11 @@ def _in_plane(ds: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray, n
             inside &= np.abs(ds[f"{PREFIX}{name}"].values - value) <= 1e-9 * max(1, abs(value))
     place = np.stack([_rank(ds, name, ds[PREFIX + name].values) for name in (x, y)], axis=-1)
     inside &= np.isfinite(place).all(axis=1)
-    codes = np.sort([ds[PREFIX + side].values for side in ("side_low", "side_high")], axis=0)
-    kind = ds[PREFIX + "kind"].values
+    sides = [ds[PREFIX + side].values[inside] for side in ("side_low", "side_high")]
+    codes = np.sort(sides, axis=0).astype(int)
+    kind = ds[PREFIX + "kind"].values[inside]
     rough = np.isin(kind, [CROSSINGS["irregular"], CROSSINGS["unresolved"]])
-    pair = codes[0].astype(int) * 256 + codes[1]
-    return place[inside], pair[inside], rough[inside]
+    return place[inside], codes[0] * 256 + codes[1], rough
 
 
 def _geometric(ds: xr.Dataset, name: str) -> bool:
