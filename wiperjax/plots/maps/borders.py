@@ -27,13 +27,15 @@ Points = tuple[np.ndarray, np.ndarray]  # places (points, 2) in cells, and pairs
 def with_borders(ds: xr.Dataset, borders: xr.Dataset) -> xr.Dataset:
     """A map with its borders (`wiperjax.borders`), which its pictures then show as curves.
 
+    They are coordinates: `ds.where` and `xr.concat` would give a copy of each to every cell.
+
     Raises: ValueError for what is no map, or no borders.
     """
     checks.instance("borders", borders, xr.Dataset, "those of a map, such as borders(...)")
     if "border" not in borders.dims or "on" not in borders.attrs:
         raise ValueError("borders must be those of a map, but had no points on borders")
     named = borders.rename({name: PREFIX + str(name) for name in borders.data_vars})
-    return ds.assign(named.data_vars).assign_attrs(
+    return ds.assign_coords(named.data_vars).assign_attrs(
         {PREFIX + name: borders.attrs[name] for name in ("on", "levels")}
     )
 
@@ -60,7 +62,6 @@ def border_pieces(ds: xr.Dataset, x: str, y: str, variable: str) -> tuple[list, 
     """
     if not _has_borders(ds, variable):
         return [], np.zeros((0, 2))
-    ds = _once(ds)
     place, pair, rough = _in_plane(ds, x, y)
     last = np.array([ds.sizes[x], ds.sizes[y]]) - 2
     cells = _cells((place[~rough], pair[~rough]), last)
@@ -71,7 +72,6 @@ def border_places(ds: xr.Dataset, x: str, variable: str) -> np.ndarray:
     """Borders of `variable` along the one axis `x` of a map, (points,), in cells from its first."""
     if not _has_borders(ds, variable):
         return np.zeros(0)
-    ds = _once(ds)
     names = str(ds[PREFIX + "axis"].attrs["flag_meanings"]).split()
     here = ds[PREFIX + "axis"].values == names.index(x)
     place = _rank(ds, x, ds[PREFIX + x].values[here])
@@ -82,14 +82,6 @@ def _has_borders(ds: xr.Dataset, variable: str) -> bool:
     """Whether a map has borders, and these are of `variable` or of a threshold."""
     on = str(ds.attrs.get(PREFIX + "on", ""))
     return PREFIX + "axis" in ds and ("=" in on or on == variable)
-
-
-def _once(ds: xr.Dataset) -> xr.Dataset:
-    """A map with each point on its borders once: `ds.where` and `xr.concat` give one to each cell,
-    NaN to those that are taken out.
-    """
-    points = ds[[name for name in ds.data_vars if str(name).startswith(PREFIX)]]
-    return ds.assign(points.max(set(points.dims) - {"border"}, keep_attrs=True).data_vars)
 
 
 def border_legend(on: str) -> Line2D:
@@ -119,11 +111,11 @@ def _in_plane(ds: xr.Dataset, x: str, y: str) -> tuple[np.ndarray, np.ndarray, n
             inside &= np.abs(ds[f"{PREFIX}{name}"].values - value) <= 1e-9 * max(1, abs(value))
     place = np.stack([_rank(ds, name, ds[PREFIX + name].values) for name in (x, y)], axis=-1)
     inside &= np.isfinite(place).all(axis=1)
-    sides = [ds[PREFIX + side].values[inside] for side in ("side_low", "side_high")]
-    codes = np.sort(sides, axis=0).astype(int)
-    kind = ds[PREFIX + "kind"].values[inside]
+    codes = np.sort([ds[PREFIX + side].values for side in ("side_low", "side_high")], axis=0)
+    kind = ds[PREFIX + "kind"].values
     rough = np.isin(kind, [CROSSINGS["irregular"], CROSSINGS["unresolved"]])
-    return place[inside], codes[0] * 256 + codes[1], rough
+    pair = codes[0].astype(int) * 256 + codes[1]
+    return place[inside], pair[inside], rough[inside]
 
 
 def _geometric(ds: xr.Dataset, name: str) -> bool:
