@@ -340,6 +340,15 @@ def test_a_class_table_of_a_run_is_refused_for_what_it_is():
         class_counts.class_table(xr.Dataset({"regime": ("time", [0], {"flag_values": [0]})}))
 
 
+def test_classes_that_lost_their_codes_or_the_names_of_these_are_refused_for_that():
+    column = schema.SCHEMA["label"]
+    ds = xr.Dataset({"label": ("a", np.array([0, 1], np.int8), column.attributes())})
+    with pytest.raises(ValueError, match="^label must have names of its codes, but has no flag"):
+        class_counts.class_table(ds.drop_attrs())
+    with pytest.raises(ValueError, match="^label must be whole codes, but is of <U"):
+        class_counts.class_table(ds.assign(label=ds["label"].astype(str)))
+
+
 def test_class_table_counts_what_is_there():
     cells = np.array([[0, 0, 1], [6, 2, -1]], dtype=np.int8)  # -1: not computed
     column = schema.SCHEMA["label"]

@@ -29,7 +29,7 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
     if "label" not in ds:
         raise ValueError("ds must be a map, such as open_map(...), but has no label")
     coded = [str(name) for name in ds.data_vars if "flag_values" in ds[name].attrs]
-    checks.choice("variable", variable, coded)
+    checks.choice("variable", variable, dict.fromkeys(["label", *coded]))
     names = flag_names(ds[variable])
     codes, counts = np.unique(whole_codes(ds[variable]), return_counts=True)
     found = {int(code): int(count) for code, count in zip(codes, counts, strict=True) if code >= 0}
@@ -45,9 +45,12 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
 def whole_codes(variable: xr.DataArray) -> np.ndarray:
     """Codes of the cells of a map, of the same shape; NaN where `ds.where` took a cell out.
 
-    Raises: ValueError where one lies between two codes, which is no answer of any cell.
+    Raises: ValueError where one is no number, or lies between two codes, which is no answer of any
+        cell.
     """
     codes = np.asarray(variable)
+    if codes.dtype.kind not in "biuf":
+        raise ValueError(f"{variable.name} must be whole codes, but is of {codes.dtype}")
     broken = codes[np.isfinite(codes) & (codes != np.round(codes))]
     if broken.size:
         must = f"{variable.name} must be whole codes, but had {broken[0]:g}"
