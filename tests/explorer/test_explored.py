@@ -66,7 +66,7 @@ def test_a_map_of_one_axis_is_a_strip_with_its_borders_across(line):
         "border_axis": ("border", np.zeros(1, np.int8), {"flag_meanings": "belt_speed"}),
         "border_belt_speed": ("border", line.ds["belt_speed"].values[[4]]),
     }
-    ds = line.ds.assign(growth_rate=("belt_speed", growth), **points)
+    ds = line.ds.assign(growth_rate=("belt_speed", growth)).assign_coords(points)
     shown, panel = replace(line, ds=ds.assign_attrs(border_on="label")), MapPanel()
     for variable, axis in (("label", False), ("velocity_rms", True), ("label", False)):
         panel.show(shown, shown.plane("belt_speed", "", {}, None, {variable}), *(

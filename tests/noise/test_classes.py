@@ -272,6 +272,26 @@ def test_anatomy_of_a_class():
     assert class_counts.unsettled_count(ds.assign(settled=settled)) == 2
 
 
+def test_cells_are_counted_whatever_the_order_of_the_axes_of_one_variable():
+    """`xr.where` orders them as its mask does; the label of one cell met the band of another."""
+    cells = {
+        "label": [[0, 1, 6], [4, 4, 0]],
+        "mechanism": [[0, 2, 2], [2, 1, 0]],
+        "band": [[0, 3, 1], [2, 4, 0]],
+        "frequency_told": [[0, 1, 1], [0, 0, 1]],
+    }
+    ds = xr.Dataset(
+        {
+            name: (("angle", "speed"), values, schema.SCHEMA[name].attributes())
+            for name, values in cells.items()
+        }
+    )
+    turned = ds.assign(label=ds["label"].transpose())
+    for name in codes.LABELS:
+        assert class_counts.anatomy(turned, name) == class_counts.anatomy(ds, name)
+    assert class_counts.untold_count(turned) == class_counts.untold_count(ds) == 2
+
+
 @pytest.mark.parametrize("result", sorted(set(RESULTS) - {"finished", "collapsed"}))
 def test_any_other_result_is_failed(result):
     assert classify(result=RESULTS[result], dominant_frequency=700.0) == "failed"
@@ -318,6 +338,15 @@ def test_thresholds_are_arguments_and_those_of_a_sweep_fit():
 def test_a_class_table_of_a_run_is_refused_for_what_it_is():
     with pytest.raises(ValueError, match="^ds must be a map, such as open_map.*, but has no label"):
         class_counts.class_table(xr.Dataset({"regime": ("time", [0], {"flag_values": [0]})}))
+
+
+def test_classes_that_lost_their_codes_or_the_names_of_these_are_refused_for_that():
+    column = schema.SCHEMA["label"]
+    ds = xr.Dataset({"label": ("a", np.array([0, 1], np.int8), column.attributes())})
+    with pytest.raises(ValueError, match="^label must have names of its codes, but has no flag"):
+        class_counts.class_table(ds.drop_attrs())
+    with pytest.raises(ValueError, match="^label must be whole codes, but is of <U"):
+        class_counts.class_table(ds.assign(label=ds["label"].astype(str)))
 
 
 def test_class_table_counts_what_is_there():

@@ -63,6 +63,13 @@ def lines(ax):
     return {line.get_label() for line in ax.lines}
 
 
+def test_curves_are_drawn_over_a_map_that_is_masked(curves):
+    """Each cell had a copy of them, or none, and the picture was a TypeError."""
+    ds = plots.with_curves(a_map(), curves)
+    (ax,), (same,) = (plots.class_map(one) for one in (ds.where(ds["belt_speed"] > 0.3), ds))
+    assert [str(line) for line in ax.lines] == [str(line) for line in same.lines] != []
+
+
 def test_curves_of_a_dataset_say_where_each_begins(curves):
     assert curves["row_size"].values.tolist() == [5, 3] and curves.sizes["point"] == 8
     assert curves["special_point"].values.tolist() == [2]

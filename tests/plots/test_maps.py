@@ -705,7 +705,7 @@ def refined_ball(path, radius, levels):
 
 def test_a_part_of_a_map_has_the_borders_that_lie_in_it(tmp_path):
     """Those beyond its ends were strokes along its frame, and those of all loads lay over one whose
-    load was dropped.
+    load was dropped; of what was masked or joined none could be drawn.
     """
     path = tmp_path / "map.h5"
     found = refined_ball(path, 0.4, levels=2)
@@ -722,6 +722,15 @@ def test_a_part_of_a_map_has_the_borders_that_lie_in_it(tmp_path):
     with pytest.raises(ValueError, match="must say which normal_load it is of"):
         plots.class_map(ds.isel(normal_load=2, drop=True))
     plots.class_map(ds.isel(normal_load=2))
+    halves = [ds.isel(attack_angle=part) for part in (slice(0, 4), slice(4, None))]
+    for copied in (
+        ds.where(ds.normal_load > float(ds.normal_load[1])),
+        xr.concat(halves, "attack_angle", data_vars="all"),
+    ):
+        np.testing.assert_array_equal(border_pieces(copied.isel(normal_load=2), *plane)[0], ends)
+        along = border_places(copied.isel(normal_load=2, belt_speed=4), "attack_angle", "label")
+        assert along.size
+        plots.class_map(copied)
 
 
 @pytest.mark.slow

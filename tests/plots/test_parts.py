@@ -92,6 +92,69 @@ def test_an_axis_in_disorder_is_refused_only_where_it_is_drawn(order):
     assert plots.class_map(a_map().isel(attack_angle=[2, 1, 0])).shape == (1,)
 
 
+@pytest.mark.parametrize("speeds", [slice(None), slice(0, 3)])
+def test_a_label_of_axes_in_another_order_is_of_the_same_cells(speeds):
+    """`xr.where` orders the axes as its mask does: on a square map other cells were drawn."""
+    ds = a_map().isel(belt_speed=speeds)
+    broken = (ds["belt_speed"] == 1) & (ds["attack_angle"] == 10)
+    turned = xr.where(broken, LABELS["failed"], ds["label"]).assign_attrs(ds["label"].attrs)
+    assert turned.dims == ds["label"].dims[::-1]
+    ours = ds.assign(label=turned.transpose(*ds["label"].dims))
+    turned = ds.assign(label=turned)
+    assert (plots.motion(turned) == plots.motion(ours)).all()
+    for draw in (plots.regime_map, plots.mechanism_map):
+        codes, same = (draw(one)[0].collections[0].get_array() for one in (turned, ours))
+        np.testing.assert_array_equal(codes, same)
+
+
+def test_one_cell_is_refused_as_a_plane():
+    cell = a_map().isel(attack_angle=0, belt_speed=0)
+    for draw in (plots.class_map, plots.regime_map, plots.mechanism_map):
+        with pytest.raises(
+            ValueError, match="^a map needs at least two axes of more than one number"
+        ):
+            draw(cell)
+
+
+def test_maps_that_were_joined_over_texts_are_drawn_for_each_of_them():
+    """Two laws or two solvers: a text could not be converted to a number."""
+    laws = xr.Variable("law", ["coulomb", "stribeck"])
+    both = xr.concat([a_map(), a_map()], laws)
+    drawn = plots.class_map(both)
+    assert [ax.get_title() for ax in drawn] == ["law coulomb", "law stribeck"]
+    assert "law stribeck" in heading(plots.value_map(both, "velocity_rms"))
+    assert plots.class_map(both.sel(law="coulomb")).shape == (1,)
+    plots.along_axis(both.isel(belt_speed=0))  # along the angles, though the laws are first
+    loads = both.assign_coords(law=["light", "heavy"]).rename(law="normal_load")
+    assert "normal load" not in heading(plots.class_map(loads.isel(normal_load=0)))
+    says = (
+        "^law must have numbers, for a picture along it or a cut at one, but has coulomb; ds.isel"
+    )
+    for draw in (
+        lambda: plots.class_map(both, x="law"),
+        lambda: plots.along_axis(both, along="law"),
+        lambda: plots.class_map(both, at={"law": 1}),
+    ):
+        with pytest.raises(ValueError, match=says):
+            draw()
+    stacked = a_map().stack(case=("attack_angle", "belt_speed"))
+    with pytest.raises(ValueError, match="^a map needs at least two axes of more than one number"):
+        plots.class_map(stacked)
+    with pytest.raises(ValueError, match=r"^case must have numbers, .*, but has \(0.0, 1.0\); ds"):
+        plots.along_axis(stacked, along="case")
+
+
+def test_a_selection_of_nothing_is_refused_by_the_name_of_its_axis():
+    falling = a_map().sortby("attack_angle", ascending=False)
+    nothing = falling.sel(attack_angle=slice(0, 5))
+    for draw in (plots.class_map, plots.map_overview, plots.along_axis):
+        with pytest.raises(
+            ValueError, match=r"^attack_angle must have values, .* slice\(high, low"
+        ):
+            draw(nothing)
+    assert plots.class_map(falling.sel(attack_angle=slice(5, 0))).shape == (1,)
+
+
 def test_cells_that_are_masked_are_left_blank():
     """They are neither slip, nor quiet, nor an error."""
     ds = a_map()

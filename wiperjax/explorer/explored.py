@@ -106,7 +106,7 @@ class Explored:
         wanted = names.union(EVERY)
         held = [
             str(name)
-            for name in self.ds.data_vars
+            for name in self.ds.variables
             if name in wanted or str(name).startswith(PREFIX)
         ]
         self.unpacked.keep(n for n in held if not self.ds[n].variable._in_memory)

@@ -29,7 +29,7 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
     if "label" not in ds:
         raise ValueError("ds must be a map, such as open_map(...), but has no label")
     coded = [str(name) for name in ds.data_vars if "flag_values" in ds[name].attrs]
-    checks.choice("variable", variable, coded)
+    checks.choice("variable", variable, dict.fromkeys(["label", *coded]))
     names = flag_names(ds[variable])
     codes, counts = np.unique(whole_codes(ds[variable]), return_counts=True)
     found = {int(code): int(count) for code, count in zip(codes, counts, strict=True) if code >= 0}
@@ -45,9 +45,12 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
 def whole_codes(variable: xr.DataArray) -> np.ndarray:
     """Codes of the cells of a map, of the same shape; NaN where `ds.where` took a cell out.
 
-    Raises: ValueError where one lies between two codes, which is no answer of any cell.
+    Raises: ValueError where one is no number, or lies between two codes, which is no answer of any
+        cell.
     """
     codes = np.asarray(variable)
+    if codes.dtype.kind not in "biuf":
+        raise ValueError(f"{variable.name} must be whole codes, but is of {codes.dtype}")
     broken = codes[np.isfinite(codes) & (codes != np.round(codes))]
     if broken.size:
         must = f"{variable.name} must be whole codes, but had {broken[0]:g}"
@@ -55,8 +58,16 @@ def whole_codes(variable: xr.DataArray) -> np.ndarray:
     return codes
 
 
+def cell_by_cell(ds: xr.Dataset) -> xr.Dataset:
+    """A map whose variables have the dimensions of its label in their order, so that what has the
+    same place in two of them is of one cell: `xr.where` orders as its condition names them.
+    """
+    return ds.transpose(*ds["label"].dims, ...)
+
+
 def anatomy(ds: xr.Dataset, label: str = "other") -> list[tuple[str, str, int]]:
     """Mechanism, band and number of cells of one class of a map, the most frequent first."""
+    ds = cell_by_cell(ds)
     chosen = np.asarray(ds["label"]) == LABELS[label]
     mechanisms, bands = flag_names(ds["mechanism"]), flag_names(ds["band"])
     pairs = np.stack([np.asarray(ds[name])[chosen] for name in ("mechanism", "band")])
@@ -72,8 +83,7 @@ def untold_count(ds: xr.Dataset) -> int:
     """Number of noisy cells whose frequency the finest samples do not tell."""
     if "frequency_told" not in ds:
         return 0
-    quiet = np.asarray(ds["label"]) == LABELS["quiet"]
-    return int(np.sum((np.asarray(ds["frequency_told"]) == TOLD["no"]) & ~quiet))
+    return int(((ds["frequency_told"] == TOLD["no"]) & (ds["label"] != LABELS["quiet"])).sum())
 
 
 def unsettled(ds: xr.Dataset) -> xr.DataArray:

@@ -197,8 +197,8 @@ def usual(ds: xr.Dataset, kind: str, path: str | Path) -> str:
     """
     if kind != "map":
         return next(iter(PICTURES[kind]))
-    long = sum(ds.sizes[dim] > 1 for dim in planes.map_dims(ds))
-    if not long:
+    long = len(planes.long_axes(ds))
+    if ds["label"].size == 1:
         raise ValueError(f"{path}: has one cell; a map needs an axis of two values to be drawn")
     return "overview" if long > 1 else "line"
 

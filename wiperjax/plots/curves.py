@@ -54,7 +54,8 @@ def with_curves(ds: xr.Dataset, curves: xr.Dataset) -> xr.Dataset:
                 f"curves must be those of the map's blade, but {name} is {value:g} for them and "
                 f"{float(ds.attrs[name]):g} in the map"
             )
-    return branch_dataset.with_curves(ds, found)
+    held = branch_dataset.with_curves(ds, found)
+    return held.set_coords(held.data_vars.keys() - ds.data_vars.keys())  # of no cell, as borders
 
 
 def curve_page(branch: xr.Dataset) -> Figure:

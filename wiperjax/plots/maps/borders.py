@@ -27,13 +27,15 @@ Points = tuple[np.ndarray, np.ndarray]  # places (points, 2) in cells, and pairs
 def with_borders(ds: xr.Dataset, borders: xr.Dataset) -> xr.Dataset:
     """A map with its borders (`wiperjax.borders`), which its pictures then show as curves.
 
+    They are coordinates: `ds.where` and `xr.concat` would give a copy of each to every cell.
+
     Raises: ValueError for what is no map, or no borders.
     """
     checks.instance("borders", borders, xr.Dataset, "those of a map, such as borders(...)")
     if "border" not in borders.dims or "on" not in borders.attrs:
         raise ValueError("borders must be those of a map, but had no points on borders")
     named = borders.rename({name: PREFIX + str(name) for name in borders.data_vars})
-    return ds.assign(named.data_vars).assign_attrs(
+    return ds.assign_coords(named.data_vars).assign_attrs(
         {PREFIX + name: borders.attrs[name] for name in ("on", "levels")}
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ...noise.class_counts import class_table, whole_codes
+from ...noise.class_counts import cell_by_cell, class_table, whole_codes
 from ...noise.classes import stored
 from ...vocabulary.cf import flag_names, flags
 from ...vocabulary.codes import LABELS, NOT_COMPUTED
@@ -26,6 +26,7 @@ def motion(ds: xr.Dataset) -> xr.DataArray:
 
     Raises: `KeyError` if the map lacks a column that this needs.
     """
+    ds = cell_by_cell(ds)
     stick, flight = np.asarray(ds["stick_fraction"]) > 0, np.asarray(ds["flight_fraction"]) > 0
     only = np.asarray(ds["stick_fraction"]) >= 1
     belt = np.asarray(ds["belt_speed_rms"]) if "belt_speed_rms" in ds else None
@@ -74,13 +75,14 @@ def regime_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.nda
 
 def mechanism_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.ndarray:
     """What keeps the motion going (the column `mechanism`) over two axes; see `category_map`."""
+    ds = cell_by_cell(ds)
     names = flag_names(ds["mechanism"])
     names = {code: "quiet" if name == "none" else name for code, name in names.items()}
     codes = np.nan_to_num(whole_codes(ds["mechanism"])).astype(np.int8)
     ended = whole_codes(ds["label"])
     for name in ("failed", "collapsed"):  # these have no motion to speak of, and are not quiet
         extra = np.int8(max(names) + 1)
-        codes[ended == LABELS[name]] = extra
+        codes = np.where(ended == LABELS[name], extra, codes)
         names[int(extra)] = name
     attrs = flags({name: code for code, name in names.items()})
     marked = _as_masked(ds["mechanism"].copy(data=codes).assign_attrs(attrs), ds["label"])

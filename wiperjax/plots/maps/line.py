@@ -17,7 +17,7 @@ from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
 from ..style.caption import is_own, moving, set_caption, start_text
 from ..style.palette import BOUNDARY, CLASSES, HATCHES, REGIMES, UNKNOWN, readable
 from .numbers import TONE, told
-from .planes import At, check_dim, check_order, class_names, cut, map_dims
+from .planes import At, check_dim, check_order, class_names, cut, long_axes
 from .shares import regime_shares, stacked
 from .stability import between, growth_between, places
 
@@ -76,7 +76,7 @@ def _column() -> np.ndarray:
 
 def _line(ds: xr.Dataset, along: str | None, at: At | None) -> tuple[xr.Dataset, str, str]:
     """Slice of a map along one axis, the text of where it lies, and the name of the axis."""
-    free = [dim for dim in map_dims(ds) if dim not in (at or {}) and ds.sizes[dim] > 1]
+    free = [dim for dim in long_axes(ds) if dim not in (at or {})]
     if along is None:
         along = (
             "belt_speed"
@@ -84,7 +84,7 @@ def _line(ds: xr.Dataset, along: str | None, at: At | None) -> tuple[xr.Dataset,
             else max(free, key=lambda dim: ds.sizes[dim], default=None)
         )
     if along is None or ds.sizes[along] < 2:
-        raise ValueError("the picture needs a map with an axis of more than one value")
+        raise ValueError("the picture needs a map with an axis of more than one number")
     check_order(ds, along)
     line, where = cut(ds, (along,), at)
     return line, where, along

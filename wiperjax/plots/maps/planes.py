@@ -15,6 +15,7 @@ from ...vocabulary.columns import derivative
 from ...vocabulary.wording import not_there
 from ..style.axes import (
     edges,
+    is_numeric,
     is_ordered,
     label,
     log_marks,
@@ -48,16 +49,28 @@ def choose_plane(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str
         check_dim(ds, name)
     if x == y and x is not None:
         raise ValueError(f"x and y must be two axes, but both were {x!r}")
-    long = [dim for dim in map_dims(ds) if ds.sizes[dim] > 1]
+    long = long_axes(ds)
     x, y = usual_plane(long, x, y)
     if x is None or y is None:
         also = "; the picture 'line' (plots.along_axis) draws one axis" if long else ""
         raise ValueError(
-            f"a map needs at least two axes of more than one value to be drawn as a plane{also}"
+            f"a map needs at least two axes of more than one number to be drawn as a plane{also}"
         )
     for name in (x, y):
         check_order(ds, name)
     return x, y
+
+
+def long_axes(ds: xr.Dataset) -> list[str]:
+    """Axes of more than one value, all of them numbers, along which a map can be drawn.
+
+    Raises: `ValueError` for a map without any cell.
+    """
+    for dim in map_dims(ds):
+        if not ds.sizes[dim]:
+            must = f"{dim} must have values, but none was selected"
+            raise ValueError(f"{must}; of an axis that falls ds.sel takes slice(high, low)")
+    return [dim for dim in map_dims(ds) if ds.sizes[dim] > 1 and is_numeric(ds[dim])]
 
 
 def usual_plane(
@@ -78,10 +91,18 @@ def check_dim(ds: xr.Dataset, name: str | None) -> None:
 
 
 def check_order(ds: xr.Dataset, name: str) -> None:
-    """Raises `ValueError` for an axis whose values neither rise nor fall."""
+    """Raises `ValueError` for an axis whose values neither rise nor fall, or are no numbers."""
+    check_numbers(ds, name)
     if not is_ordered(ds[name].values):
         must = f"{name} must have values that rise, or fall, throughout"
         raise ValueError(f"{must}, to be an axis of a picture; ds.sortby({name!r}) sorts them")
+
+
+def check_numbers(ds: xr.Dataset, name: str) -> None:
+    """Raises `ValueError` for an axis whose values are texts, say."""
+    if not is_numeric(ds[name]):
+        must = f"{name} must have numbers, for a picture along it or a cut at one"
+        raise ValueError(f"{must}, but has {ds[name].values[0]!s}; ds.isel({name}=0) takes it")
 
 
 def check_cellwise(ds: xr.Dataset, name: str) -> None:
@@ -105,9 +126,10 @@ def cut(ds: xr.Dataset, keep: tuple[str, ...], at: At | None = None) -> tuple[xr
     for dim in map_dims(ds):
         if dim in keep:
             continue
-        values = np.asarray(ds[dim], dtype=float)
         chosen[dim] = ds.sizes[dim] // 2
         if dim in at:
+            check_numbers(ds, dim)
+            values = np.asarray(ds[dim], dtype=float)
             wanted, border = at.pop(dim), edges(values)
             if not min(border) <= wanted <= max(border):
                 raise ValueError(

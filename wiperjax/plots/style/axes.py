@@ -46,7 +46,9 @@ def long_name(variable: xr.DataArray) -> str:
 
 
 def value_text(axis: xr.DataArray, place: int) -> str:
-    """`normal load 15 N/m`: one value of an axis."""
+    """`normal load 15 N/m`, `law coulomb`: one value of an axis."""
+    if not is_numeric(axis):
+        return f"{long_name(axis)} {axis.values[place]}"
     values, unit = shown(axis)
     gap = "" if unit == "deg" else " "
     return f"{long_name(axis)} {axis_numbers(values)[place]}{gap}{unit.replace('deg', '°')}".strip()
@@ -73,6 +75,11 @@ def number(value: float, step: float = 0.0) -> str:
 def time_text(seconds: float) -> str:
     """`12.5 ms`, `61.2 s`: a length of time."""
     return f"{number(seconds)} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
+
+
+def is_numeric(axis: xr.DataArray) -> bool:
+    """Whether the values of an axis are numbers; of maps that were joined they may be texts."""
+    return axis.dtype.kind in "biuf"
 
 
 def is_geometric(values: np.ndarray) -> bool:

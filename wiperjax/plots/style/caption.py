@@ -15,7 +15,7 @@ from ...vocabulary.columns import SYSTEM
 from ...vocabulary.kinds import BELTS
 from ...vocabulary.parameters import PARAMETERS
 from ...vocabulary.ranges import FEWEST_SETTLED
-from .axes import SHOWN, long_name, number
+from .axes import SHOWN, is_numeric, long_name, number
 from .palette import readable
 
 ALWAYS = ("attack_angle", "normal_load", "belt_speed")
@@ -53,7 +53,7 @@ def _value(ds: xr.Dataset, name: str, unit: str) -> tuple[float | None, str]:
     """A parameter and its unit; None for an axis and for what no one knows. The coordinate of a
     slice counts: the attribute may be that of another map that it was joined with.
     """
-    if name in ds.coords and not ds[name].ndim:
+    if name in ds.coords and not ds[name].ndim and is_numeric(ds[name]):
         return float(ds[name]), str(ds[name].attrs.get("units", unit))
     known = name in ds.attrs and name not in {*ds.coords, *ds.dims}
     return float(ds.attrs[name]) if known else None, unit
