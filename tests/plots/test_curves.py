@@ -140,6 +140,7 @@ def test_commands_draw_and_tell_of_the_curves_in_a_file(curves, tmp_path, capsys
     about = {"over": "belt_speed", "ends": "", "normal_load": 10.0}
     empty = {f"special_{key}": ("special", np.array([], object)) for key in ("kind", "detail")}
     empty |= {"special_parameter": ("special", np.zeros(0)), "stable": ("point", np.zeros(2))}
+    empty |= {"trivial_error": ("point", np.zeros(2))}
     empty["belt_speed"] = ("point", SPEEDS[:2], {"units": "m/s", "long_name": "belt speed"})
     write_dataset(ds.assign(empty).assign_attrs(about), "branch.h5")
     write_dataset(a_map(), "map.h5")
