@@ -85,3 +85,14 @@ def test_memory_grows_like_the_square_root_of_the_steps():
     # outside of a trace a number is one of Python, whose derivative was lost
     assert float(jax.grad(speed)(9.81, 10_000)) == pytest.approx(exact, rel=1e-9)
     assert sizes[1] < 10 * sizes[0] < 1e7
+
+
+def test_backwards_without_reverse_is_refused_by_its_name():
+    """JAX names a loop that no caller has seen."""
+
+    def speed(gravity):
+        start = ((1.0,), (0.0,))
+        return wiperjax.solve(Ball(gravity), 1.0, initial_state=start).final_velocity[0]
+
+    with pytest.raises(ValueError, match=r"^reverse must be True where .* but was False"):
+        jax.eval_shape(jax.grad(speed), 9.81)

@@ -56,6 +56,36 @@ def test_other_kinds_of_arguments_are_other_programs(place, other):
     assert len(TRACED) == 2 and len(list(place.iterdir())) == 2
 
 
+@pytest.mark.parametrize(
+    "setting",
+    [
+        lambda: jax.default_matmul_precision("bfloat16"),
+        lambda: jax.numpy_dtype_promotion("strict"),
+        lambda: jax.numpy_rank_promotion("raise"),
+        lambda: jax.threefry_partitionable(not jax.config.jax_threefry_partitionable),
+    ],
+)
+def test_other_settings_of_jax_are_other_programs(place, setting):
+    """Else what is traced under one would answer under another, in later processes, too."""
+    program = Kept(number)
+    program(jnp.asarray(2.0))
+    with setting():
+        program(jnp.asarray(2.0))
+    assert len(TRACED) == 2 and len(list(place.iterdir())) == 2
+
+
+def number(x):
+    TRACED.append(x)
+    return x
+
+
+def test_without_jit_the_function_itself_runs(place):
+    """With its numbers: who switches it off wants to look at them."""
+    with jax.disable_jit():
+        Kept(number)(jnp.asarray(3.0))
+    assert TRACED == [3.0] and list(place.iterdir()) == []
+
+
 @pytest.mark.parametrize("damage", [b"", b"no program", None])
 def test_a_damaged_program_is_traced_again(place, damage):
     Kept(area)(sides(), 2)

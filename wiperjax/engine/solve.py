@@ -12,6 +12,7 @@ import jax.numpy as jnp
 
 from ..contact.own_numbers import check_single, in_full
 from ..contact.system import AbstractSystem
+from ..numerics.forwards_only import forwards_only
 from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.codes import RUNNING
@@ -33,6 +34,11 @@ from .observers.totals import RegimeTotals
 from .reverse import run_reversible
 from .sampling.at_times import empty_samples
 from .step import advance
+
+BACKWARDS = (
+    "reverse must be True where a motion is differentiated backwards (jax.grad, jax.vjp, "
+    "jax.jacrev), but was False"
+)
 
 
 class Solution(NamedTuple):
@@ -131,9 +137,9 @@ def solve(
     2 sqrt(``max_steps``) loop states (about 1 kB each, and the event log once more in each);
     ``sample_times`` must be left out.
 
-    Raises ValueError, naming the argument, for what cannot be meant. Values that are traced are not
-    looked at: a tolerance that is no number > 0, or an end before the start, then ends as
-    ``non_finite``.
+    Raises ValueError, naming the argument, for what cannot be meant, a derivative backwards without
+    ``reverse`` among it. Values that are traced are not looked at: a tolerance that is no number
+    > 0, or an end before the start, then ends as ``non_finite``.
     """
     check_system(system)
     check_single(system)
@@ -161,7 +167,8 @@ def solve(
         start,
     )
     state = run(case.problem, begin(case), int(max_steps) if reverse else None)
-    return solution(case.problem, state)
+    found = solution(case.problem, state)
+    return found if reverse else forwards_only(found, BACKWARDS)
 
 
 def solution(problem: Problem, state: State) -> Solution:

@@ -2,7 +2,8 @@
 
 JAX keeps what it has compiled by what tracing yields, so it must trace to find it: seconds, for a
 program as long as the engine's. Here what tracing yields (`jax.export`) is kept, too, by all that
-it depends on: this package's source, the libraries' versions, and the kinds of its arguments.
+it depends on: this package's source, the libraries' versions, JAX's settings, and the kinds of its
+arguments.
 
 A system of one's own is made of code that no version tells, and is traced in every process.
 """
@@ -37,6 +38,12 @@ ADDRESS = re.compile(" at 0x[0-9a-f]+>")
 EVENT = "/jax/core/compile/kept"  # so that who counts what jax compiles counts this
 # The version of jaxlib is in the key: nothing that a program calls needs to last beyond it.
 PROMISED = [export.DisabledSafetyCheck.custom_call(f"lapack_{x}ormqr_ffi") for x in "sd"]
+SETTINGS = (  # of jax: by them other things are traced, or refused
+    "jax_numpy_dtype_promotion",
+    "jax_numpy_rank_promotion",
+    "jax_default_matmul_precision",
+    "jax_threefry_partitionable",
+)
 TRACED_WITH = ("jax", "jaxlib", "equinox", "diffrax", "optimistix", "numpy")
 
 
@@ -44,8 +51,8 @@ class Kept:
     """A function of trees of arrays, traced once for each kind of arguments.
 
     What is no array in them must be plain: numbers, texts, None, functions of this package. For
-    systems and functions of one's own, inside other traces and where jax keeps no programs it is
-    `equinox.filter_jit` of the function.
+    systems and functions of one's own, inside other traces and where jax keeps no programs, or
+    compiles none, it is `equinox.filter_jit` of the function.
     """
 
     def __init__(self, function: Callable[..., Any]):
@@ -62,11 +69,12 @@ class Kept:
         arrays, plain = eqx.partition(args, eqx.is_array)
         leaves, tree = jax.tree.flatten(arrays)
         inside = any(isinstance(x, jax.core.Tracer) for x in leaves)
-        if place is None or inside or not _known(args):
+        if place is None or CONFIG.jax_disable_jit or inside or not _known(args):
             return self.compiled(*args)
         kinds = tuple((x.shape, str(x.dtype), getattr(x, "weak_type", False)) for x in leaves)
         others, shape = jax.tree.flatten(plain)
-        key = (kinds, tree, shape, *((type(x), _told(x)) for x in others))
+        settings = tuple(getattr(CONFIG, name) for name in SETTINGS)
+        key = (settings, kinds, tree, shape, *((type(x), _told(x)) for x in others))
         with self.lock:
             lock = self.locks.setdefault(key, threading.Lock())
         with lock:
