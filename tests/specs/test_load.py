@@ -323,6 +323,9 @@ FAULTS = {
         "squeal_band, chatter_band, reversal_window, reversal_ratio, "
         "vibration_ratio, tone_time, stick_share, settled_change"
     ),
+    # values as they stand in a file
+    "[blade]\nnormal_load = 2020-01-01\n"
+    + ONE_AXIS: "blade.normal_load: must be a number, was 2020-01-01",
     # ranges
     "[axes]\nattack_angle = { start = -95, stop = 95, num = 3 }\n" + RUN: (
         "axes.attack_angle: must lie inside (-90, 90) degrees, was -95"

@@ -7,6 +7,7 @@ most and says which key, what it must be and what it was.
 import difflib
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
+from datetime import date, time
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -65,6 +66,8 @@ def show(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, dict):
         return "a table"
+    if isinstance(value, date | time):
+        return value.isoformat()
     return shown(value)
 
 
