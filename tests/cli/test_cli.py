@@ -561,6 +561,7 @@ def test_the_command_line_alone_imports_nothing_heavy():
         ),
         ("listen there.h5 -o drawn.png", "drawn.png: must end in .wav"),
         ("listen there.h5 -o .", "the output must name a file that ends in .wav"),
+        ("listen there.h5 -o .wav", "the output must name a file that ends in .wav"),
         (
             "explore there.h5 --static p.html --cell belt_speed=1;normal_load=3",
             "--cell must be AXIS=NUMBER, such as normal_load=15, was belt_speed=1;",

@@ -3,10 +3,23 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
-from wiperjax.numerics.arrays import put
+from wiperjax.numerics.arrays import check_settings, put
 
 ARRAY = jnp.arange(5.0)
+
+
+@pytest.mark.parametrize("search", ["jax_debug_nans", "jax_debug_infs"])
+def test_a_search_for_what_fills_gaps_is_refused(search):
+    """It ended in a traceback, as if something had gone wrong."""
+    check_settings()
+    jax.config.update(search, True)
+    try:
+        with pytest.raises(ValueError, match=f"^{search} must be False, .* but was True$"):
+            check_settings()
+    finally:
+        jax.config.update(search, False)
 
 
 def test_what_lies_beyond_the_end_is_dropped_and_the_dtype_stays():

@@ -627,6 +627,17 @@ def test_the_picture_that_suits_a_map_is_that_of_its_axes(small_map, tmp_path):
     assert files.subject_of(tmp_path / "line.png").startswith("line of ")
 
 
+def test_a_file_of_a_picture_does_not_hang_on_a_persons_style(small_map, tmp_path):
+    """LaTeX that is not installed ended a sweep behind its map; a tight box cut its picture."""
+    path = tmp_path / "map.h5"
+    whole.write_dataset(small_map.isel(attack_angle=[5], normal_load=[1]), path)
+    plots.plot_file(path, tmp_path / "usual.png", dpi=30)
+    with matplotlib.rc_context({"savefig.bbox": "tight", "text.usetex": True}):
+        plots.plot_file(path, tmp_path / "styled.png", dpi=30)
+        assert matplotlib.rcParams["text.usetex"]  # still the person's
+    assert (tmp_path / "styled.png").read_bytes() == (tmp_path / "usual.png").read_bytes()
+
+
 @pytest.mark.slow
 def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypatch):
     partial = small_map.copy(deep=True)

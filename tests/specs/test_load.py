@@ -299,6 +299,8 @@ FAULTS = {
     + ONE_AXIS: "blade.mu_statik: unknown key; did you mean 'mu_static'?",
     "[blade]\nwindow = 1\n" + ONE_AXIS: "blade.window: unknown key here; it belongs in [run]",
     "gravity = 1\n" + ONE_AXIS: "gravity: unknown key here; it belongs in [blade] or [axes]",
+    "[blade]\nbelt_speed = 1\n"
+    + ONE_AXIS: "blade.belt_speed: unknown key here; it belongs in [belt] as 'speed' or [axes]",
     "blad = 1\n" + ONE_AXIS: "blad: unknown key; did you mean 'blade'?",
     "[belt]\nbelt_speed = 1\n" + ONE_AXIS: "belt.belt_speed: unknown key; did you mean 'speed'?",
     ONE_AXIS + "windw = 1": "run.windw: unknown key; did you mean 'window'?",
@@ -321,6 +323,9 @@ FAULTS = {
         "squeal_band, chatter_band, reversal_window, reversal_ratio, "
         "vibration_ratio, tone_time, stick_share, settled_change"
     ),
+    # values as they stand in a file
+    "[blade]\nnormal_load = 2020-01-01\n"
+    + ONE_AXIS: "blade.normal_load: must be a number, was 2020-01-01",
     # ranges
     "[axes]\nattack_angle = { start = -95, stop = 95, num = 3 }\n" + RUN: (
         "axes.attack_angle: must lie inside (-90, 90) degrees, was -95"
@@ -546,6 +551,14 @@ def test_faults_of_scenes():
         parse_scene({"axes": {}, "run": {"duration": 1}}, "s")
     with pytest.raises(SpecError, match=r"^s: belt.frequency: is missing"):
         parse_scene({"belt": {"kind": "trapezoid"}, "run": {"duration": 1}}, "s")
+
+
+def test_a_scene_with_a_table_of_sweeps_is_told_so(tmp_path):
+    """[starts] was taken for a slip of the pen, and another start was set instead."""
+    path = tmp_path / "scene.toml"
+    path.write_text('[run]\nduration = 0.1\n[starts]\nnames = ["at_rest"]\n')
+    with pytest.raises(SpecError, match=r": has \[starts\], so it is a sweep; what is needed"):
+        load_scene(path)
 
 
 def test_a_fault_of_no_key_is_one_line():

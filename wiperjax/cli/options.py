@@ -111,7 +111,7 @@ def beside(path: Path, ending: str) -> Path:
 
 def check_target(path: Path, suffixes: Sequence[str], force: bool, *sources: Path) -> None:
     """Raises ValueError or StoreError if `path` is no place for a new file made from `sources`."""
-    if not path.name:  # "" or "."
+    if path.name.lower() in ("", *suffixes):  # "", "." or an ending alone
         raise ValueError(f"the output must name a file that ends in {' or '.join(suffixes)}")
     if path.suffix.lower() not in suffixes:
         raise ValueError(f"{path}: must end in {' or '.join(suffixes)}")

@@ -5,11 +5,19 @@ import jax.numpy as jnp
 import numpy as np
 
 
-def check_double() -> None:
-    """Raises ValueError where JAX has no 64-bit numbers: whoever switched them off after wiperjax
-    was imported would get events to seven digits, without a word."""
+def check_settings() -> None:
+    """Raises ValueError where JAX is set up for what the engine cannot bear.
+
+    Without 64-bit numbers, whoever switched them off after wiperjax was imported would get events
+    to seven digits, without a word; NaN and inf, which JAX may search for, stand for what is not
+    there.
+    """
     if jnp.result_type(float) != jnp.float64:
         raise ValueError("jax_enable_x64 must be True, as wiperjax sets it, but was False")
+    for search in ("jax_debug_nans", "jax_debug_infs"):
+        if getattr(jax.config, search):
+            why = "NaN and inf stand for what is not there"
+            raise ValueError(f"{search} must be False, for {why}, but was True")
 
 
 def where(condition, a, b):

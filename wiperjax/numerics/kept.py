@@ -28,7 +28,7 @@ from jax import export
 
 from ..machine import files, provenance
 from ..vocabulary.kinds import is_absent
-from .arrays import check_double, fields_of
+from .arrays import check_settings, fields_of
 
 log = logging.getLogger("wiperjax")
 
@@ -64,7 +64,7 @@ class Kept:
         self.locks: dict[Any, threading.Lock] = {}
 
     def __call__(self, *args: Any) -> Any:
-        check_double()
+        check_settings()
         place = folder()
         arrays, plain = eqx.partition(args, eqx.is_array)
         leaves, tree = jax.tree.flatten(arrays)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import xarray as xr
 from matplotlib.animation import FuncAnimation
 from matplotlib.figure import Figure
@@ -29,6 +30,16 @@ DPI, DPI_MOVING = 150, 80  # of a still picture, and of an animation
 SUBJECT = "Description"  # the key of a .png file that holds it
 
 
+@contextlib.contextmanager
+def _house_style() -> Iterator[None]:
+    """Draws as matplotlib's own defaults have it, whatever style a person has set: what a file of
+    pictures looks like, and whether it can be made, must not hang on that."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        yield
+
+
+@_house_style()
 def plot_file(
     path: str | Path,
     output: str | Path,
@@ -81,6 +92,7 @@ def usual_picture(path: str | Path) -> str:
         return usual(ds, kind, path)
 
 
+@_house_style()
 def plot_all(
     path: str | Path,
     output: str | Path,

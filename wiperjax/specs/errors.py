@@ -7,6 +7,7 @@ most and says which key, what it must be and what it was.
 import difflib
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
+from datetime import date, time
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -65,6 +66,8 @@ def show(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, dict):
         return "a table"
+    if isinstance(value, date | time):
+        return value.isoformat()
     return shown(value)
 
 
@@ -119,10 +122,13 @@ def unknown(
     """Words for an unknown key: the key that may be meant, the table it belongs in (by `elsewhere`
     or the `model` of the file), or all keys."""
     key = key[: 2 * _LONGEST_KEY]  # what is compared costs the product of the lengths
+    table = elsewhere[key].table if key in elsewhere else ""
+    plain = key.removeprefix(f"{table}_")  # as its own table has it: `speed` in [belt]
+    if table and plain not in allowed:  # a name that is known is no slip of the pen
+        named = "" if plain == key else f" as {plain!r}"
+        return f"unknown key here; it belongs in [{table}]{named} or [axes]"
     if close := difflib.get_close_matches(key, allowed, n=1):
         return f"unknown key; did you mean {close[0]!r}?"
-    if key in elsewhere:
-        return f"unknown key here; it belongs in [{elsewhere[key].table}] or [axes]"
     if model is not None:
         for table, field in model.model_fields.items():
             is_table = get_origin(field.annotation) is not dict  # else its keys are names

@@ -88,8 +88,9 @@ def _load(kind: type[_Spec], path: str | Path, model: str | None) -> _Spec:
         must = "must be written with fewer brackets within brackets, and shorter numbers"
         raise SpecError(f"{path}: {must}") from None
     needed = f"what is needed here is a {_word(kind)}"
-    if kind is SceneSpec and "axes" in data:
-        raise SpecError(f"{path}: has [axes], so it is a sweep; {needed}")
+    only_sweeps = SweepSpec.model_fields.keys() - SceneSpec.model_fields.keys()
+    if kind is SceneSpec and (told := [key for key in data if key in only_sweeps]):
+        raise SpecError(f"{path}: has [{told[0]}], so it is a sweep; {needed}")
     run = data.get("run")
     if kind is SweepSpec and "axes" not in data and isinstance(run, dict) and "duration" in run:
         raise SpecError(f"{path}: has a run.duration and no [axes], so it is a scene; {needed}")

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from ...contact.belts import AbstractBelt
 from ...contact.regimes import ROUNDINGS
 from ...contact.system import AbstractSystem, rates
-from ...numerics.arrays import check_double
+from ...numerics.arrays import check_settings
 from ...numerics.bernstein import largest
 from ...numerics.types import Scalar
 from ..observers.base import AbstractObserver
@@ -120,7 +120,7 @@ def make_case(
     """Return the `Case` of arguments that were checked; state and tolerances in ``dtype``, times
     always in full precision. Raises ValueError without 64-bit numbers.
     """
-    check_double()
+    check_settings()
     if dtype is None:
         dtype = jnp.result_type(float)
     if initial_state is None:

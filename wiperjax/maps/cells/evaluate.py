@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ...numerics.arrays import check_double
+from ...numerics.arrays import check_settings
 from . import batch
 from .sensitivity.evaluate import evaluate as with_derivatives
 
@@ -14,7 +14,7 @@ from .sensitivity.evaluate import evaluate as with_derivatives
 def identity() -> dict[str, str]:
     """What of this process has a part in the numbers, beside the versions: the kind of device.
     Raises ValueError without 64-bit numbers, before anything is stored."""
-    check_double()
+    check_settings()
     return {"device": jax.devices()[0].device_kind}
 
 
