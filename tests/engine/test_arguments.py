@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+import own_systems
 import pytest
 import xarray as xr
 
@@ -417,12 +418,21 @@ def test_a_remedy_must_see_the_turns_of_a_belt():
     """It called a blade quiet whose belt had not turned yet, where the same scene is a reversal."""
     turning = wiperjax.Wiper(belt=wiperjax.TrapezoidBelt(0.8, 0.7, 0.05, phase=1.6))
     must = "must be on a belt that does not turn (whole periods of one are judged by run_scene)"
-    assert refusal(remedy.verdict, turning) == f"blade {must}, but was on one of 0.7 Hz"
+    assert refusal(remedy.verdict, turning) == f"blade {must}, but was on TrapezoidBelt"
     must = "must hold the longest period in bounds of the belt"
     assert refusal(remedy.quieten, turning, BOUNDS) == f"window {must} (1.429 s), but was 0.1"
     fast = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 20.0))
     slower = {"belt_frequency": (1.0, 20.0)}  # at 1 Hz it had not turned yet, and seemed quieter
     assert refusal(remedy.quieten, fast, slower) == f"window {must} (1 s), but was 0.1"
+
+
+def test_a_belt_of_ones_own_turns_where_its_pieces_say_so():
+    """`verdict` took it for one that does not, and gave a blade a class across its turns."""
+    turning = wiperjax.Wiper(belt=own_systems.Unsaid(0.3, 5.0, 0.04))
+    assert refusal(remedy.verdict, turning).endswith("), but was on Unsaid")
+    must = "must say how often a second a belt that turns does so (1 / its period)"
+    found = refusal(remedy.quieten, turning, BOUNDS)
+    assert found == f"Unsaid.wiping_frequency {must}, but was 0"
 
 
 def test_degrees_are_asked_for():

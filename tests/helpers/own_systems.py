@@ -271,3 +271,11 @@ class Pulled(wiperjax.AbstractSystem):
 
     def default_state(self):
         return (0.0, 0.0), (0.0, 0.0)
+
+
+class Unsaid(wiperjax.TrapezoidBelt):
+    """A belt that turns and says no more than a belt must: neither when nor how often."""
+
+    kind = ""
+    since_reversal = wiperjax.AbstractBelt.since_reversal
+    wiping_frequency = wiperjax.AbstractBelt.wiping_frequency

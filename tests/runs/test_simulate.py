@@ -7,10 +7,11 @@ import diffrax
 import numpy as np
 import pytest
 import xarray as xr
-from own_systems import Lifted
+from own_systems import Lifted, Unsaid
 from reference import blade as reference
 
 import wiperjax
+from wiperjax.engine.observers.reversal import ReversalTotals
 from wiperjax.runs import simulate
 from wiperjax.store import whole
 from wiperjax.vocabulary.codes import ADVICE, RESULTS, Event, Regime, Result
@@ -305,6 +306,15 @@ def test_a_spent_budget_is_a_result():
 
 
 # --- refusals -------------------------------------------------------------------------------------
+
+
+def test_what_is_of_the_reversal_needs_a_belt_that_says_when_it_turns():
+    """All of the window was the stroke, and its share of stick that of stroke and turns."""
+    turning = wiperjax.Wiper(belt=Unsaid(0.3, 5.0, 0.04))
+    words = "^Unsaid.since_reversal must be its own where a belt turns: .* that of AbstractBelt$"
+    with pytest.raises(ValueError, match=words):
+        wiperjax.simulate(turning, 0.01, observer=ReversalTotals(0.0, 0.02))
+
 
 TOUCHING = ((1e-3, 0.0), (0.0, 0.0))
 

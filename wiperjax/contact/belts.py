@@ -66,7 +66,8 @@ class AbstractBelt(eqx.Module):
         """True where the break that ends ``piece`` is a passage of V through zero."""
 
     def since_reversal(self, time):
-        """Time [s] since the nearest passage of V through zero (negative: until it)."""
+        """Time [s] since the nearest passage of V through zero (negative: until it); inf of a belt
+        that does not turn: one that does says it itself."""
         return jnp.full_like(time, jnp.inf)
 
     @property

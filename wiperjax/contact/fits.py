@@ -82,6 +82,18 @@ def check_law(law: Any, shape: tuple = ()) -> None:
     _number(f"{kind}.static", static, shape, "be")
 
 
+def turns(system: OnBelt) -> bool:
+    """Whether V passes through zero where one of the first pieces of the belt from t = 0 on ends.
+    Raises ValueError, as `check`, for a belt that does not answer."""
+    t, belt = jnp.zeros(()), system.belt
+    _check_partner(system, t)
+
+    def turned(piece):
+        return jnp.logical_and(belt.reverses(piece), jnp.isfinite(belt.break_time(piece)))
+
+    return bool(jnp.any(jax.vmap(turned)(belt.first_piece(t) + jnp.arange(joints.PIECES))))
+
+
 def _check_partner(system: AbstractSystem, t) -> None:
     """Raises ValueError unless law and belt of a system are such, and its pieces are numbers."""
     shape, owner = jnp.shape(t), system

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ..blade.wiper import Wiper
+from ..contact.fits import turns
 from ..contact.system import AbstractSystem
 from ..systems import numbers
 from ..vocabulary import checks
@@ -69,10 +70,13 @@ def check_search(starts: int, seed: int, most: int = 1) -> None:
 
 def check_period(window: float, blade: Wiper, bounds: Mapping[str, tuple[float, float]]) -> None:
     """Raises ValueError for a ``window`` [s] that may miss a turn of the belt of ``blade``, or of a
-    slower one in ``bounds``."""
+    slower one in ``bounds``, and for a belt that turns and does not say how often."""
     blades: list[Any] = [blade]
     blades += [numbers.replaced(blade, name, end) for name, pair in bounds.items() for end in pair]
     frequencies = [float(each.belt.wiping_frequency) for each in blades]
+    if turns(blade) and min(frequencies) == 0:
+        must = "must say how often a second a belt that turns does so (1 / its period)"
+        raise ValueError(f"{type(blade.belt).__name__}.wiping_frequency {must}, but was 0")
     slowest = min((f for f in frequencies if f > 0), default=np.inf)
     if window * slowest < 1 - 1e-9:
         must = f"must hold the longest period in bounds of the belt ({1 / slowest:.4g} s)"

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ..blade.wiper import Wiper
+from ..contact.fits import turns
 from ..cycles.branch.dataset import column_attributes
 from ..cycles.cycle import Cycle, close, same_word, shooting_of
 from ..cycles.find import find_cycle
@@ -18,7 +19,7 @@ from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, Range
 from .box import Box
 from .gradient import MEASURES, sensitivities
-from .judge import turns, verdict
+from .judge import verdict
 
 
 class Path(NamedTuple):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..blade.wiper import Wiper
+from ..contact.fits import turns
 from ..engine.observers.totals import RegimeTotals
 from ..noise.run_class import assess, words
 from ..runs.simulate import simulate
@@ -15,11 +16,6 @@ from ..vocabulary.thresholds import Thresholds
 SAMPLES, INTERVAL = 4096, 2.5e-5  # of a window at least, and at most between two of them [s]
 ENOUGH = 4  # periods in a window; else one that is longer,
 LONGER, LONGEST = 4, 1.6  # by that factor, up to so many seconds
-
-
-def turns(blade: Wiper) -> bool:
-    """Whether the belt of ``blade`` does."""
-    return float(blade.belt.wiping_frequency) > 0
 
 
 def verdict(
@@ -39,7 +35,7 @@ def verdict(
     checks.instance("blade", blade, Wiper, "a Wiper")
     if turns(blade):
         must = "must be on a belt that does not turn (whole periods of one are judged by run_scene)"
-        raise ValueError(f"blade {must}, but was on one of {blade.belt.wiping_frequency:g} Hz")
+        raise ValueError(f"blade {must}, but was on {type(blade.belt).__name__}")
     settle = checks.number("settle", settle, NON_NEGATIVE)
     window = checks.number("window", window, POSITIVE)
     speed = float(blade.belt.rms)

@@ -113,9 +113,9 @@ def _noise(system: Any, box: Box, share, times, rtol):
     def noise(share):
         changed = box.blade(system, share)
         frequency = jnp.asarray(changed.belt.wiping_frequency, float)
-        turns = frequency > 0
+        repeats = frequency > 0
         periods = jnp.floor(window * frequency + 1e-6)
-        judged = jnp.where(turns, periods / jnp.where(turns, frequency, 1.0), window)
+        judged = jnp.where(repeats, periods / jnp.where(repeats, frequency, 1.0), window)
         begins = jnp.maximum(duration - judged, 0.0)  # rounding, where the window is all of it
         run = solve(changed, duration, rtol=rtol, statistics_start=begins, max_events=0)
         fine = run.result == Result.FINISHED

@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from ..contact.belts import AbstractBelt
+from ..contact.fits import turns
 from ..contact.guards import starting_sides
 from ..contact.own_numbers import check_single, in_full
 from ..contact.regimes import forces
@@ -104,7 +106,7 @@ def simulate(
     sample_interval = duration / SAMPLES if sample_interval is None else sample_interval
     within = Range(0, duration, low_open=True)
     sample_interval = checks.number("sample_interval", sample_interval, within)
-    begins = _begins(observer, duration)
+    begins = _begins(observer, duration, system)
     times = regular_times(duration, sample_interval)
 
     given, system = in_full(system), traceable(system)
@@ -144,9 +146,10 @@ def _note_on_scales(system: AbstractSystem, atol: Any, run: xr.Dataset) -> None:
         log.warning("note: %s: %s were those of 1 and 1 (SI units)", must, was)
 
 
-def _begins(observer: Any, duration: float) -> float | None:
+def _begins(observer: Any, duration: float, system: Any) -> float | None:
     """Return the time [s] from which an observer gathers. Raises ValueError for no observer of
-    totals, or one that begins at no time of the run.
+    totals, one that begins at no time of the run, or one of the reversal on a belt that turns
+    and does not say when.
     """
     if observer is None:
         return None
@@ -156,6 +159,11 @@ def _begins(observer: Any, duration: float) -> float | None:
         raise ValueError(
             f"observer must begin within the run, [0, {duration:g}) s, but began at {start:g}"
         )
+    if isinstance(observer, ReversalTotals):
+        belt = type(system.belt)
+        if belt.since_reversal is AbstractBelt.since_reversal and turns(system):
+            must = "must be its own where a belt turns: all would count as stroke"
+            raise ValueError(f"{belt.__name__}.since_reversal {must}, but was that of AbstractBelt")
     return start
 
 
