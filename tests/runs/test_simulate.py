@@ -14,6 +14,7 @@ import wiperjax
 from wiperjax.engine.observers.reversal import ReversalTotals
 from wiperjax.runs import simulate
 from wiperjax.store import whole
+from wiperjax.systems.woodpecker import Woodpecker
 from wiperjax.vocabulary.codes import ADVICE, RESULTS, Event, Regime, Result
 
 BELT = 0.3
@@ -314,6 +315,8 @@ def test_what_is_of_the_reversal_needs_a_belt_that_says_when_it_turns():
     words = "^Unsaid.since_reversal must be its own where a belt turns: .* that of AbstractBelt$"
     with pytest.raises(ValueError, match=words):
         wiperjax.simulate(turning, 0.01, observer=ReversalTotals(0.0, 0.02))
+    with pytest.raises(ValueError, match="^system must be on a belt, .*, but was Woodpecker"):
+        wiperjax.simulate(Woodpecker(), 0.01, observer=ReversalTotals(0.0, 0.02))
 
 
 TOUCHING = ((1e-3, 0.0), (0.0, 0.0))

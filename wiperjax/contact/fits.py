@@ -82,16 +82,16 @@ def check_law(law: Any, shape: tuple = ()) -> None:
     _number(f"{kind}.static", static, shape, "be")
 
 
-def turns(system: OnBelt) -> bool:
-    """Whether V passes through zero where one of the first pieces of the belt from t = 0 on ends.
+def turns(system: AbstractSystem) -> bool:
+    """Whether V passes through zero where one of the first pieces of its motion from t = 0 on ends.
     Raises ValueError, as `check`, for a belt that does not answer."""
-    t, belt = jnp.zeros(()), system.belt
+    t = jnp.zeros(())
     _check_partner(system, t)
 
     def turned(piece):
-        return jnp.logical_and(belt.reverses(piece), jnp.isfinite(belt.break_time(piece)))
+        return jnp.logical_and(system.reverses(piece), jnp.isfinite(system.break_time(piece)))
 
-    return bool(jnp.any(jax.vmap(turned)(belt.first_piece(t) + jnp.arange(joints.PIECES))))
+    return bool(jnp.any(jax.vmap(turned)(system.first_piece(t) + jnp.arange(joints.PIECES))))
 
 
 def _check_partner(system: AbstractSystem, t) -> None:

@@ -18,6 +18,7 @@ import xarray as xr
 from ..contact.belts import AbstractBelt
 from ..contact.fits import turns
 from ..contact.guards import starting_sides
+from ..contact.on_belt import OnBelt
 from ..contact.own_numbers import check_single, in_full
 from ..contact.regimes import forces
 from ..contact.space import contact
@@ -160,6 +161,7 @@ def _begins(observer: Any, duration: float, system: Any) -> float | None:
             f"observer must begin within the run, [0, {duration:g}) s, but began at {start:g}"
         )
     if isinstance(observer, ReversalTotals):
+        checks.instance("system", system, OnBelt, "on a belt, to have statistics of its reversal")
         belt = type(system.belt)
         if belt.since_reversal is AbstractBelt.since_reversal and turns(system):
             must = "must be its own where a belt turns: all would count as stroke"
