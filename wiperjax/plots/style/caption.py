@@ -60,14 +60,18 @@ def _value(ds: xr.Dataset, name: str, unit: str) -> tuple[float | None, str]:
 
 
 def _kinds(ds: xr.Dataset) -> list[str]:
-    """`wiping belt`, `block model`, `coulomb friction`: what is not the usual kind."""
+    """`wiping belt`, `block model`, `coulomb friction`: what is not the usual kind; `law own`: of
+    maps that were joined over texts, which one.
+    """
     attrs = ds.attrs
     belt = str(attrs.get("belt_kind", attrs.get("belt", "")))
     belt = {f"{name}belt": name for name in BELTS}.get(belt.lower(), belt)  # or a class of its own
     model = "" if is_own(ds) else attrs.get("model", BLADES.get(str(attrs.get(SYSTEM)), ""))
     kinds = {"belt": belt, "model": model, "friction": str(attrs.get("friction", ""))}
     said = {what: kind for what, kind in kinds.items() if kind.lower() not in UNSAID}
-    return [f"{kind.rpartition(':')[2]} {what}" for what, kind in said.items()]  # no import path
+    kinds_said = [f"{kind.rpartition(':')[2]} {what}" for what, kind in said.items()]  # no path
+    scalars = [] if is_run(ds) else [c for c in ds.coords.values() if not c.ndim]
+    return kinds_said + [f"{long_name(c)} {c.item()}" for c in scalars if not is_numeric(c)]
 
 
 def is_own(ds: xr.Dataset) -> bool:
