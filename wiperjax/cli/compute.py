@@ -226,14 +226,14 @@ def at_error(spec: Any, target: float, file: Path) -> Any:
         f"target error {target:g}: {found.solver}, {found.precision}, rtol {found.rtol:g} "
         f"(measured {found.error:.1e})"
     )
-    if found.precision == "float32":
-        what = "in float32 a few cells have other classes, where the lip is nearly flat"
-        print(f"note: {what} (docs/limits.md)", file=sys.stderr)
     run = spec.run.model_copy(
         update={"solver": found.solver, "precision": found.precision, "rtol": found.rtol}
     )
     spec = spec.model_copy(update={"run": run})
     if spec.sensitivities is None:
+        if found.precision == "float32":
+            what = "in float32 a few cells have other classes, where the lip is nearly flat"
+            print(f"note: {what} (docs/limits.md)", file=sys.stderr)
         return spec
     try:
         return spec.with_sensitivities()  # which ask for more than a target error may
