@@ -104,6 +104,7 @@ def test_hopf_speeds_of_the_reference_blade():
     assert np.all(below.k_eff > 0)
 
 
+@pytest.mark.slow
 def test_three_branches_on_the_leading_side_and_their_hopf_speed():
     blade = wiperjax.Wiper(attack_angle=np.radians(-30.0))
     below, above = (steady_slip_branches(blade, 0.2842 + d) for d in (-5e-5, 5e-5))

@@ -774,6 +774,7 @@ def test_info_and_export_of_modes_over_a_sweep(folder, capsys):
     assert "only a run, or modes of one scene, can be exported" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_window_with_one_slip_in_it_is_too_short(capsys):
     """Chattering at 8.1 Hz, looked at for 0.1 s, was called too fast for its samples."""
     blade, belt = {"attack_angle": -30}, {"kind": "steady", "speed": 0.05}

@@ -212,6 +212,7 @@ def test_one_compilation_serves_a_whole_sweep():
     assert len(batch.compute.found) == compiled
 
 
+@pytest.mark.slow
 def test_blocks_do_not_matter():
     spec = sweep_spec()
     whole = batch.evaluate(spec, np.arange(7))

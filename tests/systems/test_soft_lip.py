@@ -77,6 +77,7 @@ def test_stick_holds_the_hinge_too(hinge_mass):
     assert int(run.result) == 0
 
 
+@pytest.mark.slow
 def test_what_nothing_takes_stays_energy():
     """Bounces on the glass's spring without friction or dashpot: the spring was not in it."""
     lip = SoftLip(
