@@ -118,7 +118,7 @@ def make_case(
     dtype=None,
 ) -> Case:
     """Return the `Case` of arguments that were checked; state and tolerances in ``dtype``, times
-    always in full precision. Raises ValueError without 64-bit numbers.
+    always in full precision. Raises ValueError as `check_settings` does.
     """
     check_settings()
     if dtype is None:

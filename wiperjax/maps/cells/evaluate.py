@@ -13,7 +13,7 @@ from .sensitivity.evaluate import evaluate as with_derivatives
 
 def identity() -> dict[str, str]:
     """What of this process has a part in the numbers, beside the versions: the kind of device.
-    Raises ValueError without 64-bit numbers, before anything is stored."""
+    Raises ValueError as `check_settings` does, before anything is stored."""
     check_settings()
     return {"device": jax.devices()[0].device_kind}
 
