@@ -37,3 +37,17 @@ def test_what_the_user_has_set_wins(monkeypatch):
     monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_prefer_vector_width=256")
     jax_settings.configure(1, keep=False)
     assert os.environ["XLA_FLAGS"].count("prefer_vector_width") == 1
+
+
+@pytest.mark.parametrize(
+    "asked, there, taken",
+    [("cuda", False, False), ("cuda", True, True), ("cuda,cpu", False, True), ("", False, True)],
+)
+def test_a_device_that_cannot_be_there_is_refused_by_name(asked, there, taken, flags, monkeypatch):
+    monkeypatch.setattr(jax_settings, "accelerators", lambda: there)
+    monkeypatch.setenv("JAX_PLATFORMS", asked)
+    if taken:
+        assert flags()
+    else:
+        with pytest.raises(ValueError, match="^JAX_PLATFORMS must be cpu .* but was 'cuda'$"):
+            flags()

@@ -57,10 +57,18 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
     without what it gains nothing by (`SKIPPED`); with `accelerators`, loops that run there
     (`GRAPHS`). ``keep``: what is compiled is kept for later processes (`compiled.keep_programs`).
     Settings already made by the user win. JAX's have no effect once it has started a device. Raises
-    ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`.
+    ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`, or if
+    ``JAX_PLATFORMS`` asks for an accelerator and no plugin for one is installed.
     """
     global _configured
     keep = checks.flag("keep", keep)
+    asked = os.environ.get("JAX_PLATFORMS", "")
+    if asked and "cpu" not in asked.split(",") and not accelerators():
+        # JAX itself fails by an assertion, much later
+        raise ValueError(
+            "JAX_PLATFORMS must be cpu where no plugin of JAX for an accelerator is installed, "
+            f"but was {checks.shown(asked)}"
+        )
     if cores is None:
         count = len(os.sched_getaffinity(0))
     else:
