@@ -69,7 +69,9 @@ class Size(NamedTuple):
 
 def trial_size(problem: Problem, state: State) -> Size:
     """Return the size of the next trial step."""
-    mark = smaller(problem.end, problem.system.break_time(state.piece)).astype(state.time.dtype)
+    end, break_time = problem.end, problem.system.break_time(state.piece)
+    # a break at the very end is none: what is there moves with the end, not with the break
+    mark = jnp.where(end <= break_time, end, break_time).astype(state.time.dtype)
     mark = jnp.where(problem.mark > state.time, smaller(problem.mark, mark), mark)
     to_mark = mark - state.time
     # a rest that the clock cannot divide: an event in it fires after the mark, if ever
