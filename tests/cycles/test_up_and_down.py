@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+import own_systems
 import pytest
 
 import wiperjax
@@ -75,6 +76,14 @@ class Falling(AbstractSystem):
 
     def output(self, t, q, v):
         return v[1]
+
+
+@pytest.mark.slow
+def test_a_kick_does_not_lead_into_the_belt():
+    """Where the first coordinate leads there, all was an inconsistent start."""
+    found = up_and_down(own_systems.Hung(), "belt.speed", [0.1, 0.2], settle=2.0, window=2.0)
+    assert (found.result == 0).all() and (found.flight_fraction < 1e-3).all()
+    np.testing.assert_allclose(found.maximum[..., 0], 0.1)
 
 
 @pytest.mark.slow

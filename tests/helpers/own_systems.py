@@ -214,6 +214,34 @@ class Rod(wiperjax.AbstractSystem):
         return v[2]
 
 
+class Hung(wiperjax.AbstractBeltSystem):
+    """What is pressed up against a belt, and pushed off by the way in which friction moves it: its
+    first coordinate leads into the belt."""
+
+    coordinates = ("y", "x")
+    height: float = parameter(0.1, "m", above=0)
+    stiffness: float = parameter(100.0, "N/m", above=0)
+    shared: float = parameter(0.4, low=-0.5, high=0.5, long_name="of both in the inverse inertia")
+    friction: wiperjax.AbstractFriction = wiperjax.Coulomb(1.0)
+    belt: wiperjax.AbstractBelt = wiperjax.SteadyBelt(0.1)
+
+    def contact_velocity(self, t, q, v):
+        return v[1]
+
+    def free_acceleration(self, t, q, v):
+        along = -self.stiffness * q[1] - v[1]
+        return 10.0 + self.shared * along, 10.0 * self.shared + along
+
+    def directions(self, t, q):
+        return (self.shared, 1.0), (-1.0, -self.shared)
+
+    def gap(self, t, q):
+        return self.height - q[0]
+
+    def default_state(self):
+        return (self.height, 0.0), (0.0, 0.0)
+
+
 class Pendulum(wiperjax.AbstractBeltSystem):
     """Froude's: on a shaft that turns, whose rim is the contact; its angle is in radians."""
 

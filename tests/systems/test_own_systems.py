@@ -12,6 +12,8 @@ import scipy.integrate
 import scipy.optimize
 
 import wiperjax
+from wiperjax.maps.cells.batch import prepare
+from wiperjax.maps.starts import kicked
 from wiperjax.noise.run_class import GATHERED
 from wiperjax.specs.errors import SpecError
 from wiperjax.store.whole import write_dataset
@@ -394,6 +396,28 @@ def test_a_sweep_up_and_down_finds_the_bistable_zone_of_a_system_of_ones_own():
     assert loud.sel(start="up").values.tolist() == [True] * 7 + [False]
     assert loud.sel(start="down").values.tolist() == [True] + [False] * 7
     assert ds.final_position.dims == ("belt_speed", "start", "coordinate")
+
+
+def test_what_touches_goes_on_in_the_next_cell_on_its_partner():
+    """A kick along the gap led into the belt, and the cell failed; the impulse that takes what
+    sticks to the speed of another belt drove it off or in, where inertia is shared."""
+    axes = {"belt_speed": {"values": [0.1, 0.4]}}
+    run, starts = {"transient": 0.0, "window": 0.01}, {"names": ["up"], "kick": 1e-3}
+    spec = wiperjax.parse_sweep(
+        {"system": own_systems.Hung, "axes": axes, "run": run, "starts": starts}
+    )
+    regimes = [wiperjax.Regime.STICK, wiperjax.Regime.SLIP_NEG, wiperjax.Regime.FLIGHT]
+    places = np.array([[0.1, 0.01], [0.1, 0.01], [0.05, 0.01]])
+    rates = np.array([[0.0, 0.1], [0.0, 0.02], [0.2, 0.02]])
+    ended = {"final_position": places, "final_velocity": rates}
+    ended |= {"final_regime": np.array(regimes), "result": np.zeros(3, int)}
+    cells = np.array([1, 1, 1])
+    _, *state = prepare(spec, cells, ended=kicked(spec, cells, ended))
+    (y, x), (vy, vx) = np.asarray(state)[..., :3]
+    np.testing.assert_allclose(y, [0.1, 0.1, 0.051], atol=1e-15)
+    np.testing.assert_allclose(vy, [0.0, 0.0, 0.2], atol=1e-15)
+    np.testing.assert_allclose(vx, [0.4, 0.02, 0.02], atol=1e-15)
+    np.testing.assert_allclose(x[2], 0.01)
 
 
 @pytest.mark.slow

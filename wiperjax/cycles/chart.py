@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 
+from ..contact.projection import SMALL
 from ..contact.space import contact
 from ..numerics.kept import Kept
 from ..vocabulary.codes import Regime
-from .shooting import SMALL, Lost, at_state
+from .shooting import Lost, at_state
 
 
 class Chart(NamedTuple):

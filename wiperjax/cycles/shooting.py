@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..contact.projection import project
+from ..contact.projection import put_back
 from ..contact.regimes import vector_field
 from ..contact.space import contact
 from ..contact.system import AbstractSystem
@@ -26,7 +26,6 @@ from ..vocabulary.codes import Regime
 
 SAMPLES = 257  # of an arc; states at even distances
 EVENTS = 256  # of an arc, that are told apart
-SMALL = 1e-12  # of the typical size: what is rounding
 UNKNOWN = -1  # regime of a state: the engine finds it
 
 
@@ -124,17 +123,7 @@ def tidy(system: AbstractSystem, time, state, regime):
     """
     local, q, v = at_state(system, time, state)
     closed = (regime >= 0) & (regime != Regime.FLIGHT)
-    sizes = local.scales(len(q))
-    for _ in range(2):  # the second time for contacts on a curve
-        c = contact(local, time, q, v)
-        q, v = project(local, c, q, v, closed, closed, regime == Regime.STICK)
-
-    def snapped(values, typical):
-        small = [closed & (jnp.abs(x) < SMALL * s) for x, s in zip(values, typical, strict=True)]
-        pairs = zip(values, small, strict=True)
-        return tuple(x - jax.lax.stop_gradient(jnp.where(z, x, 0.0)) for x, z in pairs)
-
-    q, v = snapped(q, sizes[0]), snapped(v, sizes[1])
+    q, v = put_back(local, time, q, v, closed, regime == Regime.STICK)
     return jnp.stack([*q, *local.rates(time, q, v)])
 
 

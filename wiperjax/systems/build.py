@@ -14,6 +14,7 @@ from ..blade.wiper import Wiper
 from ..contact import fits, own_numbers
 from ..contact.belts import CLASSES as BELT_CLASSES
 from ..contact.belts import AbstractBelt
+from ..contact.projection import put_back
 from ..contact.system import AbstractSystem
 from ..numerics.arrays import fields_of
 from ..specs.declared import Declared
@@ -160,21 +161,17 @@ def go_on(spec: System, built: Built, ended: Mapping[str, Any]):
         tuple(jnp.asarray(ended[f"final_{key}"], float).T) for key in ("position", "velocity")
     )
     can = jnp.asarray(ended["result"]) == Result.FINISHED
-    sticks = jnp.asarray(ended["final_regime"]) == Regime.STICK
-    return (position, _carried(system, position, rates, sticks)), can
+    regime = jnp.asarray(ended["final_regime"])
+    return _carried(system, position, rates, regime), can
 
 
-def _carried(system: AbstractSystem, q, rates, sticks):
-    """Return q' of what sticks as its partner moves now, by an impulse along the contact: another
-    cell's belt may have had another speed.
+def _carried(system: AbstractSystem, q, rates, regime):
+    """Return (q, q') of what touches kept on its partner, and of what sticks moved as that moves
+    now: a kick may have been along the gap, and another cell's belt may have had another speed.
     """
     t = jnp.zeros_like(q[0])
+    system = system.prepared()
     system = system.on_piece(system.first_piece(t))
     v = system.from_rates(t, q, rates)
-    along, _ = system.directions(t, q)
-    slip = system.slip_speed(t, q, v)
-    moved = tuple(x + d for x, d in zip(v, along, strict=True))
-    gained = system.slip_speed(t, q, moved) - slip  # it is linear in v
-    share = jnp.where(sticks & (gained != 0), slip / jnp.where(gained == 0, 1.0, gained), 0.0)
-    carried = tuple(x - share * d for x, d in zip(v, along, strict=True))
-    return system.rates(t, q, carried)
+    q, v = put_back(system, t, q, v, regime != Regime.FLIGHT, regime == Regime.STICK)
+    return q, system.rates(t, q, v)

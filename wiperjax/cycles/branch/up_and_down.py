@@ -19,7 +19,8 @@ import numpy as np
 import xarray as xr
 
 from ...contact.own_numbers import check_single
-from ...contact.system import AbstractSystem, system_attributes
+from ...contact.projection import SMALL
+from ...contact.system import AbstractSystem, like, system_attributes
 from ...engine.arguments import check_state, check_system, longest_step
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
@@ -32,7 +33,7 @@ from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
 from ..clock import STATES, check_clock, refuse_a_clock
 from ..cycle import typical
 from ..drift import may_drift
-from ..shooting import UNKNOWN, tidy
+from ..shooting import UNKNOWN, at_state, tidy
 from .peaks import peaks
 from .repeats import comes_back, repeat_time
 
@@ -63,10 +64,11 @@ def up_and_down(
     **Other arguments:** ``initial_state`` = (position, q') at either end (default: the system's
     own); ``period(system)`` of what drives it [s], without which nothing may: settle and window are
     then rounded up to whole periods, so that the clock goes on as it was, and there is one look;
-    ``kick``, by which the first coordinate is moved before each value, of its typical size: without
-    it an equilibrium that has become unstable is left only when rounding has grown (delayed loss of
-    stability); ``samples`` of a window: swings shorter than a few of them have no ``maximum`` of
-    their own; ``rtol`` and ``max_step`` [s] of the integration.
+    ``kick``, by which the first coordinate is moved before each value, of its typical size (the
+    other way where that leads into what it touches, or a stop): without it an equilibrium that has
+    become unstable is left only when rounding has grown (delayed loss of stability); ``samples``
+    of a window: swings shorter than a few of them have no ``maximum`` of their own; ``rtol`` and
+    ``max_step`` [s] of the integration.
 
     **Returns** a dataset with the dimensions ``way`` (up, down), the parameter (in the unit of
     files) and ``peak``: ``maximum`` of the first coordinate (the largest first; NaN-padded; of a
@@ -222,7 +224,7 @@ def _march(system, along, period, ways, states, spans, counted, samples: int):
             return (end, regime, jnp.zeros_like(before), onward, again, result), found
 
         sizes = jnp.stack([jnp.asarray(x, float) for kind in local.scales(n) for x in kind])
-        state = state.at[0].add(kick * sizes[0])
+        state = _kicked(local, state, kick * sizes[0])
         finished = jnp.asarray(Result.FINISHED, jnp.int32)
         begin = state, regime, before, after, jnp.full_like(after, jnp.nan), finished
         looks = 2 if period is None else 1  # of one compiled program
@@ -234,6 +236,20 @@ def _march(system, along, period, ways, states, spans, counted, samples: int):
         return jax.lax.scan(partial(one, initial), begin, values)[1]
 
     return jax.vmap(way)(ways, states)
+
+
+def _kicked(local: AbstractSystem, state, step):
+    """Return ``state`` moved by ``step``; the other way where that leads into the partner of the
+    contact, or a stop.
+    """
+    moved = state.at[0].add(step)
+    system, q, v = at_state(local, jnp.zeros(()), moved)
+    switches = system.switches(jnp.zeros(()), q, v)
+    room = [switches[place] for place in system.stops]
+    if system.unilateral:
+        room.append(system.gap(jnp.zeros(()), q))
+    inside = [like(x, step) < -SMALL * system.scales(len(q))[0][0] for x in room]
+    return jnp.where(jnp.any(jnp.stack(inside)), state.at[0].add(-step), moved) if room else moved
 
 
 def _fair(result):
