@@ -492,6 +492,15 @@ def test_a_file_for_a_browser_takes_cells_of_the_map_only(whole, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_file_for_a_browser_says_why_it_holds_no_motion(whole, tmp_path, caplog):
+    """One that was asked for is not left out without a word."""
+    bare, path = explored(whole.ds.drop_attrs(deep=False)), tmp_path / "page.html"
+    with pytest.raises(ValueError, match="cells of this map cannot be simulated"):
+        write_static(bare, path, [{}])
+    assert not path.exists() and write_static(bare, path) == 0
+    assert f"holds no motions: cells of this map cannot be simulated: {bare.unable}" in caplog.text
+
+
 @pytest.mark.slow
 def test_a_file_for_a_browser_leaves_out_what_cannot_be_shown(whole, tmp_path, monkeypatch, caplog):
     """There may be no steady slip to begin at: the others are kept."""

@@ -20,3 +20,19 @@ def test_verify_recomputes_and_finds_a_changed_number(tmp_path):
     assert report.largest["normal_force_max"] == pytest.approx(1e-6, rel=1e-3)
     with pytest.raises(StoreError, match=r"was made otherwise \(run.rtol was 1e-06, now 1e-07\)"):
         verify(path, spec=make_spec(rtol=1e-7), evaluate=evaluate)
+
+
+@pytest.mark.parametrize("name", ["belt_speed", "run_window", "label"])
+def test_verify_finds_what_is_said_of_right_numbers_changed(tmp_path, name):
+    """Numbers computed again are the same whatever the file says they are of."""
+    spec, path = make_spec(), tmp_path / "map.h5"
+    run(spec, path)
+    with rewritten(path) as file:
+        if name == "belt_speed":
+            file[name][3] *= 1.5
+        elif name == "label":
+            file[name].attrs["flag_meanings"] = file[name].attrs["flag_meanings"][::-1]
+        else:
+            file.attrs[name] = 2 * file.attrs[name]
+    with pytest.raises(StoreError, match=f"what it says of {name} is not that of its sweep"):
+        verify(path, evaluate=evaluate)

@@ -73,8 +73,9 @@ def write_static(
         a coarse choice.
     - `say`: told which cell is at work.
 
-    Raises: `ValueError` for cells outside the map, or a map too large for one file; `StoreError` if
-        `path` exists (without `force`) or cannot be written.
+    Raises: `ValueError` for cells outside the map or of one whose cells cannot be simulated, or a
+        map too large for one file; `StoreError` if `path` exists (without `force`) or cannot be
+        written.
     """
     check_output(path, force)
     x, y = explored.plane_axes()
@@ -82,6 +83,11 @@ def write_static(
     places = coarse(explored, x, y) if cells is None else [nearest(explored, c) for c in cells]
     if len(places) > MOST_MOTIONS:
         raise ValueError(f"at most {MOST_MOTIONS} cells can be stored, were {len(places)}")
+    if explored.spec is None:
+        why = f"cells of this map cannot be simulated: {explored.unable}"
+        if cells is not None:
+            raise ValueError(why)
+        log.warning("%s: holds no motions: %s", path, why)
     panel, motion = MapPanel(), MotionPanel("Stored motion nearest to the cell")
     chosen = variables(explored)
     states = {}

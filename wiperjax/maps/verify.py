@@ -1,22 +1,30 @@
 """Checking a finished map: a random sample of its cells computed again and compared."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+import xarray as xr
 
+from ..datasets import map_dataset
 from ..machine import provenance
+from ..machine.files import StoreError
 from ..store.swept import check_made_from, check_swept, sweep_of
 from ..store.whole import open_finished
 from ..vocabulary import checks
+from ..vocabulary.cf import plain_attributes
 from ..vocabulary.codes import NOT_COMPUTED
+from ..vocabulary.columns import attributes_of
 from ..vocabulary.ranges import NON_NEGATIVE, Range
 from .block import MOST_CELLS, Evaluate, engine, evaluate_block
 from .refine.points import sample
 from .starts import before, ended_columns
+
+NO_NUMBERS = ("title", "specification", "specification_text", *provenance.maker())
 
 
 @dataclass(frozen=True)
@@ -63,7 +71,8 @@ def verify(
     evaluate: Evaluate | None = None,
 ) -> VerifyReport:
     """Recomputes a random sample of the cells of a map and compares all their columns. Before that,
-    compares the file with its checksums.
+    compares the file with its checksums, and its coordinates and attributes with its sweep. Borders
+    of a refined map are not located again.
 
     Arguments:
 
@@ -75,7 +84,7 @@ def verify(
     - `evaluate`: as in `sweep`.
 
     Raises: `StoreError` if `path` is no map, is damaged or has no checksums, or `spec` is not
-        what it was made from.
+        what it was made from, or the map says something else of its cells.
     """
     checks.path("path", path)
     cells = checks.whole("cells", cells, Range(1, MOST_CELLS, whole=True))
@@ -87,6 +96,7 @@ def verify(
         else:
             check_swept(ds, path, read=False)
             check_made_from(spec, ds, path)
+        _check_said(ds, spec, path)
         same = json.loads(ds.attrs.get("versions", "{}")) == provenance.versions()
         index = np.sort(
             np.random.default_rng(seed).choice(spec.size, size=min(cells, spec.size), replace=False)
@@ -116,6 +126,34 @@ def verify(
         largest=dict(sorted(compared.largest.items())),
         differing=tuple(int(cell) for cell in differing),
     )
+
+
+def _check_said(ds: xr.Dataset, spec: Any, path: str | Path) -> None:
+    """Raises `StoreError` where coordinates, attributes or words of variables are not those that a
+    map of the sweep `spec` has: right numbers would stand at wrong places, or mean something else.
+    """
+    described = map_dataset.describe(spec)
+    known = plain_attributes(described["attrs"])
+    every = described["coords"] | described["further_coords"]
+    wrong = [
+        name
+        for name, entry in every.items()
+        if name not in ds
+        or not np.array_equal(ds[name].values, map_dataset.coordinate(entry))
+        or _unlike(ds[name].attrs, entry["attrs"])
+    ]
+    for name, variable in ds.data_vars.items():
+        if _unlike(variable.attrs, attributes_of(str(name), described["attrs"])):
+            wrong.append(str(name))
+    wrong += _unlike(ds.attrs, {k: v for k, v in known.items() if k not in NO_NUMBERS})
+    if wrong:
+        said = ", ".join(wrong[:6])
+        raise StoreError(f"{path}: was changed: what it says of {said} is not that of its sweep")
+
+
+def _unlike(was: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+    """Attributes that are not as wanted."""
+    return [name for name in wanted if not np.array_equal(was.get(name), wanted[name])]
 
 
 def _neighbours(file: h5py.File, spec: Any, index: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
