@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ..machine.interrupt import heeded
 from .options import (
     MAP_SUFFIXES,
     STILL_SUFFIXES,
@@ -50,6 +51,7 @@ Finer = Annotated[
 ]
 
 
+@heeded()
 def sweep(
     file: Annotated[Path, typer.Argument(metavar="SWEEP.toml", help="What to sweep.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="MAP.h5", help="Map to make.")],

@@ -182,7 +182,9 @@ def fill(task: Task, store: BlockStore, hint: Callable[[], str]) -> None:
 
 
 def _compute(task: Task, store: BlockStore, report: Report, check: Callable[[], None]) -> None:
-    """Computes and stores every block that is not done; `check` is called after each."""
+    """Computes and stores every block that is not done; `check` is called before and
+    after each."""
+    check()
     done = store.done()
     for number in np.flatnonzero(done):
         found = store.read(int(number), ("label", "result"))

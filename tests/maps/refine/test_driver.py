@@ -69,6 +69,20 @@ def test_ctrl_c_that_python_drops_between_blocks_is_heard(tmp_path, monkeypatch)
         signal.signal(signal.SIGINT, handler)
 
 
+def test_a_map_behind_a_link_or_read_only_is_not_replaced(tmp_path, monkeypatch):
+    """The link became a map with borders, and the map that it named had none."""
+    path, link = tmp_path / "map.h5", tmp_path / "link.h5"
+    coarse_map(path, DISC)
+    link.symlink_to(path)
+    with pytest.raises(StoreError, match=r"link\.h5: cannot be written: it is a link to .*map\.h5"):
+        refined(link, DISC, levels=1)
+    monkeypatch.setattr("os.access", lambda path, mode, **_: False)  # as for all but root
+    with pytest.raises(StoreError, match=r"map\.h5: cannot be written: it is read-only"):
+        refined(path, DISC, levels=1)
+    assert link.is_symlink()
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["link.h5", "map.h5"]
+
+
 @pytest.mark.slow
 def test_the_root_stays_the_map_and_levels_are_grids(tmp_path):
     path = tmp_path / "map.h5"

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from ...machine import provenance
-from ...machine.files import StoreError, check_move, log, naming, write_bytes
+from ...machine.files import StoreError, check_move, check_output, log, naming, write_bytes
 from ...machine.interrupt import heeded
 from ...machine.lock import acquire, release
 from ...machine.phases import account, during
@@ -75,7 +75,7 @@ def refine(
     Returns: what `borders` reads.
 
     Raises: `SpecError` for settings that cannot be meant, `StoreError` for a map that cannot be
-    read, is damaged, or was made by other versions; `SweepInterrupted` on Ctrl-C.
+    read or replaced, is damaged, or was made by other versions; `SweepInterrupted` on Ctrl-C.
     """
     checks.path("path", path)
     checks.flag("progress", progress)
@@ -87,6 +87,7 @@ def refine(
         if is_refined(path) and borders(path).attrs.get("refine_settings") == stated:
             _clear_up(path, stated)
             return borders(path)
+        check_output(path, force=True)  # it is replaced, as by a sweep: no link, nothing read-only
         blocks, known = computing(spec, evaluate, workers)
         known |= dict(identity or {})
         check_made_from(spec, ds, path, known)
