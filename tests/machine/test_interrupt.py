@@ -1,8 +1,7 @@
 """Ctrl-C between pieces of work."""
 
-import os
+import importlib
 import signal
-import subprocess
 import sys
 import threading
 
@@ -60,25 +59,17 @@ def test_in_another_thread_nothing_is_heard(pythons_own):
     assert not raised
 
 
-PRESSED = """
-import signal, sys, time
-from wiperjax.machine.interrupt import heeded
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
-try:
-    with heeded():
-        import pressed_meanwhile
-        time.sleep(10)
-except KeyboardInterrupt:
-    print(sys.modules["pressed_meanwhile"].whole)
-print(signal.getitimer(signal.ITIMER_REAL)[0], signal.getsignal(signal.SIGALRM).name)
-"""
-
-
-def test_a_module_that_is_being_imported_is_imported_first(tmp_path):
+def test_a_module_that_is_being_imported_is_imported_first(tmp_path, monkeypatch, pythons_own):
     """Compiled modules crashed: three of 45 Ctrl-C in the first two seconds of a sweep."""
     text = "import signal\nsignal.raise_signal(signal.SIGINT)\nwhole = True\n"
     (tmp_path / "pressed_meanwhile.py").write_text(text)
-    path = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-    words = [sys.executable, "-c", PRESSED]  # not here: pytest's own alarm is left alone
-    said = subprocess.run(words, env=os.environ | path, capture_output=True, text=True, check=True)
-    assert said.stdout.split() == ["True", "0.0", "SIG_DFL"], said.stderr
+    monkeypatch.syspath_prepend(tmp_path)
+    with heeded() as check:
+        assert importlib.import_module("pressed_meanwhile").whole
+        with pytest.raises(KeyboardInterrupt):
+            check()
+    monkeypatch.delitem(sys.modules, "pressed_meanwhile")
+    with heeded(), pytest.raises(KeyboardInterrupt):  # a second time is not waited for
+        importlib.import_module("pressed_meanwhile")
+        monkeypatch.delitem(sys.modules, "pressed_meanwhile")
+        importlib.import_module("pressed_meanwhile")
