@@ -198,9 +198,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
     touching = state.regime != Regime.FLIGHT
     sticking = state.regime == Regime.STICK
     q, v = keep(project(system, trial.last, q, v, touching, touching, sticking))
-    _, a = trial.step.rate1
-    speeds = rates(system, state.time + trial.h, q, v)
-    rate = (speeds, a)
+    rate = (rates(system, state.time + trial.h, q, v), trial.step.rate1[1])
     dtype = q[0].dtype
     correction = time_to_event(
         plan.correction,
@@ -224,6 +222,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
         tuple(g.nodes for g in trial.guards),
         tuple(g.size for g in trial.guards),
         (system.on_sides(state.sides), state.time + length, q, v),
+        jnp.where(state.time == problem.mark, state.time - problem.mark, 0.0),
     )
     observed = problem.observer.stretch(state.observed, stretch)
     index, full = state.sample_index, state.full

@@ -39,11 +39,17 @@ class Stretch(NamedTuple):
     guards: tuple  # of five node values, one a slot (see `guards`)
     sizes: tuple  # of the guards, so far
     there: tuple  # system, time, position and velocity at its end, behind the correction
+    lead: Scalar | float = 0.0  # from where statistics begin to its start: 0, but both may move
 
     @property
     def length(self) -> Scalar:
         """Duration."""
         return self.step + self.correction
+
+    @property
+    def counted(self) -> Scalar:
+        """Duration, with the derivative by where statistics begin."""
+        return led(self.length, 1.0, self.lead)
 
     def integral(self, values) -> Scalar:
         """Integral of something given at the nodes: Boole's rule, of order 6, over the step, and
@@ -53,7 +59,8 @@ class Stretch(NamedTuple):
         bend = 0.5 * rest * self._past.astype(dtype)
         weights = [h * w + bend * s for w, s in zip(BOOLE, END_SLOPE, strict=True)]
         weights[-1] = weights[-1] + rest
-        return sum(w * x for w, x in zip(weights, values, strict=True))
+        total = sum(w * x for w, x in zip(weights, values, strict=True))
+        return led(total, values[0], self.lead)
 
     @property
     def _past(self) -> Scalar:
@@ -68,6 +75,21 @@ class Stretch(NamedTuple):
     def peak(self, values) -> Scalar:
         """Largest value of something given at the nodes, up to the event (`highest`)."""
         return highest(values, self.end(values))
+
+
+@jax.custom_jvp
+def led(total, first, lead) -> Scalar:
+    """Return the ``total`` of a stretch, with the derivative of ``total + first * lead``. Where a
+    stretch starts on a break of the prescribed motion, as after whole periods of a belt, that is
+    what moves its start, and not what moves the beginning of the statistics.
+    """
+    return total
+
+
+@led.defjvp
+def _with_lead(given, tangents):
+    (total, first, _), (change, _, lead) = given, tangents
+    return total, change + first * jnp.asarray(lead).astype(total.dtype)
 
 
 @eqx.filter_custom_jvp

@@ -1,6 +1,7 @@
 """Online statistics of the reversal: contact force around V = 0 against the rest of the stroke."""
 
 from functools import reduce
+from operator import or_
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -10,7 +11,7 @@ from ...numerics.elementary import horner, larger, smaller
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Regime
-from .base import AbstractObserver, Stretch, higher, highest, is_hit, outputs
+from .base import AbstractObserver, Stretch, higher, highest, is_hit, led, outputs
 from .totals import RegimeTotals, Totals
 
 
@@ -58,7 +59,9 @@ class ReversalTotals(AbstractObserver):
         def within(coefficients, parts):
             """Integral over parts of the step."""
             ends = [(_integral(coefficients, x) for x in part) for part in parts]
-            return step * sum(high - low for low, high in ends)
+            starts = reduce(or_, ((low == 0) & (high > 0) for low, high in parts))
+            first = jnp.where(starts, coefficients[0], 0.0)
+            return led(step * sum(high - low for low, high in ends), first, s.lead)
 
         def counted(value):
             return jnp.where(on, value, 0.0)
@@ -67,7 +70,7 @@ class ReversalTotals(AbstractObserver):
         after = [(low, larger(low, high)) for low, high in after]
         near = [(low, high) for low, high, _ in windows]
         one = (jnp.ones_like(step),)
-        stroke = s.length.astype(dtype) - within(one, near)
+        stroke = s.counted.astype(dtype) - within(one, near)
         # rounding of a step within the window is no stroke: a share > 0 names a mechanism
         rounding = 16 * jnp.finfo(dtype).eps * s.length.astype(dtype)
         stroke = counted(jnp.where(stroke > rounding, stroke, 0.0))

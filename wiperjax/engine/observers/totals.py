@@ -84,7 +84,7 @@ class RegimeTotals(AbstractObserver):
         s = stretch
         dtype = record.stick_time.dtype
         counts = s.start >= self.start
-        h = jnp.where(counts, s.length, 0.0).astype(dtype)
+        h = jnp.where(counts, s.counted, 0.0).astype(dtype)
         out = outputs(s)
         force = [node.forces.normal for node in s.nodes]
         highest, widest = extremes(s)
