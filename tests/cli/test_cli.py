@@ -189,15 +189,38 @@ def test_a_sweep_says_of_how_many_cells_the_answer_is_open(folder, stubs, capsys
 @pytest.mark.parametrize(("differ", "noted"), [([1e-6, 4e-6, 0.05], 0), ([1e-6, 4e-3, 0.05], 1)])
 def test_derivatives_that_disagree_with_differences_are_noted(differ, noted, capsys):
     """In the median: one cell may lie beside a grazing."""
-    codes_of = xr.DataArray(
-        np.zeros(3, "int8"), dims="attack_angle", attrs=flags(codes.VALIDITY, "int8")
-    )
-    agreement = ("attack_angle", np.array(differ))
-    ds = xr.Dataset({"sensitivity_code": codes_of, "sensitivity_agreement": agreement})
-    tables.print_sensitivities(ds)
+    tables.print_sensitivities(judged(["fine"] * 3, differ))
     printed = capsys.readouterr()
     assert "checked by differences: 3 cells" in printed.out
     assert printed.err.count("note: derivatives disagree with differences: ") == noted
+
+
+def judged(names, agreement):
+    """What a map holds of its derivatives; an agreement of NaN: not checked."""
+    numbers = np.array([codes.VALIDITY[name] for name in names], "int8")
+    found = xr.DataArray(numbers, dims="attack_angle", attrs=flags(codes.VALIDITY, "int8"))
+    agreement = ("attack_angle", np.array(agreement))
+    return xr.Dataset({"sensitivity_code": found, "sensitivity_agreement": agreement})
+
+
+@pytest.mark.parametrize(
+    ("changed", "unchecked", "noted"),
+    [
+        (2, 56, "2 of 4 checked cells have other events a step away; so, most likely, as large a"
+            " share of the 56 that are called fine unchecked: see all with check = 1"),
+        (4, 56, "4 of 6 checked cells .* of the 56 "),
+        (0, 56, None),
+        (2, 0, None),  # all are checked
+    ],
+)  # fmt: skip
+def test_where_checked_cells_have_changed_those_not_checked_are_not_called_fine_in_silence(
+    changed, unchecked, noted, capsys
+):
+    """Of 60 cells 58 were called fine; of 4 that were looked at 2 had changed, and of all 49."""
+    names = ["sequence_changes"] * changed + ["fine"] * (2 + unchecked)
+    tables.print_sensitivities(judged(names, [NAN] * changed + [1e-6] * 2 + [NAN] * unchecked))
+    said = capsys.readouterr().err
+    assert re.fullmatch(f"note: {noted}.*\n", said) if noted else said == ""
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,19 @@ class Damped(Oscillator):
         return ((-self.stiffness * q[0] - 2 * self.damping * v[0]) / self.mass,)
 
 
+class Walled(Damped):
+    """It runs against a wall on either side."""
+
+    stops = (0, 1)
+    wall: float = parameter(0.6, "m", above=0)
+
+    def switches(self, t, q, v):
+        return self.wall - q[0], self.wall + q[0]
+
+    def rebound(self, stop, t, q, v, closed):
+        return (-0.5 * v[0],)
+
+
 class Ball(wiperjax.AbstractSystem):
     """A ball that falls on a table."""
 

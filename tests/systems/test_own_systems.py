@@ -401,23 +401,37 @@ def test_a_sweep_up_and_down_finds_the_bistable_zone_of_a_system_of_ones_own():
 def test_what_touches_goes_on_in_the_next_cell_on_its_partner():
     """A kick along the gap led into the belt, and the cell failed; the impulse that takes what
     sticks to the speed of another belt drove it off or in, where inertia is shared."""
-    axes = {"belt_speed": {"values": [0.1, 0.4]}}
-    run, starts = {"transient": 0.0, "window": 0.01}, {"names": ["up"], "kick": 1e-3}
-    spec = wiperjax.parse_sweep(
-        {"system": own_systems.Hung, "axes": axes, "run": run, "starts": starts}
-    )
     regimes = [wiperjax.Regime.STICK, wiperjax.Regime.SLIP_NEG, wiperjax.Regime.FLIGHT]
     places = np.array([[0.1, 0.01], [0.1, 0.01], [0.05, 0.01]])
     rates = np.array([[0.0, 0.1], [0.0, 0.02], [0.2, 0.02]])
-    ended = {"final_position": places, "final_velocity": rates}
-    ended |= {"final_regime": np.array(regimes), "result": np.zeros(3, int)}
-    cells = np.array([1, 1, 1])
-    _, *state = prepare(spec, cells, ended=kicked(spec, cells, ended))
-    (y, x), (vy, vx) = np.asarray(state)[..., :3]
+    (y, x), (vy, vx) = gone_on(own_systems.Hung, places, rates, regimes)
     np.testing.assert_allclose(y, [0.1, 0.1, 0.051], atol=1e-15)
     np.testing.assert_allclose(vy, [0.0, 0.0, 0.2], atol=1e-15)
     np.testing.assert_allclose(vx, [0.4, 0.02, 0.02], atol=1e-15)
     np.testing.assert_allclose(x[2], 0.01)
+
+
+def gone_on(kind, places, rates, regimes):
+    """The states of the cell at a belt speed of 0.4 that goes on from these at 0.1, kicked."""
+    axes = {"belt_speed": {"values": [0.1, 0.4]}}
+    run, starts = {"transient": 0.0, "window": 0.01}, {"names": ["up"], "kick": 1e-3}
+    spec = wiperjax.parse_sweep({"system": kind, "axes": axes, "run": run, "starts": starts})
+    ended = {"final_position": np.array(places), "final_velocity": np.array(rates)}
+    ended |= {"final_regime": np.array(regimes), "result": np.zeros(len(regimes), int)}
+    cells = np.ones(len(regimes), int)
+    _, *state = prepare(spec, cells, ended=kicked(spec, cells, ended))
+    return np.asarray(state)[..., : len(regimes)]
+
+
+def test_the_kick_of_a_cell_leads_away_from_what_it_would_lead_into():
+    """A stop, or the partner in front of a flight: the cell failed, and the next began at rest."""
+    slip, flight = wiperjax.Regime.SLIP_NEG, wiperjax.Regime.FLIGHT
+    places, rates = [[0.5995], [-0.5995], [0.3]], [[-0.1], [-0.1], [0.0]]
+    (x,), (v,) = gone_on(own_systems.Walled, places, rates, [slip] * 3)
+    np.testing.assert_allclose(x, [0.5985, -0.5985, 0.301], atol=1e-15)
+    np.testing.assert_allclose(v, [-0.1, -0.1, 0.0])
+    (y, x), (vy, _) = gone_on(own_systems.Hung, [[0.0995, 0.01]], [[0.2, 0.0]], [flight])
+    np.testing.assert_allclose((y, x, vy), [[0.0985], [0.01], [0.2]])
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import wiperjax
 from wiperjax import Coulomb, TrapezoidBelt
 from wiperjax.datasets.map_dataset import describe
-from wiperjax.systems.chain import Chain2, Chain3, Chain8
+from wiperjax.systems.chain import Chain, Chain2, Chain3, Chain8
 from wiperjax.systems.head_and_tip import HeadAndTip
 from wiperjax.systems.oscillator import Oscillator
 from wiperjax.vocabulary.codes import LABELS
@@ -74,6 +74,17 @@ def chain_events(n: int, damping: float, stop: float) -> list[tuple[float, str]]
 
 
 @pytest.mark.slow
+def test_a_chain_keeps_the_names_that_it_gives_its_blocks():
+    """They were overwritten by x1, x2, .."""
+
+    class Train(Chain):
+        blocks = 2
+        coordinates = ("engine", "waggon")
+
+    assert Train().coordinates == ("engine", "waggon")
+    assert Chain3().coordinates == ("x1", "x2", "x3")
+
+
 @pytest.mark.parametrize("chain", [Chain2, Chain3, Chain8])
 def test_a_chain_sticks_and_slips_when_scipy_says(chain):
     system = chain(damping=0.05)

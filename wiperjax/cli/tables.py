@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 DISAGREE = 1e-3  # median of the checked cells: what is called fine is right to that
+CHANGED = 0.1  # share of the checked cells: what is called fine unchecked is not, as often
 
 
 def print_plan(spec: Any, cores: int, finer: Any) -> None:
@@ -135,10 +136,10 @@ def print_sensitivities(dataset: Any) -> None:
 
     from ..vocabulary.cf import flag_names
 
-    codes = dataset["sensitivity_code"]
+    codes, counts = dataset["sensitivity_code"], {}
     for code, name in flag_names(codes).items():
-        count = int((codes == code).sum())
-        print(f"derivatives {name:<20}{count:>9}{count / codes.size:>9.1%}")
+        counts[name] = int((codes == code).sum())
+        print(f"derivatives {name:<20}{counts[name]:>9}{counts[name] / codes.size:>9.1%}")
     found = dataset["sensitivity_agreement"].values
     found = found[np.isfinite(found)]
     if found.size:
@@ -149,6 +150,12 @@ def print_sensitivities(dataset: Any) -> None:
         if np.median(found) > DISAGREE:  # smooth systems: 1e-6 (docs/gradients.md, "Accuracy")
             why = "have the law of friction, the belt or the forces corners that they do not tell"
             print(f"note: derivatives disagree with differences: {why}?", file=sys.stderr)
+    changed, unchecked = counts["sequence_changes"], counts["fine"] - found.size
+    checked = found.size + changed
+    if unchecked and changed > CHANGED * checked:
+        events = f"{changed} of {checked} checked cells have other events a step away"
+        rest = f"as large a share of the {unchecked} that are called fine unchecked"
+        print(f"note: {events}; so, most likely, {rest}: see all with check = 1", file=sys.stderr)
 
 
 def print_events(dataset: Any) -> None:

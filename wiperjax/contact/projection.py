@@ -1,10 +1,11 @@
-"""A state put back on the constraints of its contact."""
+"""A state put back on the constraints of its contact, or moved where these leave room."""
 
 import jax
 import jax.numpy as jnp
 
 from ..numerics.known_zeros import absent, plus, times
 from .space import Contact, contact
+from .system import like
 
 SMALL = 1e-12  # of the typical size: what is rounding
 
@@ -54,3 +55,19 @@ def put_back(system, t, q, v, closed, sticking):
 
     sizes = system.scales(len(q))
     return snapped(q, sizes[0]), snapped(v, sizes[1])
+
+
+def kicked(system, t, q, rates, step):
+    """Return positions with the first one moved by ``step``; the other way where that leads into
+    the partner of the contact, or a stop. ``rates``: q'.
+    """
+    moved = (q[0] + step, *q[1:])
+    switches = system.switches(t, moved, system.from_rates(t, moved, rates))
+    room = [switches[place] for place in system.stops]
+    if system.unilateral:
+        room.append(system.gap(t, moved))
+    least = -SMALL * system.scales(len(q))[0][0]
+    inside = jnp.zeros(jnp.shape(q[0]), bool)
+    for x in room:
+        inside |= like(x, q[0]) < least
+    return (q[0] + jnp.where(inside, -step, step), *q[1:])

@@ -180,14 +180,13 @@ def _in_order(steps: Sequence[Columns], mine: slice) -> Columns:
 
 
 def kicked(spec: Any, index: np.ndarray, ended: Columns) -> Columns:
-    """Where others ended, the tip moved by the kick of a lip of the cells `index`; or the first
-    coordinate of another system. What is so beyond the angle at which that lip collapses is
-    nothing to go on from.
+    """Where others ended, the tip moved by the kick of a lip of the cells `index`; what is so
+    beyond the angle at which that lip collapses is nothing to go on from. Of another system with
+    the kick beside it: which way there is room only the system knows (`systems.build.go_on`).
     """
     last = {name: np.asarray(ended[name]) for name in ended_columns(spec)}
-    if "final_position" in last:
-        kick = spec.starts.kick * np.eye(1, last["final_position"].shape[-1])
-        return last | {"final_position": last["final_position"] + kick}
+    if spec.system != WIPER:
+        return last | {"kick": np.full(len(index), spec.starts.kick)}
     blade = spec.cells(index)
     x = last["final_x"] + spec.starts.kick * blade["lip_length"]
     beyond = np.abs(x) >= blade["lip_length"] * np.sin(blade["collapse_angle"])

@@ -28,7 +28,8 @@ class Starts(Table):
         along: the axis that is swept; left out: the last. It is made the last one of the map.
         kick: how far the tip is moved along the glass from steady slip and from where its neighbour
             ended, as a fraction of L: an unstable equilibrium is left by that; of another system,
-            how far its first coordinate is.
+            how far its first coordinate is (the other way where that leads into what it touches, or
+            a stop).
         random: number of random starts, the same for every cell, in place of names.
         seed: of the random starts.
         x: box of the random starts, from and to: place along the glass [m],

@@ -14,7 +14,7 @@ from ..blade.wiper import Wiper
 from ..contact import fits, own_numbers
 from ..contact.belts import CLASSES as BELT_CLASSES
 from ..contact.belts import AbstractBelt
-from ..contact.projection import put_back
+from ..contact.projection import kicked, put_back
 from ..contact.system import AbstractSystem
 from ..numerics.arrays import fields_of
 from ..specs.declared import Declared
@@ -151,7 +151,8 @@ def _default_state(system: AbstractSystem, n: int) -> tuple[tuple, tuple]:
 
 def go_on(spec: System, built: Built, ended: Mapping[str, Any]):
     """Return the state (position, velocity) of motions that go on where others ``ended`` (columns
-    `schema.ENDED`), and where they can: not where the other failed or the model ends.
+    `schema.ENDED`), and where they can: not where the other failed or the model ends. Of a system
+    other than the wiper the first coordinate is moved by the column ``kick``, if there is one.
     """
     system, wiper, _ = built
     if wiper is not None:
@@ -162,16 +163,19 @@ def go_on(spec: System, built: Built, ended: Mapping[str, Any]):
     )
     can = jnp.asarray(ended["result"]) == Result.FINISHED
     regime = jnp.asarray(ended["final_regime"])
-    return _carried(system, position, rates, regime), can
+    kick = jnp.asarray(ended.get("kick", 0.0))
+    return _carried(system, position, rates, regime, kick), can
 
 
-def _carried(system: AbstractSystem, q, rates, regime):
-    """Return (q, q') of what touches kept on its partner, and of what sticks moved as that moves
-    now: a kick may have been along the gap, and another cell's belt may have had another speed.
+def _carried(system: AbstractSystem, q, rates, regime, kick):
+    """Return (q, q') after a ``kick``, of what touches kept on its partner, and of what sticks
+    moved as that moves now: a kick may be along the gap, and another cell's belt may have had
+    another speed.
     """
     t = jnp.zeros_like(q[0])
     system = system.prepared()
     system = system.on_piece(system.first_piece(t))
+    q = kicked(system, t, q, rates, kick)
     v = system.from_rates(t, q, rates)
     q, v = put_back(system, t, q, v, regime != Regime.FLIGHT, regime == Regime.STICK)
     return q, system.rates(t, q, v)

@@ -12,7 +12,7 @@ class Chain(AbstractBeltSystem):
     """Equal blocks between equal springs and dashpots; the first one lies on the belt.
 
     The first and the last spring end at a wall. A longer chain is a class of its own:
-    ``class Chain20(Chain): blocks = 20``.
+    ``class Chain20(Chain): blocks = 20``, whose ``coordinates`` are x1 to x20 unless it names them.
     """
 
     unilateral: ClassVar[bool] = False
@@ -27,7 +27,8 @@ class Chain(AbstractBeltSystem):
 
     def __init_subclass__(cls, **others):
         super().__init_subclass__(**others)
-        cls.coordinates = tuple(f"x{k + 1}" for k in range(cls.blocks))
+        usual = tuple(f"x{k + 1}" for k in range(cls.blocks))
+        cls.coordinates = cls.__dict__.get("coordinates", usual)
 
     def free_acceleration(self, t, q, v):
         wall = 0.0 * q[0]

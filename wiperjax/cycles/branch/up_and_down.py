@@ -19,8 +19,8 @@ import numpy as np
 import xarray as xr
 
 from ...contact.own_numbers import check_single
-from ...contact.projection import SMALL
-from ...contact.system import AbstractSystem, like, system_attributes
+from ...contact.projection import kicked
+from ...contact.system import AbstractSystem, system_attributes
 from ...engine.arguments import check_state, check_system, longest_step
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
@@ -224,7 +224,9 @@ def _march(system, along, period, ways, states, spans, counted, samples: int):
             return (end, regime, jnp.zeros_like(before), onward, again, result), found
 
         sizes = jnp.stack([jnp.asarray(x, float) for kind in local.scales(n) for x in kind])
-        state = _kicked(local, state, kick * sizes[0])
+        here, q, _ = at_state(local, jnp.zeros(()), state)
+        q = kicked(here, jnp.zeros(()), q, tuple(state[n:]), kick * sizes[0])
+        state = jnp.stack([*q, *state[n:]])
         finished = jnp.asarray(Result.FINISHED, jnp.int32)
         begin = state, regime, before, after, jnp.full_like(after, jnp.nan), finished
         looks = 2 if period is None else 1  # of one compiled program
@@ -236,20 +238,6 @@ def _march(system, along, period, ways, states, spans, counted, samples: int):
         return jax.lax.scan(partial(one, initial), begin, values)[1]
 
     return jax.vmap(way)(ways, states)
-
-
-def _kicked(local: AbstractSystem, state, step):
-    """Return ``state`` moved by ``step``; the other way where that leads into the partner of the
-    contact, or a stop.
-    """
-    moved = state.at[0].add(step)
-    system, q, v = at_state(local, jnp.zeros(()), moved)
-    switches = system.switches(jnp.zeros(()), q, v)
-    room = [switches[place] for place in system.stops]
-    if system.unilateral:
-        room.append(system.gap(jnp.zeros(()), q))
-    inside = [like(x, step) < -SMALL * system.scales(len(q))[0][0] for x in room]
-    return jnp.where(jnp.any(jnp.stack(inside)), state.at[0].add(-step), moved) if room else moved
 
 
 def _fair(result):

@@ -23,7 +23,6 @@ from ...numerics.kept import Kept
 from ...numerics.runge_kutta import SOLVERS
 from ...specs.tables import Start
 from ...systems.build import Built, belt_of, build, go_on, start
-from ...vocabulary.schema import ENDED, ENDED_ELSEWHERE
 from . import compiling
 from .columns import columns_of, sampled
 from .devices import alike, capacity, deal, dearest_first, devices, lane_count, sample_room, unrolls
@@ -133,8 +132,7 @@ def prepare(
         rest = start(spec, built, Start())
         begun = jax.tree.map(lambda x, y: jnp.where(jnp.isfinite(x), x, y), begun, rest)
     if ended is not None:
-        names = ENDED if built.wiper is not None else ENDED_ELSEWHERE
-        last = {name: padded(np.asarray(ended[name])) for name in names}
+        last = {name: padded(np.asarray(x)) for name, x in ended.items()}
         there, goes_on = go_on(spec, built, last)
         begun = jax.tree.map(lambda x, y: jnp.where(goes_on, x, y), there, begun)
     position, velocity = (_full(part, size, "float64") for part in begun)
