@@ -73,7 +73,6 @@ def chain_events(n: int, damping: float, stop: float) -> list[tuple[float, str]]
     return events
 
 
-@pytest.mark.slow
 def test_a_chain_keeps_the_names_that_it_gives_its_blocks():
     """They were overwritten by x1, x2, .."""
 
@@ -85,6 +84,7 @@ def test_a_chain_keeps_the_names_that_it_gives_its_blocks():
     assert Chain3().coordinates == ("x1", "x2", "x3")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chain", [Chain2, Chain3, Chain8])
 def test_a_chain_sticks_and_slips_when_scipy_says(chain):
     system = chain(damping=0.05)
