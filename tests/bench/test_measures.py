@@ -307,6 +307,7 @@ def busy(answer):
     return answer
 
 
+@pytest.mark.slow
 def test_a_rival_that_breaks_or_dawdles_is_a_note_and_not_the_end(judged, monkeypatch):
     scene, true, _ = judged
     monkeypatch.setattr(chart, "PATIENCE", 0.05)

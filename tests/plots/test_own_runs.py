@@ -168,6 +168,7 @@ def test_a_system_of_ones_own_is_what_it_is_whatever_its_names():
         plots.phase_portrait(run, component=7)
 
 
+@pytest.mark.slow
 def test_a_hardly_moving_contact_is_still_the_contacts_coordinate(head_and_tip):
     """Slip and belt add up to a velocity but for the rounding of each."""
     quiet, belt = head_and_tip.copy(deep=True), head_and_tip["belt_velocity"]
