@@ -131,3 +131,10 @@ def test_behind_a_step_of_no_length_nothing_is_blown_up():
     coefficients = quartic.powers(nodes)
     assert float(_integral(coefficients, 1e6)) == pytest.approx(0.04 * 1e6, rel=1e-9)
     assert float(_integral(coefficients, 0.3)) == pytest.approx(0.04 * 0.3, rel=1e-9)
+
+
+@pytest.mark.parametrize("window", (-0.01, np.nan))
+def test_a_window_that_cannot_be_meant_is_refused(window):
+    """One of -10 ms made strokes longer than the run, and their share of stick 7 % larger."""
+    with pytest.raises(ValueError, match="window must"):
+        ReversalTotals(0.0, window)

@@ -50,7 +50,7 @@ def flow(problem: Problem, state: State) -> State:
     moves = jnp.logical_or(plan.accept, plan.arrive)
     fires = jnp.logical_or(plan.fire, plan.arrive)
     landed = plan.accept & trial.lands
-    breaks = landed & (trial.mark == problem.system.break_time(state.piece))
+    breaks = landed & (trial.mark >= problem.system.break_time(state.piece))
     breaks = breaks & (trial.mark < problem.end)
 
     moved = _move(problem, state, trial, moves, plan)

@@ -73,7 +73,8 @@ def approach(problem: Problem, state: State, trial: Trial) -> Approach:
     digit = jnp.finfo(trial.h.dtype).eps * jnp.abs(state.time)
     brief = trial.h <= 32 * digit
     swings = (state.tries >= SWINGS) & (miss * trial.h <= digit)
-    small = (brief & (miss * trial.h <= 32 * digit)) | swings
+    # (a step of no length, of a piece that has none, is as near to any zero)
+    small = (brief & (trial.h > 0) & (miss * trial.h <= 32 * digit)) | swings
     return Approach(
         slot=slot,
         pending=pending,

@@ -10,7 +10,9 @@ from ...numerics import quartic
 from ...numerics.elementary import horner, larger, smaller
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
+from ...vocabulary import checks
 from ...vocabulary.codes import Regime
+from ...vocabulary.ranges import FINITE, NON_NEGATIVE
 from .base import AbstractObserver, Stretch, higher, highest, is_hit, led, outputs
 from .totals import RegimeTotals, Totals
 
@@ -34,6 +36,10 @@ class ReversalTotals(AbstractObserver):
 
     start: Scalar
     window: Scalar
+
+    def __check_init__(self):
+        checks.numbers("start", self.start, FINITE)
+        checks.numbers("window", self.window, NON_NEGATIVE)
 
     @property
     def begin(self):

@@ -70,6 +70,8 @@ class Size(NamedTuple):
 def trial_size(problem: Problem, state: State) -> Size:
     """Return the size of the next trial step."""
     end, break_time = problem.end, problem.system.break_time(state.piece)
+    # a piece of no length does not end before it begins, whatever rounding says
+    break_time = break_time + stop_gradient(larger(state.time - break_time, 0.0))
     # a break at the very end is none: what is there moves with the end, not with the break
     mark = jnp.where(end <= break_time, end, break_time).astype(state.time.dtype)
     mark = jnp.where(problem.mark > state.time, smaller(problem.mark, mark), mark)
