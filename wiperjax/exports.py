@@ -4,6 +4,8 @@ and modes as UFF 55.
 Samples over time with their units, in SI; events beside them where the format has a place.
 """
 
+import csv
+import io
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -83,11 +85,13 @@ def columns(run: xr.Dataset) -> dict[str, tuple[np.ndarray, str]]:
 
 def _csv(run: xr.Dataset, path: Path) -> None:
     found = columns(run)
-    head = ",".join(f"{name} ({unit})" if unit else name for name, (_, unit) in found.items())
+    head = io.StringIO()
+    heads = [f"{name} ({unit})" if unit else name for name, (_, unit) in found.items()]
+    csv.writer(head, lineterminator="").writerow(heads)  # a coordinate may have a comma in its name
     table = np.column_stack([values for values, _ in found.values()])
     form = ["%d" if values.dtype.kind in "iu" else "%.17g" for values, _ in found.values()]
     with open(path, "w", encoding="utf-8", newline="\n") as file:
-        np.savetxt(file, table, fmt=form, delimiter=",", header=head, comments="")
+        np.savetxt(file, table, fmt=form, delimiter=",", header=head.getvalue(), comments="")
 
 
 def _mat(run: xr.Dataset, path: Path) -> None:

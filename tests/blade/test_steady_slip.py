@@ -312,3 +312,9 @@ def test_a_cell_does_not_depend_on_how_many_there_are():
         few = steady_slip(wiperjax.Wiper(attack_angle=angles[:count]), 0.3)
         for one, other in zip(few, many, strict=True):
             np.testing.assert_array_equal(one, other[:count])
+
+
+def test_shapes_that_do_not_fit_are_named():
+    """NumPy counted the numbers of the wiper: "Mismatch is between arg 8 ... and arg 21"."""
+    with pytest.raises(ValueError, match=r"fit together, but had \(2,\) and \(3,\)$"):
+        steady_slip(wiperjax.Wiper(attack_angle=np.zeros(2)), np.full(3, 0.3))

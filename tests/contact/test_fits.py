@@ -248,6 +248,8 @@ def test_a_start_of_its_own_that_is_none_is_named():
         wiperjax.simulate(made(default_state=lambda s: None)(), 1.0)
     with pytest.raises(ValueError, match=r"^Mine.coordinates must be a list of names, but was 'x'"):
         made(coordinates="x")()
+    with pytest.raises(ValueError, match=r"^Mine.coordinates must be names that differ, but was"):
+        made(coordinates=("x", "x"))()
 
 
 class Leaning(own_systems.Ball):

@@ -195,6 +195,16 @@ def test_a_run_that_is_carried_sticks_for_all_of_the_time(squeal):
         assert words(found)["mechanism"] == "carried"
 
 
+def test_a_part_without_events_is_in_the_regime_of_its_samples(squeal):
+    """Not in that which the whole run ended in."""
+    part = squeal.isel(event=[]).assign(
+        regime=squeal.regime * 0 + int(Regime.STICK),
+        final_regime=squeal.final_regime * 0 + int(Regime.SLIP_NEG),
+    )
+    found = assess(part)
+    assert float(found.stick_fraction) == 1.0 and words(found)["mechanism"] == "carried"
+
+
 @pytest.mark.slow
 def test_a_run_with_impacts_has_the_numbers_of_its_map():
     """The velocity's jump at an impact is no acceleration, and its peaks are no part of its mean

@@ -1,5 +1,6 @@
 """A run as other programs read it."""
 
+import csv
 import errno
 import os
 import resource
@@ -27,6 +28,14 @@ def test_a_table_holds_every_sample_with_its_unit(squeal, tmp_path):
     table = np.loadtxt(lines, delimiter=",")
     for column, (values, _) in zip(table.T, columns(squeal).values(), strict=True):
         np.testing.assert_array_equal(column, values)
+
+
+def test_a_comma_in_the_name_of_a_coordinate_begins_no_column(squeal, tmp_path):
+    path = tmp_path / "run.csv"
+    export(squeal.assign_coords(axis=["a,b", "y"]), path)
+    with open(path, encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    assert head[1] == "position_a,b (m)" and {len(row) for row in rows} == {len(head)}
 
 
 def test_matlab_finds_samples_events_and_units(squeal, tmp_path):

@@ -100,7 +100,12 @@ def check_rigid(name: str, wiper: Wiper) -> None:
 
 def map_shape(*trees) -> tuple[int, ...]:
     """Common shape of all numbers in some pytrees. Raises ValueError if there is none."""
-    return np.broadcast_shapes(*(np.shape(leaf) for leaf in jax.tree.leaves(trees)))
+    shapes = [np.shape(leaf) for leaf in jax.tree.leaves(trees)]
+    try:
+        return np.broadcast_shapes(*shapes)
+    except ValueError:  # NumPy counts the numbers of a wiper, and says "arg 21"
+        had = " and ".join(map(str, sorted({shape for shape in shapes if shape})))
+        raise ValueError(f"numbers must have shapes that fit together, but had {had}") from None
 
 
 def _over_map(wiper: Wiper, belt_speed, branches: int) -> SteadySlip:

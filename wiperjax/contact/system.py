@@ -41,7 +41,10 @@ class AbstractSystem(eqx.Module):
     known: ClassVar[Mapping[str, Parameter]] = {}  # of parameters that it does not declare itself
 
     def __check_init__(self):
-        checks.names(f"{type(self).__name__}.coordinates", self.coordinates)
+        name = f"{type(self).__name__}.coordinates"
+        checks.names(name, self.coordinates)
+        if len(set(self.coordinates)) < len(self.coordinates):  # nothing could be told by its name
+            raise ValueError(f"{name} must be names that differ, but was {self.coordinates}")
         declared.check(self)
 
     def _repr_html_(self) -> str:

@@ -159,7 +159,8 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
     names = flag_names(run["regime"])
     times = np.asarray(run["event_time"], dtype=float)
     after = np.asarray(run["regime_after"], dtype=int)
-    first = int(run["regime_before"][0]) if times.size else int(run["final_regime"])
+    # what is cut to a part without events need not be in the regime that the run ended in
+    first = int(run["regime_before"][0]) if times.size else int(run["regime"][0])
     borders = np.clip(np.concatenate([[0.0], times, [end]]), start, end)
     inside = (times >= start) & (times <= end)
     regimes = [names[code] for code in (first, *after)]
