@@ -1,6 +1,7 @@
 """Single files that survive."""
 
 import os
+import stat
 
 import pytest
 
@@ -27,3 +28,12 @@ def test_a_disk_without_links_takes_new_files_too(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "link", refused)
     write_bytes(tmp_path / "run.h5", b"mine", force=False)
     assert (tmp_path / "run.h5").read_bytes() == b"mine" and os.listdir(tmp_path) == ["run.h5"]
+
+
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path):
+    """A map that its owner alone may read was everybody's once it was refined."""
+    path = tmp_path / "map.h5"
+    path.write_bytes(b"old")
+    path.chmod(0o600)
+    write_bytes(path, b"new")
+    assert path.read_bytes() == b"new" and stat.S_IMODE(path.stat().st_mode) == 0o600

@@ -9,6 +9,7 @@ import errno
 import logging
 import os
 import re
+import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,8 +27,8 @@ class StoreError(RuntimeError):
 def replacing(
     path: str | Path, temporary: str | Path | None = None, force: bool = True
 ) -> Iterator[Path]:
-    """Temporary path to write to; on leaving, its content is on the disk and bears the name `path`.
-    Without `force` it replaces no file.
+    """Temporary path to write to; on leaving, its content is on the disk and bears the name `path`,
+    with the mode of a file that it replaces. Without `force` it replaces none.
 
     On any error `path` is as it was, the temporary file is gone, and an `OSError` has become a
     `StoreError`.
@@ -40,6 +41,8 @@ def replacing(
             with open(temporary, "rb") as file:
                 os.fsync(file.fileno())
             if force:
+                with contextlib.suppress(OSError):  # nothing is there, or the disk has no modes
+                    shutil.copymode(path, temporary)
                 os.replace(temporary, path)
             else:
                 _name(temporary, path)
