@@ -480,8 +480,11 @@ def test_version_and_help(capsys):
     printed = capsys.readouterr().out
     for command in ("sweep", "simulate", "plot", "listen", "info", "verify"):
         assert command in printed
-    assert main([]) == 0
-    assert capsys.readouterr().out == printed
+    for words in ([], ["-h"]):
+        assert main(words) == 0
+        assert capsys.readouterr().out == printed
+    assert main(["sweep", "-h"]) == 0
+    assert "SWEEP.toml" in capsys.readouterr().out
 
 
 def test_python_m_wiperjax(tmp_path):
@@ -492,6 +495,14 @@ def test_python_m_wiperjax(tmp_path):
     )
     assert ran.returncode == 1
     assert ran.stderr == "wiperjax: missing.toml: cannot be read: No such file or directory\n"
+
+
+def test_with_standard_error_closed_nothing_of_it_goes_to_standard_output(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["wiperjax", "sweep", "missing.toml", "-o", "m.h5"])
+    monkeypatch.setattr(sys, "stderr", None)
+    monkeypatch.setattr("wiperjax.cli.seek_garbage_less", lambda: None)
+    assert main() == 1 and capsys.readouterr().out == ""
+    sys.stderr.close()
 
 
 def test_the_command_line_alone_imports_nothing_heavy():

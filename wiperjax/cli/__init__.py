@@ -30,6 +30,7 @@ app = typer.Typer(
     help="Noise maps of windscreen wipers: stick, slip and flight of a blade lip.",
     add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 for command in (sweep, refine, simulate, follow, modes):
@@ -53,6 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is None:  # the process is ours
         seek_garbage_less()
+        if sys.stderr is None:  # closed: lines for it would go to standard output
+            sys.stderr = open(os.devnull, "w")
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     if hasattr(sys.stdout, "reconfigure"):  # what a terminal cannot show must not end the work
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
