@@ -8,6 +8,7 @@ two reasons: `--help` stays fast, and the settings of XLA have to precede `impor
 import importlib.metadata
 import os
 import sys
+import threading
 import traceback
 from collections.abc import Sequence
 from typing import Annotated
@@ -74,6 +75,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "WIPERJAX_TRACEBACK" in os.environ:
             traceback.print_exc()
         return _complain(_one_line(error), 1)
+    finally:
+        if arguments is None:
+            _end_timers()
+
+
+def _end_timers() -> None:
+    """Ends threads that only wait: the process would wait for them. JAX has one of a minute while
+    it looks for a TPU, which a Ctrl-C may leave behind.
+    """
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.cancel()
 
 
 def _complain(text: str, status: int) -> int:
