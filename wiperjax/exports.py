@@ -51,7 +51,7 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     if ending not in formats:
         raise ValueError(f"{path}: must end in {' or '.join(formats)}")
     check_output(path, force)
-    with replacing(path) as temporary:
+    with replacing(path, force=force) as temporary:
         formats[ending](run, temporary)
 
 

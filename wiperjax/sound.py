@@ -78,7 +78,7 @@ class Sound:
         checks.path("path", path)
         checks.flag("force", force)
         check_output(path, force)
-        write_bytes(Path(path), self.wav())
+        write_bytes(Path(path), self.wav(), force)
 
     def wav(self) -> bytes:
         """What the WAV file holds."""

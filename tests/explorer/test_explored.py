@@ -2,8 +2,10 @@
 
 import json
 import re
+import signal
 import threading
 import tomllib
+import weakref
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,9 +15,10 @@ import pytest
 import xarray as xr
 from bokeh.document import Document
 from stub_sweep import evaluate, make_spec
+from tornado.ioloop import IOLoop
 
 from wiperjax.cli import main
-from wiperjax.explorer import cells, motion, static
+from wiperjax.explorer import cells, motion, server, static
 from wiperjax.explorer.box import BLOCK, FEWEST, MOST, Boxes, _finer, box_spec, compute
 from wiperjax.explorer.cells import scene_of, toml_of
 from wiperjax.explorer.content import content_of, thinned
@@ -50,6 +53,45 @@ def line():
     spec = make_spec().document()
     spec["axes"] = {"belt_speed": spec["axes"]["belt_speed"]}
     return explored(driver.sweep(parse_sweep(spec), evaluate=evaluate, progress=False), "line.h5")
+
+
+def test_a_port_that_is_taken_is_named(tmp_path, monkeypatch, capsys):
+    def taken(host, port):
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(server, "bind_sockets", taken)
+    path = tmp_path / "map.h5"
+    driver.sweep(make_spec(), path, evaluate=evaluate, progress=False).close()
+    assert main(["explore", str(path), "--no-browser", "--port", "5006"]) == 1
+    assert capsys.readouterr().err == (
+        "wiperjax: --host and --port must be an address of this computer and a port that is free, "
+        "but were 127.0.0.1 and 5006: Address already in use\n"
+    )
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_ctrl_c_that_a_callback_drops_ends_the_server():
+    loop = IOLoop()
+
+    def press():
+        dropped = weakref.WeakSet()  # any object
+        ended = weakref.ref(dropped, lambda _: signal.raise_signal(signal.SIGINT))
+        del dropped  # Python ignores what this callback raises
+        assert ended() is None
+        loop.call_later(10, loop.stop)
+
+    stopped = []
+    served = SimpleNamespace(
+        io_loop=loop, run_until_shutdown=loop.start, stop=lambda: stopped.append(True)
+    )
+    loop.add_callback(press)
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
+    try:
+        server.run(served, "", False, str)
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        loop.close()
+    assert stopped
 
 
 @pytest.mark.parametrize("height", ["tall", -5, None, 400.5])

@@ -75,3 +75,13 @@ def test_each_kind_of_processor_has_its_own_folder(environment, monkeypatch):
     here = compiled.folder()
     monkeypatch.setattr(compiled, "processor", lambda: "another one")
     assert compiled.folder() != here and compiled.folder().parent == here.parent
+
+
+def test_a_program_that_was_cut_off_as_it_was_written_is_not_kept(environment):
+    """It was kept for ever: every process warned that it cannot be read, and compiled it anew."""
+    place = compiled.folder()
+    place.mkdir(parents=True)
+    for name in (".lockfile", "whole-cache", "whole-atime", "cut-cache"):
+        (place / name).touch()
+    compiled.keep_programs()
+    assert sorted(os.listdir(place)) == [".lockfile", "whole-atime", "whole-cache"]

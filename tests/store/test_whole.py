@@ -3,10 +3,12 @@
 import h5py
 import pytest
 import stub_sweep as stub
+import xarray as xr
 
 from wiperjax.machine.files import StoreError
+from wiperjax.store import checksums
 from wiperjax.store.manifest import parts_of
-from wiperjax.store.whole import open_map
+from wiperjax.store.whole import open_map, write_dataset
 
 
 def test_files_that_are_no_maps(tmp_path):
@@ -30,3 +32,12 @@ def test_a_map_opens_with_the_variables_that_are_asked_for(tmp_path):
     for held in (parts_of(path), tmp_path / "other.h5"):
         with pytest.raises(StoreError, match=r"'labl' is not in this file; did you mean label\?$"):
             open_map(held, ["labl"])
+
+
+def test_of_two_programs_that_write_one_new_file_the_later_is_told(tmp_path, monkeypatch):
+    path, run = tmp_path / "run.h5", xr.Dataset({"position": ("time", [1.0])})
+    monkeypatch.setattr(checksums, "add", lambda buffer: path.write_bytes(b"precious"))
+    with pytest.raises(StoreError, match="was made by another program meanwhile"):
+        write_dataset(run, path)
+    assert path.read_bytes() == b"precious"
+    write_dataset(run, path, force=True)

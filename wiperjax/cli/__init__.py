@@ -8,6 +8,7 @@ two reasons: `--help` stays fast, and the settings of XLA have to precede `impor
 import importlib.metadata
 import os
 import sys
+import threading
 import traceback
 from collections.abc import Sequence
 from typing import Annotated
@@ -30,6 +31,7 @@ app = typer.Typer(
     help="Noise maps of windscreen wipers: stick, slip and flight of a blade lip.",
     add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 for command in (sweep, refine, simulate, follow, modes):
@@ -53,6 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is None:  # the process is ours
         seek_garbage_less()
+        if sys.stderr is None:  # closed: lines for it would go to standard output
+            sys.stderr = open(os.devnull, "w")
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     if hasattr(sys.stdout, "reconfigure"):  # what a terminal cannot show must not end the work
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
@@ -71,6 +75,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "WIPERJAX_TRACEBACK" in os.environ:
             traceback.print_exc()
         return _complain(_one_line(error), 1)
+    finally:
+        if arguments is None:
+            _end_timers()
+
+
+def _end_timers() -> None:
+    """Ends threads that only wait: the process would wait for them. JAX has one of a minute while
+    it looks for a TPU, which a Ctrl-C may leave behind.
+    """
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.cancel()
 
 
 def _complain(text: str, status: int) -> int:

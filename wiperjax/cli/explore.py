@@ -76,7 +76,13 @@ def explore(
                 "cells computed here; there is no password and no encryption",
                 file=sys.stderr,
             )
-        served, address = server.serve(explored, host, port)
+        try:
+            served, address = server.serve(explored, host, port)
+        except OSError as error:
+            raise ValueError(
+                "--host and --port must be an address of this computer and a port that is free, "
+                f"but were {host} and {port}: {error.strerror}"
+            ) from None
         server.run(served, address, browser, lambda text: print(text, flush=True))
 
 

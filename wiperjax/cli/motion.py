@@ -125,7 +125,7 @@ def ladder(
         from ..machine.files import write_bytes
 
         text = preface(command_line()) + summary(results) + "\n" + table(results)
-        write_bytes(output, text.encode())
+        write_bytes(output, text.encode(), force)
         print(f"table    {output}")
 
 

@@ -16,8 +16,9 @@ from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from bokeh.server.util import bind_sockets
 from tornado.httpserver import HTTPServer
-from tornado.ioloop import IOLoop
+from tornado.ioloop import IOLoop, PeriodicCallback
 
+from ..machine.interrupt import heeded
 from ..maps.block import Evaluate
 from .box import Boxes
 from .explored import Explored
@@ -30,6 +31,7 @@ logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)  # a window t
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 MOST_WINDOWS = 16  # at once: each holds what it shows in memory
+LOOK = 500  # milliseconds: how often a Ctrl-C is looked for that Python dropped
 MESSAGE = 2**20  # bytes that a window may send at once; it sends clicks
 
 
@@ -83,6 +85,8 @@ def run(server: BaseServer, address: str, browser: bool, say: Callable[[str], No
         server.io_loop.add_callback(lambda: webbrowser.open(address))
     say(f"explore  {address}  (Ctrl-C ends it)")
     try:
-        server.run_until_shutdown()
+        with heeded() as check:
+            PeriodicCallback(check, LOOK).start()
+            server.run_until_shutdown()
     except KeyboardInterrupt:
         server.stop()

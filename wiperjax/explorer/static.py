@@ -109,7 +109,7 @@ def write_static(
     places = held or places
     document = _page(explored, (x, y), panel, motion, chosen, states, places, motions)
     html = file_html(document, INLINE, title=document.title, template=PAGE)
-    with replacing(path) as temporary:
+    with replacing(path, force=force) as temporary:
         temporary.write_text(html, encoding="utf-8")
     return len(motions)
 

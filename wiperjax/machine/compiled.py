@@ -36,6 +36,7 @@ def keep_programs() -> None:
         place = folder()
         try:
             place.mkdir(parents=True, exist_ok=True)
+            _remove_unfinished(place)
         except OSError:
             return
         if not os.access(place, os.W_OK):
@@ -49,3 +50,14 @@ def keep_programs() -> None:
             os.environ[name.upper()] = str(value)  # for processes that this one starts, too
             if jax := sys.modules.get("jax"):  # it has read the environment already
                 jax.config.update(name, value)
+
+
+def _remove_unfinished(place: Path) -> None:
+    """Removes programs that were cut off as they were written, by a full disk or a kill: JAX fails
+    to read one, compiles it anew and keeps the old one. It stamps those that are whole. One that
+    another process is writing just now may go, too, and is compiled once more.
+    """
+    names = set(os.listdir(place))
+    for name in names:
+        if name.endswith("-cache") and f"{name.removesuffix('-cache')}-atime" not in names:
+            (place / name).unlink(missing_ok=True)

@@ -9,6 +9,7 @@ import errno
 import logging
 import os
 import re
+import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,8 +24,11 @@ class StoreError(RuntimeError):
 
 
 @contextlib.contextmanager
-def replacing(path: str | Path, temporary: str | Path | None = None) -> Iterator[Path]:
-    """Temporary path to write to; on leaving, its content is on the disk and bears the name `path`.
+def replacing(
+    path: str | Path, temporary: str | Path | None = None, force: bool = True
+) -> Iterator[Path]:
+    """Temporary path to write to; on leaving, its content is on the disk and bears the name `path`,
+    with the mode of a file that it replaces. Without `force` it replaces none.
 
     On any error `path` is as it was, the temporary file is gone, and an `OSError` has become a
     `StoreError`.
@@ -36,11 +40,31 @@ def replacing(path: str | Path, temporary: str | Path | None = None) -> Iterator
             yield temporary
             with open(temporary, "rb") as file:
                 os.fsync(file.fileno())
-            os.replace(temporary, path)
+            if force:
+                with contextlib.suppress(OSError):  # nothing is there, or the disk has no modes
+                    shutil.copymode(path, temporary)
+                os.replace(temporary, path)
+            else:
+                _name(temporary, path)
             sync_folder(path.parent)
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+
+
+def _name(temporary: Path, path: Path) -> None:
+    """Gives a file the name `path`. Raises: `StoreError` if another one has it: of two programs
+    that look first, both would write.
+    """
+    try:
+        os.link(temporary, path)
+    except FileExistsError:
+        raise StoreError(
+            f"{path}: was made by another program meanwhile; use --force to replace it, or another "
+            "name"
+        ) from None
+    except OSError:  # a disk without links
+        os.replace(temporary, path)
 
 
 def temporary_beside(path: Path) -> Path:
@@ -81,9 +105,9 @@ def sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Writes a file at once or not at all, flushed to the disk."""
-    with replacing(path) as temporary:
+def write_bytes(path: Path, content: bytes, force: bool = True) -> None:
+    """Writes a file at once or not at all, flushed to the disk; `force` as in `replacing`."""
+    with replacing(path, force=force) as temporary:
         temporary.write_bytes(content)
 
 

@@ -13,6 +13,7 @@ import xarray as xr
 from ..datasets import map_dataset
 from ..machine import provenance
 from ..machine.files import StoreError
+from ..store.levels import read_levels
 from ..store.swept import check_made_from, check_swept, sweep_of
 from ..store.whole import open_finished
 from ..vocabulary import checks
@@ -21,6 +22,7 @@ from ..vocabulary.codes import NOT_COMPUTED
 from ..vocabulary.columns import attributes_of
 from ..vocabulary.ranges import NON_NEGATIVE, Range
 from .block import MOST_CELLS, Evaluate, engine, evaluate_block
+from .refine.grid import Grid
 from .refine.points import sample
 from .starts import before, ended_columns
 
@@ -71,8 +73,8 @@ def verify(
     evaluate: Evaluate | None = None,
 ) -> VerifyReport:
     """Recomputes a random sample of the cells of a map and compares all their columns. Before that,
-    compares the file with its checksums, and its coordinates and attributes with its sweep. Borders
-    of a refined map are not located again.
+    compares the file with its checksums, and its coordinates (of a refined map also those of its
+    finer points) and attributes with its sweep. Borders are not located again.
 
     Arguments:
 
@@ -146,13 +148,18 @@ def _check_said(ds: xr.Dataset, spec: Any, path: str | Path) -> None:
         if _unlike(variable.attrs, attributes_of(str(name), described["attrs"])):
             wrong.append(str(name))
     wrong += _unlike(ds.attrs, {k: v for k, v in known.items() if k not in NO_NUMBERS})
+    if levels := read_levels(path, ()):  # of a refined map
+        grid = Grid(spec.axes, levels[-1].number)
+        for level in levels:
+            finer = _unlike(level.axes, grid.along_level(level.number))
+            wrong += [f"{name} of level {level.number}" for name in finer]
     if wrong:
         said = ", ".join(wrong[:6])
         raise StoreError(f"{path}: was changed: what it says of {said} is not that of its sweep")
 
 
 def _unlike(was: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
-    """Attributes that are not as wanted."""
+    """Names of what is not as wanted."""
     return [name for name in wanted if not np.array_equal(was.get(name), wanted[name])]
 
 

@@ -36,7 +36,7 @@ def write_dataset(ds: xr.Dataset, path: str | Path, force: bool = False) -> None
     buffer = io.BytesIO()
     ds.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
     checksums.add(buffer)
-    write_bytes(Path(path), buffer.getvalue())
+    write_bytes(Path(path), buffer.getvalue(), force)
 
 
 def open_map(

@@ -304,6 +304,16 @@ def test_verify_computes_points_of_the_levels_again(tmp_path):
     assert not report.passed and report.largest["velocity_rms"] == pytest.approx(1e-6, rel=1e-3)
 
 
+def test_verify_finds_axes_of_the_levels_changed(tmp_path):
+    path = tmp_path / "map.h5"
+    coarse_map(path, DISC)
+    refined(path, DISC, levels=2)
+    with rewritten(path) as file:
+        file["level_1/belt_speed_fine"][3] *= 1.01
+    with pytest.raises(StoreError, match="what it says of belt_speed of level 1 is not that of"):
+        verify(path, cells=3, evaluate=DISC)
+
+
 BAD = {
     "refine.levels: must be a whole number in": {"levels": 0},
     "refine.levels: must be given, or resolution": {},

@@ -67,8 +67,7 @@ class Bank:
         for number in range(grid.levels + 1):
             which = of == number
             if which.any() or number == grid.levels:
-                step = 2 ** (grid.levels - number)
-                axes = {n: v[:: step if len(v) > 1 else 1] for n, v in grid.along.items()}
+                axes = grid.along_level(number)
                 index = grid.renumbered(self.index[which], number)
                 columns = {name: values[which] for name, values in self.columns.items()}
                 found.append(Level(number, axes, index, self.factor[which], columns))

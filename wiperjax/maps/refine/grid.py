@@ -63,6 +63,11 @@ class Grid:
         zero = np.zeros(np.shape(flat), dtype=np.int64)
         return {name: found[places.get(name, zero)] for name, found in self.along.items()}
 
+    def along_level(self, level: int) -> dict[str, np.ndarray]:
+        """Values of each axis at a coarser `level`, edge units."""
+        step = 2 ** (self.levels - level)
+        return {n: v[:: step if len(v) > 1 else 1] for n, v in self.along.items()}
+
     def lengths(self, places: np.ndarray) -> np.ndarray:
         """Steps along each axis of the cells of the map that hold the steps from `places`
         (points, dim) on, over the mean ones: a share of an axis is (steps of the grid) times this
