@@ -160,7 +160,7 @@ def _check_said(ds: xr.Dataset, spec: Any, path: str | Path) -> None:
 
 def _unlike(was: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
     """Names of what is not as wanted."""
-    return [name for name in wanted if not np.array_equal(was.get(name), wanted[name])]
+    return [n for n in wanted if n not in was or not np.array_equal(was[n], wanted[n])]
 
 
 def _neighbours(file: h5py.File, spec: Any, index: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
