@@ -19,6 +19,7 @@ from wiperjax import cycles, plots, remedy, sound
 from wiperjax.cycles import cycle
 from wiperjax.cycles.branch import dataset as branch_dataset
 from wiperjax.cycles.branch import follow, up_and_down
+from wiperjax.engine.arguments import check_beginning
 from wiperjax.vocabulary.codes import Result
 from wiperjax.vocabulary.kinds import BELTS
 from wiperjax.vocabulary.parameters import PARAMETERS
@@ -433,6 +434,16 @@ def test_a_belt_of_ones_own_turns_where_its_pieces_say_so():
     must = "must say how often a second a belt that turns does so (1 / its period)"
     found = refusal(remedy.quieten, turning, BOUNDS)
     assert found == f"Unsaid.wiping_frequency {must}, but was 0"
+
+
+def test_statistics_begin_before_the_end():
+    """All of them were zeros, of a motion that had finished."""
+    motion = {"system": BLADE, "duration": 0.25, "start": 0.25}
+    late = "must be below the end of the motion (0.5), but was 0.5"
+    assert refusal(wiperjax.solve, **motion, statistics_start=0.5) == f"statistics_start {late}"
+    begun = refusal(wiperjax.solve, **motion, observer=wiperjax.RegimeTotals(0.5))
+    assert begun == f"observer.begin {late}"
+    jax.eval_shape(lambda time: check_beginning(None, time, 0.5), 0.5)  # traced: not looked at
 
 
 def test_degrees_are_asked_for():

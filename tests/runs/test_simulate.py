@@ -319,6 +319,14 @@ def test_what_is_of_the_reversal_needs_a_belt_that_says_when_it_turns():
         wiperjax.simulate(Woodpecker(), 0.01, observer=ReversalTotals(0.0, 0.02))
 
 
+def test_a_window_around_a_turn_leaves_something_of_the_strokes():
+    """From a quarter period on it was that quarter, whatever it said."""
+    wiping = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.5, 10.0))
+    must = "^observer.window: must be at most a fifth of the belt's period .0.02 s., was 0.03$"
+    with pytest.raises(ValueError, match=must):
+        wiperjax.simulate(wiping, 0.2, observer=ReversalTotals(0.0, 0.03))
+
+
 TOUCHING = ((1e-3, 0.0), (0.0, 0.0))
 
 

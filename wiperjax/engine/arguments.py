@@ -41,9 +41,7 @@ def longest_step(max_step) -> float | None:
     return None if max_step is None else checks.number("max_step", max_step, POSITIVE)
 
 
-def check_observation(
-    sample_times, max_events, max_step, observer, statistics_start, start, reverse
-) -> None:
+def check_observation(sample_times, max_events, max_step, observer, start, reverse) -> None:
     """Raises ValueError for what `solve` cannot keep of a motion."""
     checks.flag("reverse", reverse)
     if reverse and sample_times is not None:
@@ -59,13 +57,22 @@ def check_observation(
         checks.numbers("max_step", max_step, Range(0, low_open=True, infinite=True), arrays=False)
     if observer is not None:
         checks.instance("observer", observer, AbstractObserver, "one such as RegimeTotals(0.0)")
+
+
+def check_beginning(observer, statistics_start, end) -> None:
+    """Raises ValueError for statistics that begin at no time before the ``end`` [s], or elsewhere
+    than their observer does.
+    """
+    begin = getattr(observer, "begin", None)
     if statistics_start is not None:
         checks.numbers("statistics_start", statistics_start, FINITE, arrays=False)
-        begin = getattr(observer, "begin", None)
         known = not (checks.is_traced(begin) or checks.is_traced(statistics_start))
         if begin is not None and known and begin != statistics_start:
             must = f"must be where the observer begins ({float(begin):g} s), or left out"
             raise ValueError(f"statistics_start {must}, but was {statistics_start:g}")
+    for name, time in (("statistics_start", statistics_start), ("observer.begin", begin)):
+        if time is not None:  # the numbers gathered would be zeros
+            checks.at_most(name, time, end, "the end of the motion", itself=False)
 
 
 def check_start(system: AbstractSystem, start: Any) -> None:

@@ -18,6 +18,7 @@ from ..vocabulary import checks
 from ..vocabulary.codes import RUNNING
 from ..vocabulary.ranges import POSITIVE
 from .arguments import (
+    check_beginning,
     check_integration,
     check_observation,
     check_start,
@@ -132,8 +133,8 @@ def solve(
     ``max_events``, capacity of the event log (more are counted, flagged, and not stored);
     ``max_steps``, trial steps; ``max_step`` [s]; ``zeno_time`` [s], flights shorter than this are
     completed by the limit of their sequence; ``observer``, online statistics (default
-    `RegimeTotals` from ``statistics_start`` on); ``start``, time at which it begins [s];
-    ``reverse``, differentiable in reverse mode instead of forward mode: memory is then
+    `RegimeTotals` from ``statistics_start`` on, a time before the end); ``start``, time at which it
+    begins [s]; ``reverse``, differentiable in reverse mode instead of forward mode: memory is then
     2 sqrt(``max_steps``) loop states (about 1 kB each, and the event log once more in each);
     ``sample_times`` must be left out.
 
@@ -149,9 +150,8 @@ def solve(
     if initial_state is None:
         initial_state = system.default_state()
     check_tolerances(atol, check_state(system, initial_state))
-    check_observation(
-        sample_times, max_events, max_step, observer, statistics_start, start, reverse
-    )
+    check_observation(sample_times, max_events, max_step, observer, start, reverse)
+    check_beginning(observer, statistics_start, start + duration)
     check_start(system, start)
     if observer is None:
         observer = RegimeTotals(start if statistics_start is None else statistics_start)

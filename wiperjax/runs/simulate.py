@@ -41,6 +41,7 @@ from ..engine.step import advance
 from ..machine import provenance
 from ..machine.files import log
 from ..numerics.kept import Kept
+from ..specs.windows import check_strokes
 from ..systems.numbers import traceable
 from ..vocabulary import checks
 from ..vocabulary.codes import ADVICE, RUNNING, Result
@@ -150,7 +151,7 @@ def _note_on_scales(system: AbstractSystem, atol: Any, run: xr.Dataset) -> None:
 def _begins(observer: Any, duration: float, system: Any) -> float | None:
     """Return the time [s] from which an observer gathers. Raises ValueError for no observer of
     totals, one that begins at no time of the run, or one of the reversal on a belt that turns
-    and does not say when.
+    and does not say when, or so often that its window leaves no stroke.
     """
     if observer is None:
         return None
@@ -166,6 +167,8 @@ def _begins(observer: Any, duration: float, system: Any) -> float | None:
         if belt.since_reversal is AbstractBelt.since_reversal and turns(system):
             must = "must be its own where a belt turns: all would count as stroke"
             raise ValueError(f"{belt.__name__}.since_reversal {must}, but was that of AbstractBelt")
+        if (frequency := float(system.belt.wiping_frequency)) > 0:
+            check_strokes(float(observer.window), frequency, "observer.window")
     return start
 
 

@@ -98,9 +98,11 @@ def longest_window(frequency: float) -> float:
     return 0.25 / (1 + FADE) / frequency
 
 
-def check_strokes(window: float, frequency: float) -> None:
-    """Raises Fault where a `window` [s] around V = 0 is longer than `longest_window`."""
+def check_strokes(window: float, frequency: float, key: str = "classes.reversal_window") -> None:
+    """Raises Fault where a `window` [s] around V = 0, called `key`, is longer than
+    `longest_window`.
+    """
     most = longest_window(frequency)
     if window > most * (1 + 1e-9):
         must = f"must be at most a fifth of the belt's period ({most:g} s)"
-        raise Fault("classes.reversal_window", f"{must}, was {window:g}")
+        raise Fault(key, f"{must}, was {window:g}")

@@ -32,7 +32,11 @@ class ReversalRecord(NamedTuple):
 
 
 class ReversalTotals(AbstractObserver):
-    """`RegimeTotals` plus what happens within ``window`` [s] of a passage of V through zero."""
+    """`RegimeTotals` plus what happens within ``window`` [s] of a passage of V through zero.
+
+    It looks at the nearest passage: a window above a quarter of the belt's period is that quarter.
+    `simulate` refuses one above a fifth.
+    """
 
     start: Scalar
     window: Scalar
