@@ -151,8 +151,8 @@ def solve(
         initial_state = system.default_state()
     check_tolerances(atol, check_state(system, initial_state))
     check_observation(sample_times, max_events, max_step, observer, start, reverse)
-    check_beginning(observer, statistics_start, start + duration)
     check_start(system, start)
+    check_beginning(observer, statistics_start, start + duration)
     if observer is None:
         observer = RegimeTotals(start if statistics_start is None else statistics_start)
     mark = statistics_start if observer.begin is None else observer.begin
