@@ -178,6 +178,8 @@ def test_maps_say_whose_forces_are_per_metre_of_blade(name, unit):
     run = {"transient": 0.1, "window": 0.5}
     attrs = describe(wiperjax.parse_sweep({"system": name, "axes": axes, "run": run}))["attrs"]
     assert attributes_of("normal_force_mean", attrs)["units"] == unit
+    for end in ("final_position", "final_velocity"):  # as in a run
+        assert "units" not in attributes_of(end, attrs), end
     slope = attributes_of("d_normal_force_mean_d_belt_speed", attrs)["units"]
     assert slope == f"({unit})/(m/s)"
 
