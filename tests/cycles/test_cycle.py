@@ -117,6 +117,8 @@ def test_branch_as_a_dataset_survives_a_file(ring, tmp_path):
     with xr.open_dataset(tmp_path / "branch.nc", engine="h5netcdf") as back:
         xr.testing.assert_equal(back.load(), ds)
     assert list(ds.special_kind.values) == ["fold", "hopf"]
+    parts = [str(ds[f"multiplier_{key}"].attrs["long_name"]) for key in ("real", "imag")]
+    assert [words.split(" of ")[0] for words in parts] == ["real part", "imaginary part"]
 
 
 @pytest.mark.slow

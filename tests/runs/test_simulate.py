@@ -236,6 +236,9 @@ def test_thousands_of_events_at_their_exact_times():
     np.testing.assert_allclose(run.event_impulse, 4.0 * weight * fall, rtol=1e-9)
     assert list(run.axis.values) == ["q0"] and run.position.dims == ("time", "axis")
     assert "units" not in run.position.attrs and run.time.attrs["units"] == "s"
+    # forces as in a map of it
+    assert run.normal_force.attrs["units"] == run.friction_force.attrs["units"] == "N"
+    assert run.event_impulse.attrs["units"] == "N s"
     assert run.attrs["weight"] == 9.81 and run.attrs["system"] == "Ball"
 
 

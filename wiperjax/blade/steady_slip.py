@@ -62,7 +62,8 @@ def steady_slip(wiper: Wiper, belt_speed=None) -> SteadySlip:
     mirror image.
 
     **Arguments:** ``wiper``, any of whose parameters may be arrays; ``belt_speed`` [m/s], constant,
-    any shape (default: that of the wiper's belt at t = 0). Shapes are broadcast together.
+    a number or an array of any shape (default: that of the wiper's belt at t = 0). Shapes are
+    broadcast together.
 
     **Returns** a `SteadySlip` of that shape. A belt at rest has no steady slip.
 

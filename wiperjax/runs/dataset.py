@@ -48,25 +48,26 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     own = getattr(given, "belt", None)
     belt = _belt_velocity(own, times) if isinstance(own, AbstractBelt) else None
 
-    known = {"s"} | ({"m", "m/s"} if given.of_a_blade else set())  # another system's are its own
-    known |= {"N/m", "N s/m"} if given.per_metre else set()
+    # units of other systems' coordinates are not declared; those of their contacts are SI
+    place, rate = ("m", "m/s") if given.of_a_blade else (None, None)
+    per = "/m" if given.per_metre else ""
 
     def about(long_name, units=None, flags=None):
         attrs: dict[str, Any] = {"long_name": long_name}
         if flags is not None:
             attrs |= cf.flags(flags)
-        elif units in known:
+        elif units:
             attrs["units"] = units
         return attrs
 
-    position = about(f"position{whose}", "m")
-    velocity = about(f"velocity{whose}", "m/s")
+    position = about(f"position{whose}", place)
+    velocity = about(f"velocity{whose}", rate)
     events = {
         "time": about("time of the event", "s"),
         "kind": about("kind of event", flags=EVENTS),
         "before": about("regime before", flags=REGIMES),
         "after": about("regime after", flags=REGIMES),
-        "impulse": about("normal impulse of the event", "N s/m"),
+        "impulse": about("normal impulse of the event", f"N s{per}"),
     }
     along = ("time", "axis")
     code = np.int8
@@ -74,8 +75,8 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         "position": (along, np.stack(samples.position, axis=-1), position),
         "velocity": (along, np.stack(samples.velocity, axis=-1), velocity),
         "regime": ("time", samples.regime, about("regime", flags=REGIMES)),
-        "normal_force": ("time", samples.normal_force, about("normal force", "N/m")),
-        "friction_force": ("time", samples.friction_force, about("friction force", "N/m")),
+        "normal_force": ("time", samples.normal_force, about("normal force", f"N{per}")),
+        "friction_force": ("time", samples.friction_force, about("friction force", f"N{per}")),
         **(
             {"belt_velocity": ("time", belt, about("velocity of the glass", "m/s"))}
             if belt is not None

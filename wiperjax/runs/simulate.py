@@ -92,8 +92,8 @@ def simulate(
     ``event_kind``, ``regime_before``, ``regime_after``, ``event_impulse``; ``final_time``,
     ``final_position``, ``final_velocity``, ``final_regime``; ``result``. A sample at the very
     instant of an event shows the motion before it. Attributes hold the parameters of the system (SI
-    units, radians), the tolerances, the solver's statistics, and ``result_message``, what the
-    result means. A numerical failure is no exception: the trajectory ends there with a ``result``.
+    units, radians), the tolerances, the solver's counts (``steps``: trial ones, unlike a map's) and
+    ``result_message``, the result in words: a numerical failure ends the run, and is no exception.
 
     **Raises** `ValueError` for arguments that cannot be meant, or an initial state that is
     impossible (the contact point inside its partner; no finite force that could hold it).

@@ -1,8 +1,9 @@
 """The single-degree oscillators of the source paper's company: squeal on a belt, and reversal.
 
 A block on a spring and a dashpot, pressed on a belt. With Stribeck's law steady sliding is
-unstable where friction falls faster with speed than damping holds: load mu'(V) + damping < 0, for
-belt speeds between two roots. On a belt that turns round it is the oscillator of the reversal,
+unstable where friction falls faster with speed than damping holds: load mu'(V) + damping < 0, at
+all belt speeds below one (1.498 m/s as it comes); of a law of `shape` above 1, which falls from
+rest slowly, between two. On a belt that turns round it is the oscillator of the reversal,
 which the jump of friction at V = 0 strikes.
 """
 

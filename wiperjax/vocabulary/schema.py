@@ -46,7 +46,7 @@ class Column:
             attrs |= flags(self.flags, self.dtype)
         elif self.members is not None:
             attrs |= masks(self.members, self.dtype)
-        else:
+        elif self.units:
             attrs["units"] = self.units
         if self.comment:
             attrs["comment"] = self.comment
@@ -151,10 +151,10 @@ _TABLE = (
     Column("final_y", "float64", "m", "gap at the end"),
     Column("final_vx", "float64", "m/s", "tip velocity along the glass at the end"),
     Column("final_vy", "float64", "m/s", "tip velocity normal to the glass at the end"),
-    Column("final_position", "float64", "1", "coordinates at the end",
+    Column("final_position", "float64", "", "coordinates at the end",
         comment="of a system of one's own, each in its own unit", along="coordinate",
     ),
-    Column("final_velocity", "float64", "1", "velocities at the end",
+    Column("final_velocity", "float64", "", "velocities at the end",
         comment="rates of the coordinates", along="coordinate",
     ),
     Column("final_regime", "uint8", "", "regime at the end", REGIMES),

@@ -51,6 +51,8 @@ def test_a_jump_is_enclosed_on_both_sides_and_the_answer_between_points_is_right
     )
     along = np.where(found.axis == 0, found.attack_angle, found.belt_speed)
     assert ((found.bracket_low <= along) & (along <= found.bracket_high)).all()
+    # degrees beside m/s, of no unit together
+    assert "units" not in found.bracket_low.attrs and "units" not in found.bracket_high.attrs
     assert found.attrs["simulations"] + 81 < found.attrs["full_grid_cells"] / 40
     search, _ = replay(path)
     values, units = random_points(4000)

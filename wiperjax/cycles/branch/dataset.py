@@ -59,8 +59,8 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     }
     values = np.stack([_known(c.multipliers) for c in branch.cycles])
     plane = ("point", "multiplier")
-    for key, part in (("real", np.real(values)), ("imag", np.imag(values))):
-        attributes = {"long_name": f"multipliers, {key}. part, largest first", "units": "1"}
+    for key, word, part in (("real", "real", values.real), ("imag", "imaginary", values.imag)):
+        attributes = {"long_name": f"{word} part of the multipliers, largest first", "units": "1"}
         variables[f"multiplier_{key}"] = (plane, part, attributes)
     stable = np.array([c.stable for c in branch.cycles], np.int8)
     variables["stable"] = ("point", stable, {"long_name": "all multipliers inside the circle"})

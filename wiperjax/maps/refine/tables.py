@@ -41,8 +41,8 @@ def border_dataset(
         for axis, along in enumerate(grid.names):
             which = found.axis == axis
             value[which] = _values(grid.along[along], steps[which])
-        words = "end of the bracket along `axis`, in its units"
-        variables[name] = ("border", value, {"long_name": words, "units": "1"})
+        words = "end of the bracket along `axis`, in its units"  # no one unit is true
+        variables[name] = ("border", value, {"long_name": words})
     codes = (
         ("axis", found.axis, {name: k for k, name in enumerate(grid.names)}, "axis of the bracket"),
         ("side_low", found.code_low, criterion.names, f"{settings.on} at bracket_low"),
