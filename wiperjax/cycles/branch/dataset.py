@@ -59,9 +59,9 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
     }
     values = np.stack([_known(c.multipliers) for c in branch.cycles])
     plane = ("point", "multiplier")
-    for key, word, part in (("real", "real", values.real), ("imag", "imaginary", values.imag)):
+    for key, word, part in (("real", "real", np.real), ("imag", "imaginary", np.imag)):
         attributes = {"long_name": f"{word} part of the multipliers, largest first", "units": "1"}
-        variables[f"multiplier_{key}"] = (plane, part, attributes)
+        variables[f"multiplier_{key}"] = (plane, part(values), attributes)
     stable = np.array([c.stable for c in branch.cycles], np.int8)
     variables["stable"] = ("point", stable, {"long_name": "all multipliers inside the circle"})
     variables["state"] = (
