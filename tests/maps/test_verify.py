@@ -36,3 +36,14 @@ def test_verify_finds_what_is_said_of_right_numbers_changed(tmp_path, name):
             file.attrs[name] = 2 * file.attrs[name]
     with pytest.raises(StoreError, match=f"what it says of {name} is not that of its sweep"):
         verify(path, evaluate=evaluate)
+
+
+def test_verify_takes_a_map_whose_variables_another_version_explains_otherwise(tmp_path):
+    """It was refused as changed for each comment that had been reworded since."""
+    spec, path = make_spec(), tmp_path / "map.h5"
+    run(spec, path)
+    with rewritten(path) as file:
+        for name in ("belt_speed", "label"):
+            file[name].attrs["long_name"] = "as it was called before"
+            file[name].attrs["comment"] = "as it was explained before"
+    assert verify(path, evaluate=evaluate).passed

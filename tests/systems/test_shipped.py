@@ -74,13 +74,20 @@ def chain_events(n: int, damping: float, stop: float) -> list[tuple[float, str]]
 
 
 def test_a_chain_keeps_the_names_that_it_gives_its_blocks():
-    """They were overwritten by x1, x2, .."""
+    """They were overwritten by x1, x2, .., and later so were those of a class made from it."""
 
     class Train(Chain):
         blocks = 2
         coordinates = ("engine", "waggon")
 
-    assert Train().coordinates == ("engine", "waggon")
+    class Slow(Train):
+        pass
+
+    class Long(Train):
+        blocks = 3
+
+    assert Train().coordinates == Slow().coordinates == ("engine", "waggon")
+    assert Long().coordinates == ("x1", "x2", "x3")
     assert Chain3().coordinates == ("x1", "x2", "x3")
 
 

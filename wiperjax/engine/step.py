@@ -212,17 +212,18 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
     )
     q, v = drift(state, trial.h, q, v, rate, correction.astype(dtype))
     length = trial.h + correction
+    begins = state.time == problem.mark
+    nothing = begins & (state.time + length == problem.mark)  # the next one begins statistics
     stretch = Stretch(
         system,
         state.time,
-        trial.h,
-        correction,
+        *(jnp.where(nothing, stop_gradient(x), x) for x in (trial.h, correction)),
         state.regime,
         trial.nodes,
         tuple(g.nodes for g in trial.guards),
         tuple(g.size for g in trial.guards),
         (system.on_sides(state.sides), state.time + length, q, v),
-        jnp.where(state.time == problem.mark, state.time - problem.mark, 0.0),
+        jnp.where(begins & ~nothing, state.time - problem.mark, 0.0),
     )
     observed = problem.observer.stretch(state.observed, stretch)
     index, full = state.sample_index, state.full

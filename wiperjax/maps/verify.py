@@ -27,6 +27,7 @@ from .refine.points import sample
 from .starts import before, ended_columns
 
 NO_NUMBERS = ("title", "specification", "specification_text", *provenance.maker())
+PROSE = ("long_name", "comment")  # of a variable: another version may word them otherwise
 
 
 @dataclass(frozen=True)
@@ -131,8 +132,9 @@ def verify(
 
 
 def _check_said(ds: xr.Dataset, spec: Any, path: str | Path) -> None:
-    """Raises `StoreError` where coordinates, attributes or words of variables are not those that a
-    map of the sweep `spec` has: right numbers would stand at wrong places, or mean something else.
+    """Raises `StoreError` where coordinates, attributes, or units or codes of variables are not
+    those that a map of the sweep `spec` has: right numbers would stand at wrong places, or mean
+    something else.
     """
     described = map_dataset.describe(spec)
     known = plain_attributes(described["attrs"])
@@ -159,8 +161,9 @@ def _check_said(ds: xr.Dataset, spec: Any, path: str | Path) -> None:
 
 
 def _unlike(was: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
-    """Names of what is not as wanted."""
-    return [n for n in wanted if n not in was or not np.array_equal(was[n], wanted[n])]
+    """Names of what is not as wanted, prose aside."""
+    names = [name for name in wanted if name not in PROSE]
+    return [n for n in names if n not in was or not np.array_equal(was[n], wanted[n])]
 
 
 def _neighbours(file: h5py.File, spec: Any, index: np.ndarray) -> dict[str, dict[str, np.ndarray]]:

@@ -27,8 +27,8 @@ class Chain(AbstractBeltSystem):
 
     def __init_subclass__(cls, **others):
         super().__init_subclass__(**others)
-        usual = tuple(f"x{k + 1}" for k in range(cls.blocks))
-        cls.coordinates = cls.__dict__.get("coordinates", usual)
+        if "coordinates" not in cls.__dict__ and len(cls.coordinates) != cls.blocks:
+            cls.coordinates = tuple(f"x{k + 1}" for k in range(cls.blocks))
 
     def free_acceleration(self, t, q, v):
         wall = 0.0 * q[0]

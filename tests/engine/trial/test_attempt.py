@@ -6,6 +6,7 @@ import pytest
 
 import wiperjax
 from wiperjax.engine.observers.reversal import ReversalTotals
+from wiperjax.engine.observers.totals import RegimeTotals
 from wiperjax.systems.oscillator import Oscillator
 
 
@@ -35,6 +36,26 @@ def test_what_is_asked_for_at_a_break_does_not_move_with_the_break():
     alike(ends[:-1], slopes(np.array([0.2, 5.0 - beside, 1.0]))[:-1])
     assert np.asarray(ends[0]).tolist() == [0.0, 1.0, 0.0]
     alike(slopes(np.array([0.2, 5.3, 2.5])), slopes(np.array([0.2, 5.3, 2.5 + beside])))
+
+
+@pytest.mark.slow
+def test_statistics_that_begin_on_a_piece_of_no_length_begin_once():
+    """There both the piece and what follows it told how they begin: the time in stick changed by
+    -2 s per second of the beginning, and with the belt's frequency, on which it does not hang."""
+
+    @jax.jit
+    @jax.jacfwd
+    def slopes(numbers):
+        frequency, ramp, begin = numbers
+        system = Oscillator(belt=wiperjax.TrapezoidBelt(0.3, frequency, ramp))
+        observer = RegimeTotals(begin)
+        s = wiperjax.solve(system, 6.5, rtol=1e-10, max_events=0, observer=observer).statistics
+        return s.stick_time, s.output_integral, s.normal_force_integral
+
+    for begin in (1.25, 3.75):  # the plateaus of the longest ramps
+        at, beside = (slopes(np.array([0.2, 2.5, begin + dt])) for dt in (0.0, 1e-6))
+        np.testing.assert_allclose(at, beside, rtol=1e-4, atol=2e-5)
+        assert float(at[0][2]) == pytest.approx(-1)
 
 
 @pytest.mark.slow
