@@ -5,6 +5,7 @@ its size. A program holds instructions of one kind of processor, and a home may 
 machines, so each kind has a folder of its own.
 """
 
+import contextlib
 import hashlib
 import os
 import sys
@@ -36,11 +37,12 @@ def keep_programs() -> None:
         place = folder()
         try:
             place.mkdir(parents=True, exist_ok=True)
-            _remove_unfinished(place)
         except OSError:
             return
         if not os.access(place, os.W_OK):
             return
+        if "JAX_COMPILATION_CACHE_MAX_SIZE" not in os.environ:  # without a bound none is stamped
+            _remove_unfinished(place)
         wanted |= {
             "jax_compilation_cache_dir": str(place),
             "jax_compilation_cache_max_size": MOST_BYTES,
@@ -60,4 +62,5 @@ def _remove_unfinished(place: Path) -> None:
     names = set(os.listdir(place))
     for name in names:
         if name.endswith("-cache") and f"{name.removesuffix('-cache')}-atime" not in names:
-            (place / name).unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # another's, or in use
+                (place / name).unlink()
