@@ -199,25 +199,25 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
     sticking = state.regime == Regime.STICK
     q, v = keep(project(system, trial.last, q, v, touching, touching, sticking))
     rate = (rates(system, state.time + trial.h, q, v), trial.step.rate1[1])
-    dtype = q[0].dtype
     correction = time_to_event(
         plan.correction,
         plan.arrive,
         system.on_sides(state.sides),
         state.time + trial.h + plan.correction,
-        *drift(state, trial.h, q, v, rate, plan.correction.astype(dtype)),
+        *drift(state, trial.h, q, v, rate, plan.correction.astype(q[0].dtype)),
         state.regime,
         state.sides,
         plan.slot,
     )
-    q, v = drift(state, trial.h, q, v, rate, correction.astype(dtype))
-    length = trial.h + correction
-    begins = state.time == problem.mark
+    q, v = drift(state, trial.h, q, v, rate, correction.astype(q[0].dtype))
+    length, begins = trial.h + correction, state.time == problem.mark
     nothing = begins & (state.time + length == problem.mark)  # the next one begins statistics
+    h, rest = (jnp.where(nothing, stop_gradient(x), x) for x in (trial.h, correction))
     stretch = Stretch(
         system,
         state.time,
-        *(jnp.where(nothing, stop_gradient(x), x) for x in (trial.h, correction)),
+        h,
+        rest,
         state.regime,
         trial.nodes,
         tuple(g.nodes for g in trial.guards),
