@@ -12,7 +12,7 @@ from PIL import Image
 
 matplotlib.use("Agg")
 
-from wiperjax import Stribeck, exports, plots
+from wiperjax import SteadyBelt, Stribeck, Wiper, exports, plots, simulate
 from wiperjax.datasets import run_dataset  # noqa: E402
 from wiperjax.machine.files import StoreError
 from wiperjax.plots import files
@@ -415,6 +415,17 @@ def test_phase_portrait_has_the_orbit_and_the_angle_of_the_lip(squeal):
     angle = np.degrees(np.arcsin(np.array([left, right]) / 6.0))
     np.testing.assert_allclose(upper.get_xlim(), angle, rtol=1e-6)
     plots.phase_portrait(bouncing_run().drop_dims("event"), component=1)
+
+
+@pytest.mark.parametrize("angle", [60.0, -60.0])
+def test_a_phase_portrait_holds_the_end_of_a_lip_that_collapses(angle):
+    blade = Wiper(belt=SteadyBelt(0.3), attack_angle=np.deg2rad(angle))
+    ds = simulate(blade, 0.2, sample_interval=2e-5)
+    ax = plots.phase_portrait(ds)
+    low, high = ax.get_xlim()
+    (end,) = (line for line in ax.lines if line.get_label() == "end")
+    assert abs(end.get_xdata()[0]) > 0.99 * 1e3 * blade.lip_length  # it does collapse
+    assert low <= end.get_xdata()[0] <= high
 
 
 def test_velocity_jumps_at_the_glass_in_a_phase_portrait():

@@ -138,7 +138,7 @@ def _at_jumps(time, speed, before, moment, events) -> np.ndarray:
 def _angle_axis(ax: Axes, length: float) -> None:
     """Upper axis: angle of the lip (deg), from x = L sin(phi) with both in one unit."""
     low, high = ax.get_xlim()
-    ax.set_xlim(max(low, -0.99 * length), min(high, 0.99 * length))
+    ax.set_xlim(max(low, -length), min(high, length))
     upper = ax.secondary_xaxis(
         "top",
         functions=(
