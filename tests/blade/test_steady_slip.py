@@ -116,6 +116,7 @@ def test_three_branches_on_the_leading_side_and_their_hopf_speed():
     assert steady.phi.shape == () and steady.phi == below.phi[0]
 
 
+@pytest.mark.slow
 def test_branches_are_seen_where_they_are_born():
     """Two are born at a shoulder, the farther one first along the belt: while they lay within 0.35
     degrees of each other the third was taken for the branch that leans farthest. The angles are
@@ -155,6 +156,7 @@ def test_no_steady_slip_is_nan_and_shapes_are_broadcast():
     np.testing.assert_array_equal(own.phi, r.phi[:, 2:])
 
 
+@pytest.mark.slow
 def test_steady_slip_that_hardly_presses_is_seen():
     """A stiff support has nearly let go at its lean, 0.08 degrees before the lip lifts off: within
     one interval of the grid of angles."""

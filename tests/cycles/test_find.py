@@ -137,6 +137,7 @@ def test_a_motion_that_dies_out_is_quiet_before_it_has_died():
     assert cycle.found == Found.AT_REST
 
 
+@pytest.mark.slow
 def test_a_cycle_passed_several_times_is_passed_once(ring):
     """Its period was a multiple, its multipliers were powers."""
     for times in (2, 3):

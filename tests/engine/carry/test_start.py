@@ -28,6 +28,7 @@ class Pressed(Puck):
 
 
 @pytest.mark.parametrize("gravity", [0.0, 1e-30, -1e-30])
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("push", "draw", "regime", "place"),
     [
@@ -48,6 +49,7 @@ def test_a_load_that_grows_from_zero_holds_from_the_first_instant(
     np.testing.assert_allclose(s.final_position, [place, 0.0], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_load_that_falls_from_zero_lets_go():
     s = trajectory(Pressed(MU, 0.0, 0.0, growth=-1.0), 2.0, AT_REST)
     assert Result(int(s.result)) == Result.FINISHED and int(s.events.count) == 0

@@ -28,6 +28,7 @@ class Gates(Far):
         return (jnp.where(self.swapped, b, a), jnp.where(self.swapped, a, b))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("swapped", [False, True])
 def test_two_events_in_one_step_come_in_order_of_time(swapped):
     s = trajectory(Gates(0.3, 0.3 + 1e-7, swapped), 1.0, ((0.0,), (1.0,)), 1e-4)
@@ -36,6 +37,7 @@ def test_two_events_in_one_step_come_in_order_of_time(swapped):
     np.testing.assert_allclose(times(s), [0.2, 0.7], rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("swapped", [False, True])
 def test_a_tie_is_two_events_at_one_time(swapped):
     s = trajectory(Gates(0.4, 0.4, swapped), 1.0, ((0.0,), (1.0,)))
