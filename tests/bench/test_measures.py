@@ -316,6 +316,7 @@ def test_a_rival_that_breaks_or_dawdles_is_a_note_and_not_the_end(judged, monkey
     assert rows[0]["state_error"] < 1e-4 and "finer settings left out" in note
 
 
+@pytest.mark.slow
 def test_the_exact_block_confirms_the_reference():
     scene = families.block(4)
     found = confirm.errors_of_second(scene, errors.truth(scene), quick=False)

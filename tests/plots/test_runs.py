@@ -417,6 +417,7 @@ def test_phase_portrait_has_the_orbit_and_the_angle_of_the_lip(squeal):
     plots.phase_portrait(bouncing_run().drop_dims("event"), component=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [60.0, -60.0])
 def test_a_phase_portrait_holds_the_end_of_a_lip_that_collapses(angle):
     blade = Wiper(belt=SteadyBelt(0.3), attack_angle=np.deg2rad(angle))
