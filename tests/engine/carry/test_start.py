@@ -27,8 +27,8 @@ class Pressed(Puck):
         return self.push + self.draw * t, -self.gravity - self.growth * t
 
 
-@pytest.mark.parametrize("gravity", [0.0, 1e-30, -1e-30])
 @pytest.mark.slow
+@pytest.mark.parametrize("gravity", [0.0, 1e-30, -1e-30])
 @pytest.mark.parametrize(
     ("push", "draw", "regime", "place"),
     [
