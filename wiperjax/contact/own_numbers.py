@@ -11,7 +11,7 @@ import numpy as np
 
 from ..numerics.arrays import fields_of
 from ..vocabulary.declared import marked
-from ..vocabulary.kinds import BELTS, FRICTIONS, of_fields
+from ..vocabulary.kinds import BELTS, FRICTIONS, is_absent, of_fields
 from ..vocabulary.wording import shown
 from .system import AbstractSystem
 
@@ -63,6 +63,22 @@ def in_full(system: S) -> S:
         return jnp.asarray(x, float) if counts and x.dtype != float else x
 
     return jax.tree_util.tree_map_with_path(leaf, system)
+
+
+def as_arguments(system: S) -> S:
+    """Return ``system`` with its numbers as arrays: one compiled program serves all their values.
+
+    A Python number whose terms are then not computed at all stays one (`kinds.is_absent`: no
+    hinge mass, say, or any 0 of a system of one's own).
+    """
+
+    def leaf(path, x):
+        to = fields_of(path)
+        number = isinstance(x, float) or (isinstance(x, int) and of_fields(to))
+        counts = number and not is_absent(to, float(x), (0,))
+        return jnp.asarray(x, float) if counts or isinstance(x, np.ndarray) else x
+
+    return jax.tree_util.tree_map_with_path(leaf, in_full(system))
 
 
 def at(route: tuple[str, ...]) -> Callable[[Any], Any]:

@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ..contact.own_numbers import check_single, in_full
+from ..contact.own_numbers import as_arguments, check_single, in_full
 from ..contact.system import AbstractSystem
 from ..numerics.forwards_only import forwards_only
+from ..numerics.kept import Kept
+from ..numerics.tracing import is_staged
 from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.codes import RUNNING
@@ -120,8 +122,9 @@ def solve(
     """Return the `Solution` of one trajectory over ``duration`` [s] from ``start`` on.
 
     A pure function: it works under `jax.jit`, `jax.vmap` over any parameter of ``system`` (an
-    equinox module), and `jax.jvp`; with ``reverse`` under `jax.grad` instead. It never raises for
-    a numerical failure; look at ``result``.
+    equinox module), and `jax.jvp`; with ``reverse`` under `jax.grad` instead. By itself it is
+    compiled at the first call, once for all values of the system's numbers. It never raises for a
+    numerical failure; look at ``result``.
 
     **Main arguments:** ``system``; ``duration`` [s]; ``initial_state`` = (position, velocity), n
     values each (default: the system's own start).
@@ -144,7 +147,8 @@ def solve(
     """
     check_system(system)
     check_single(system)
-    system = in_full(system)
+    staged = is_staged()
+    system = in_full(system) if staged else as_arguments(system)
     checks.numbers("duration", duration, POSITIVE, arrays=False)
     check_integration(solver, rtol, zeno_time, max_steps)
     if initial_state is None:
@@ -166,9 +170,14 @@ def solve(
         ),
         start,
     )
-    state = run(case.problem, begin(case), int(max_steps) if reverse else None)
-    found = solution(case.problem, state)
+    # by itself it is a program of its own, kept for the next call
+    found = (_alone.function if staged else _alone)(case, int(max_steps) if reverse else None)
     return found if reverse else forwards_only(found, BACKWARDS)
+
+
+@Kept
+def _alone(case: Case, reverse_turns: int | None) -> Solution:
+    return solution(case.problem, run(case.problem, begin(case), reverse_turns))
 
 
 def solution(problem: Problem, state: State) -> Solution:

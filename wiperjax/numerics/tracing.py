@@ -1,4 +1,4 @@
-"""Functions that stand in a program many times, traced once."""
+"""Whether a program is traced, and functions that stand in one many times, traced once."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -7,9 +7,15 @@ from typing import ParamSpec, TypeVar
 import equinox as eqx
 import jax
 import jax.core
+import jax.numpy as jnp
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+
+def is_staged() -> bool:
+    """Whether what is computed now becomes part of a program, as within `jax.jit`."""
+    return isinstance(jnp.add(0.0, 0.0), jax.core.Tracer)
 
 
 def traced_once(function: Callable[P, T]) -> Callable[P, T]:

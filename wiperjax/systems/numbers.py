@@ -14,12 +14,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..contact.own_numbers import at, in_full, numbers, routes
+from ..contact.own_numbers import as_arguments, at, numbers, routes
 from ..contact.system import AbstractSystem
 from ..numerics.arrays import fields_of
 from ..vocabulary import checks
 from ..vocabulary.declared import SET_BY_THE_ENGINE, marked
-from ..vocabulary.kinds import is_absent, of_fields
 from ..vocabulary.parameters import PARAMETERS, Parameter
 from ..vocabulary.wording import digits, shown
 
@@ -110,19 +109,9 @@ def replaced(system: AbstractSystem, name: str, number) -> AbstractSystem:
 
 
 def traceable(system: AbstractSystem, *names: str) -> AbstractSystem:
-    """Return ``system`` with its numbers as arrays: one compiled program serves all their values.
-
-    A Python number whose terms are then not computed at all stays one (`kinds.is_absent`: no
-    hinge mass, say, or any 0 of a system of one's own), unless it is among ``names``.
-    """
-
-    def leaf(path, x):
-        to = fields_of(path)
-        number = isinstance(x, float) or (isinstance(x, int) and of_fields(to))
-        counts = number and not is_absent(to, float(x), (0,))
-        return jnp.asarray(x, float) if counts or isinstance(x, np.ndarray) else x
-
-    system = jax.tree_util.tree_map_with_path(leaf, in_full(system))
+    """Return ``system`` with its numbers `as_arguments` of a compiled program, all ``names`` among
+    them."""
+    system = as_arguments(system)
     for name in names:
         system = replaced(system, name, at(path(system, name))(system))
     return system
