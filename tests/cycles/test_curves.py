@@ -1,7 +1,7 @@
 """Curves in two parameters: Hopf points and folds, against closed forms and independent codes."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import permutations
 from types import SimpleNamespace
 from typing import Any
@@ -20,7 +20,7 @@ from wiperjax import SteadyBelt, Stribeck, Wiper
 from wiperjax.cycles import curves_dataset, find_cycle, follow, follow_curves
 from wiperjax.cycles.branch.follow import Branch
 from wiperjax.cycles.chart import chart
-from wiperjax.cycles.curve.equations import Facts, Spot, solve
+from wiperjax.cycles.curve.equations import Equations, Facts, Spot, solve
 from wiperjax.cycles.curve.follow import Curve, _on, _slipping
 from wiperjax.cycles.curve.hopf import Hopf, first_lyapunov, opposite_pair, pair_sums
 from wiperjax.cycles.curve.plane import Plane
@@ -305,6 +305,44 @@ def test_hopf_curve_of_two_coordinates_has_an_imaginary_pair():
         assert abs(nearest.real) < 1e-9
         assert 2 * math.pi / abs(nearest.imag) == pytest.approx(spot.facts.period, rel=1e-9)
         assert spot.facts.test["bautin"] < 0  # the push falls with the speed: a soft onset
+
+
+@dataclass(frozen=True)
+class Circle(Equations):
+    """A circle about the middle of the plane, which has no other unknowns."""
+
+    kind, tests, enough, sizes = "circle", (), 1e-12, (1.0, 1.0)
+
+    def values(self, u):
+        off = u - 0.5
+        return np.array([off @ off - 0.09]), 2 * off[None], None
+
+    def facts(self, u, more):
+        return Facts(np.zeros(2), 1.0, 1.0, {})
+
+    def centred(self, facts, place):
+        return Circle(self.plane, place)
+
+    def spread(self, tangent):
+        return tangent
+
+
+def test_closed_curve_ends_before_a_special_point_beyond_its_start():
+    """Where the last step passes the start and a point behind it, that is not noted once more."""
+    no_system: Any = None
+    plane = Plane(no_system, ("a", "b"), np.zeros(2), np.ones(2))
+    for angle in np.linspace(-0.1, -0.01, 10):  # a turns back at 0
+        radius = np.array([math.cos(angle), math.sin(angle)])
+        equations = Circle(plane, 0.5 + 0.3 * radius)
+        first = solve(equations, equations.start, np.array([-radius[1], radius[0]]))
+        assert first is not None
+        walk = Walk(0.1, 500)
+        walk.run(first)
+        assert walk.end == CurveEnd.CLOSED
+        assert [mark.kind for mark in walk.marks] == ["turn_a", "turn_b"] * 2
+        around = np.array([spot.place for spot in walk.spots]) - 0.5
+        turned = np.unwrap(np.arctan2(*around.T[::-1])) - angle
+        assert (np.diff(turned) > 0).all() and turned[-1] == pytest.approx(2 * np.pi)
 
 
 def test_pair_sums_and_the_opposite_pair():

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -114,17 +114,10 @@ def plot(
         raise ValueError("--all draws every picture and --picture one: give one of them")
     if curves is not None:
         check_source(curves)
-    options = {
-        "start": start,
-        "stop": stop,
-        "quantity": quantity,
-        "component": component,
-        "seconds": seconds,
-        "x": x,
-        "y": y,
-        "at": cuts(at),
-        "curves": curves,
-    }
+    options: dict[str, Any] = {
+        "start": start, "stop": stop, "quantity": quantity, "component": component,
+        "seconds": seconds, "x": x, "y": y, "at": cuts(at), "curves": curves,
+    }  # fmt: skip
     chosen = {name: value for name, value in options.items() if value is not None}
     from ..plots import plot_all, plot_file
 

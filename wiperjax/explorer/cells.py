@@ -20,6 +20,7 @@ RATE = 50_000  # samples a second of a blade: what is heard, and every corner of
 A_PERIOD = 50  # samples of the highest squeal of another system, which may be slow
 FEWEST_SAMPLES = 1000
 MOST_SAMPLES = 1_000_000  # of a run: a longer one is sampled more coarsely
+AS_SWEPT = ("rtol", "atol", "solver", "max_steps", "max_step", "zeno_time")  # keys of `[run]`
 
 
 def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> dict[str, Any]:
@@ -41,17 +42,8 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
     for name, number in place.items():
         table = spec.parameter_table[name].table
         tables[table][keys[name] if table == "belt" else name] = float(ds[name].values[number])
-    run = {
-        "duration": duration,
-        "transient": settings.transient,
-        "sample_interval": interval,
-        "rtol": settings.rtol,
-        "atol": settings.atol,
-        "solver": settings.solver,
-        "max_steps": settings.max_steps,
-        "max_step": settings.max_step,
-        "zeno_time": settings.zeno_time,
-    }
+    run = {"duration": duration, "transient": settings.transient, "sample_interval": interval}
+    run |= {name: getattr(settings, name) for name in AS_SWEPT}
     where = ", ".join(value_text(ds[name], number) for name, number in place.items())
     return {
         "title": where[:400],

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ..datasets.branch_dataset import rest, simulations
 from ..vocabulary.wording import not_there
-from .style.axes import label, legend_below, long_name, page, shown, shown_unit
+from .style.axes import axes_or_page, label, legend_below, long_name, page, shown, shown_unit
 from .style.caption import set_caption
 
 BRANCH = "#0072B2"
@@ -55,8 +55,7 @@ def bifurcation_diagram(
       between two of them.
     - `legend`: whether to name what is drawn below the axes.
     """
-    if ax is None:
-        ax = page((8.0, 4.8)).subplots()
+    ax, _ = axes_or_page(ax, (8.0, 4.8))
     held = branch if branch is not None else brute
     if held is None:
         raise ValueError("branch or brute must be given, but both were None")
@@ -203,9 +202,7 @@ def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
     They are sorted by size at each point. Lines end where multipliers jump: where events of the
     motion appear or vanish.
     """
-    whole = ax is None
-    if ax is None:
-        ax = page((8.0, 3.8)).subplots()
+    ax, whole = axes_or_page(ax, (8.0, 3.8))
     over = branch[str(branch.attrs["over"])]
     size = np.hypot(branch["multiplier_real"].values, branch["multiplier_imag"].values)
     size = -np.sort(-size, axis=1)
@@ -236,8 +233,7 @@ def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 def remedy_bars(shares: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw what each parameter buys (`remedy.sensitivities`)."""
-    if ax is None:
-        ax = page((6.5, 3.2)).subplots()
+    ax, _ = axes_or_page(ax, (6.5, 3.2))
     order = np.argsort(np.abs(shares["buys"].values))
     names = [str(n).replace("_", " ") for n in shares["parameter"].values[order]]
     ax.barh(names, shares["buys"].values[order], color=BRANCH)

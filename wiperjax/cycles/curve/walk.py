@@ -71,7 +71,7 @@ class Walk:
     def _take(self, here: Spot, ahead: Spot, length: float, far: bool) -> None:
         """Append the way to ``ahead``, up to where it ends, with the special points on it."""
         found = [*self._specials(here, ahead, length), *self._borders(here, ahead, length)]
-        if far and (passed := self._closing(here, ahead)):
+        if far and (passed := self._closing(here, ahead, length)):
             found.append(passed)
         for _, test, spot in sorted(found, key=lambda item: item[0]):
             if test.end not in (CurveEnd.RANGE, CurveEnd.CLOSED):
@@ -136,7 +136,7 @@ class Walk:
             found = between(here, ahead, length, outside)
             yield (0.0, test, here) if found is None else (found[0], test, found[1])
 
-    def _closing(self, here: Spot, ahead: Spot):
+    def _closing(self, here: Spot, ahead: Spot, length: float):
         """The first spot, if the way to ``ahead`` passes it."""
         first = self.spots[0]
         a, b, c = (place_of(spot) for spot in (first, here, ahead))
@@ -145,7 +145,7 @@ class Walk:
         aside = np.linalg.norm(a - b - part * chord)
         if not 0 <= part <= 1 or aside > 0.1 * np.linalg.norm(chord):
             return None
-        return part, Test("", "the curve is closed", CurveEnd.CLOSED), first
+        return part * length, Test("", "the curve is closed", CurveEnd.CLOSED), first
 
 
 def value(spot: Spot, test: Test) -> float:

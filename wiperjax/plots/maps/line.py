@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 from ...noise.class_counts import unsettled
 from ...noise.classes import class_bands, stored
 from ...vocabulary.cf import flag_names
-from ..style.axes import edges, legend_below, page, plain_log, set_axis, shown
+from ..style.axes import axes_or_page, edges, legend_below, page, plain_log, set_axis, shown
 from ..style.caption import is_own, moving, set_caption, start_text
 from ..style.palette import BOUNDARY, CLASSES, HATCHES, REGIMES, UNKNOWN, readable
 from .numbers import TONE, told
@@ -46,7 +46,6 @@ def along_axis(
 
     Returns: axes, shape (3,).
     """
-    check_dim(ds, along)
     line, where, along = _line(ds, along, at)
     whole = axes is None
     rows = np.asarray(_column() if axes is None else axes)
@@ -76,6 +75,7 @@ def _column() -> np.ndarray:
 
 def _line(ds: xr.Dataset, along: str | None, at: At | None) -> tuple[xr.Dataset, str, str]:
     """Slice of a map along one axis, the text of where it lies, and the name of the axis."""
+    check_dim(ds, along)
     free = [dim for dim in long_axes(ds) if dim not in (at or {})]
     if along is None:
         along = (
@@ -185,11 +185,8 @@ def class_shares(
     """
     if "class_share" not in ds:
         raise ValueError("this map holds no shares; sweep with [starts] random = 200, say")
-    check_dim(ds, along)
     line, where, along = _line(ds, along, at)
-    whole = ax is None
-    if ax is None:
-        ax = page((7.0, 4.2)).subplots()
+    ax, whole = axes_or_page(ax, (7.0, 4.2))
     shares = line["class_share"].transpose("class", along)
     seen = [str(name) for name in line["class"].values if (shares.sel({"class": name}) > 0).any()]
     across = shown(line[along])[0]
@@ -220,11 +217,8 @@ def regime_raster(
     """
     if "regime_raster" not in ds:
         raise ValueError("this map holds no regime over time; sweep with [run] raster = 200, say")
-    check_dim(ds, along)
     line, where, along = _line(ds, along, at)
-    whole = ax is None
-    if ax is None:
-        ax = page((7.0, 5.0)).subplots()
+    ax, whole = axes_or_page(ax, (7.0, 5.0))
     codes = line["regime_raster"].transpose(along, "raster_time").values
     names = flag_names(line["regime_raster"])
     order = [code for code, name in names.items() if name in REGIMES]

@@ -14,13 +14,13 @@ from ...vocabulary.cf import flag_names
 from ...vocabulary.columns import derivative
 from ...vocabulary.wording import not_there
 from ..style.axes import (
+    axes_or_page,
     edges,
     is_numeric,
     is_ordered,
     label,
     log_marks,
     long_name,
-    page,
     set_axis,
     shown,
     value_text,
@@ -164,9 +164,7 @@ def value_map(
     """
     check_cellwise(ds, name)
     x, y = choose_plane(ds, x, y)
-    whole = ax is None
-    if ax is None:
-        ax = page((6.4, 5.0)).subplots()
+    ax, whole = axes_or_page(ax, (6.4, 5.0))
     plane, where = cut(ds, (x, y), at)
     numbers, unit = shown(told(plane, name).transpose(y, x))
     values = np.ma.masked_invalid(numbers)

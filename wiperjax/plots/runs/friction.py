@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 
 from ...vocabulary import checks
 from ...vocabulary.kinds import FRICTION_KINDS
-from ..style.axes import label, legend_below, page, shown
+from ..style.axes import axes_or_page, label, legend_below, page, shown
 from ..style.caption import is_own, set_caption
 from ..style.palette import REGIMES, UNKNOWN, readable
 from .portrait import regime_masks
@@ -33,9 +33,7 @@ def friction_curve(
     """
     kind, (_, unit) = law_of(ds), shown(ds["friction_force"])
     stribeck = kind == "stribeck"
-    whole = ax is None
-    if ax is None:
-        ax = page((6.4, 5.0)).subplots()
+    ax, whole = axes_or_page(ax, (6.4, 5.0))
     slip = np.asarray(ds["slip_speed"], dtype=float)
     normal = np.asarray(ds["normal_force"], dtype=float)
     friction = np.asarray(ds["friction_force"], dtype=float)

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ...datasets.run_dataset import check_quantity, contact_axis, event_times, signal
-from ..style.axes import label, legend_below, page, shown
+from ..style.axes import axes_or_page, label, legend_below, shown
 from ..style.caption import direction, is_own, partner, quantity_words, set_caption
 from ..style.palette import BELT, EVENT_NAMES, EVENTS
 from .bands import regime_bands, regime_legend
@@ -39,9 +39,7 @@ def time_history(
     Raises: `ValueError` if the run has no such quantity over time.
     """
     values = check_quantity(ds, quantity)
-    whole = ax is None
-    if ax is None:
-        ax = page((10.0, 3.6)).subplots()
+    ax, whole = axes_or_page(ax, (10.0, 3.6))
     time = np.asarray(ds["time"], dtype=float)
     regime_bands(ds, ax)
     numbers, unit = shown(values.transpose("time", ...))

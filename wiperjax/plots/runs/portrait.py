@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ...datasets.run_dataset import contact_axis, event_times, is_steady, signal, usual_axis
 from ...vocabulary.cf import flag_names
-from ..style.axes import label, legend_below, page, shown, shown_unit
+from ..style.axes import axes_or_page, label, legend_below, shown, shown_unit
 from ..style.caption import direction, partner, set_caption
 from ..style.palette import BELT, REGIMES, UNKNOWN, readable
 
@@ -45,9 +45,7 @@ def phase_portrait(
     contact's own coordinate). The upper axis of a lip is the angle of the lip from the glass
     normal.
     """
-    whole = ax is None
-    if ax is None:
-        ax = page((6.0, 5.4)).subplots()
+    ax, whole = axes_or_page(ax, (6.0, 5.4))
     component = usual_axis(ds) if component is None else component
     if transient is not None:
         way = _with_jumps(transient, component)[:2]

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from ...datasets.run_dataset import is_steady, signal
 from ...noise.classes import class_bands, stored
-from ..style.axes import label, page, plain_log, shown_unit, time_text
+from ..style.axes import axes_or_page, label, page, plain_log, shown_unit, time_text
 from ..style.caption import quantity_words, set_caption
 from ..style.palette import CLASSES, EVENT_NAMES
 from .history import shown_events
@@ -44,9 +44,7 @@ def spectrum(
     found = lines(ds, quantity, component)
     frequency, amplitude, line = found.frequency, factor * found.amplitude, found.strongest
     low, top = frequency[[0, -1]]
-    whole = ax is None
-    if ax is None:
-        ax = page((8.0, 4.4)).subplots()
+    ax, whole = axes_or_page(ax, (8.0, 4.4))
     ax.plot(frequency, amplitude, color="black", linewidth=0.8)
     plain_log(ax, "x")
     ax.set_xlim(low, top)

@@ -23,6 +23,11 @@ def page(size: tuple[float, float]) -> Figure:
     return Figure(figsize=size, layout="constrained")
 
 
+def axes_or_page(ax: Axes | None, size: tuple[float, float]) -> tuple[Axes, bool]:
+    """Axes to draw in, and whether they have a page of their own, of this size: if `ax` is None."""
+    return (page(size).subplots(), True) if ax is None else (ax, False)
+
+
 def shown(variable: xr.DataArray) -> tuple[np.ndarray, str]:
     """Values of a variable as floats in the unit of pictures, and that unit (empty if none)."""
     factor, unit = shown_unit(variable)
