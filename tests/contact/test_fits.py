@@ -9,7 +9,7 @@ import own_systems
 import pytest
 
 import wiperjax
-from wiperjax import Coulomb, parameter
+from wiperjax import Coulomb, parameter, remedy
 from wiperjax.blade.rungs import on_rung
 from wiperjax.contact import fits
 from wiperjax.cycles.find import find_cycle
@@ -199,6 +199,32 @@ def test_a_belt_whose_pieces_go_on_passes():
         fits.check(Oscillator(belt=belt), (0.0,), (0.0,))
     several = Turning(np.array([0.0, 0.5]), np.array([3.0, 4.0]), np.zeros(2))
     fits.check(Oscillator(belt=several), (0.0,), (0.0,), (2,))
+
+
+class Late(wiperjax.SteadyBelt):
+    """Pieces of a millisecond, as of measured points; it turns where the 801st ends, if at all."""
+
+    at: int = 800
+
+    def velocity(self, time, piece):
+        return self.speed * (1 - time / (1e-3 * (self.at + 1)))
+
+    def break_time(self, piece):
+        return jnp.where(piece < 1000, 1e-3 * (piece + 1), jnp.inf)
+
+    def first_piece(self, time):
+        return jnp.floor(1e3 * time).astype(int)
+
+    def reverses(self, piece):
+        return piece == self.at
+
+
+def test_a_turn_behind_many_points_is_seen():
+    """Only 64 pieces were looked at: such a blade had a verdict, its turn in the window."""
+    blade = wiperjax.Wiper(belt=Late())
+    assert fits.turns(blade) and not fits.turns(wiperjax.Wiper(belt=Late(at=5000)))
+    with pytest.raises(ValueError, match="^blade must be on a belt that does not turn .* on Late$"):
+        remedy.verdict(blade)
 
 
 class AtOnce(Breaking):

@@ -10,8 +10,9 @@ import pytest
 import wiperjax
 from wiperjax import remedy
 from wiperjax.blade.steady_slip import steady_slip
-from wiperjax.cycles import find_cycle, up_and_down
+from wiperjax.cycles import find_cycle, orbit, up_and_down
 from wiperjax.noise.run_class import assess, words
+from wiperjax.remedy import descent
 from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
 from wiperjax.systems.woodpecker import Woodpecker
@@ -197,6 +198,17 @@ def test_a_period_that_is_a_number_has_no_derivative_by_the_frequency():
     told = find_cycle(system, settle=100.0, period=lambda s: 1 / s.belt.frequency)
     slope = float(remedy.sensitivities(told, ["belt_frequency"], "period").derivative[0])
     assert slope == pytest.approx(-100.0)
+
+
+@pytest.mark.slow
+def test_events_that_are_not_told_apart_are_not_called_the_same():
+    """A period of a lip on a slow belt that turns has more than 256: any two had one word."""
+    cycle = find_cycle(Oscillator(belt=wiperjax.SteadyBelt(0.3)), settle=60.0)
+    assert descent._same_events(cycle, cycle)
+    cut = cycle.motion._replace(overflow=np.array(True))
+    word, regimes = orbit.words(cut)
+    many = replace(cycle, motion=cut, word=word, regimes=regimes)
+    assert not descent._same_events(many, many)
 
 
 class Own(wiperjax.SteadyBelt):

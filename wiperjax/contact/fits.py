@@ -25,6 +25,7 @@ from .system import AbstractSystem, cast
 
 SAME = 1e-6  # of W_tn and W_nt, relative
 SINGULAR = 1e-12  # relative: a W that is so near to singular is so but for rounding
+PIECES = 2**14  # of a motion that are looked at for a turn: a measured one has many
 
 
 def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple = ()) -> None:
@@ -83,15 +84,15 @@ def check_law(law: Any, shape: tuple = ()) -> None:
 
 
 def turns(system: AbstractSystem) -> bool:
-    """Whether V passes through zero where one of the first pieces of its motion from t = 0 on ends.
-    Raises ValueError, as `check`, for a belt that does not answer."""
+    """Whether V passes through zero where one of the first `PIECES` of its motion from t = 0 on
+    ends. Raises ValueError, as `check`, for a belt that does not answer."""
     t = jnp.zeros(())
     _check_partner(system, t)
 
     def turned(piece):
         return jnp.logical_and(system.reverses(piece), jnp.isfinite(system.break_time(piece)))
 
-    return bool(jnp.any(jax.vmap(turned)(system.first_piece(t) + jnp.arange(joints.PIECES))))
+    return bool(jnp.any(jax.vmap(turned)(system.first_piece(t) + jnp.arange(PIECES))))
 
 
 def _check_partner(system: AbstractSystem, t) -> None:

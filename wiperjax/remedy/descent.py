@@ -50,7 +50,8 @@ def descend(
     **Returns** a `Path`. ``end`` is one of: the cycle ends and nothing replaces it (quiet); a
     measure of 0; bounds that leave no way down; the number of steps. ``same_events`` is False at a
     step whose events are not those of the step before: the gradient that led there did not know of
-    them. Another system than a wiper, and one on a belt that turns, has no ``label``.
+    them; and where a period has more events than are told apart. Another system than a
+    wiper, and one on a belt that turns, has no ``label``.
     """
     checks.instance("cycle", cycle, Cycle, "a cycle of find_cycle(...)")
     box = Box.of(cycle.system, bounds)
@@ -88,7 +89,7 @@ def descend(
             end = f"the cycle has ended: {following.found.name.lower()}"
             rows.append(_row(replace(following, system=system), bounds, measure, False))
             break
-        rows.append(_row(following, bounds, measure, same_word(cycle, following)))
+        rows.append(_row(following, bounds, measure, _same_events(cycle, following)))
         cycle = following
     about = {name: numbers.attributes(system, name) for name in bounds}
     about[measure] = column_attributes(system, measure)
@@ -102,6 +103,11 @@ def descend(
     if isinstance(system, Wiper) and not turns(system):
         said = verdict(system, settle=settle)["label"]
     return Path(xr.Dataset(columns, attrs={"end": end}), system, end, said)
+
+
+def _same_events(a: Cycle, b: Cycle) -> bool:
+    """Whether two cycles are known to pass the same events: more than are told apart are not."""
+    return same_word(a, b) and not any(c.motion is None or c.motion.overflow for c in (a, b))
 
 
 def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycle:
