@@ -159,6 +159,28 @@ def test_a_special_point_between_two_points_of_a_bent_curve_is_on_it():
     assert not any(on(0.395, angle) or on(0.405, angle) for angle in middles)
 
 
+class Scaled(Ring):
+    """Circles of `Ring` drawn ``scale`` times as large: their fold is at a = 1/4 for all scales."""
+
+    scale: float = 1.0
+
+    def free_acceleration(self, t, q, v):
+        r2 = (q[0] ** 2 + v[0] ** 2) / self.scale**2
+        return (-(self.a + self.b * r2 + self.c * r2**2) * v[0] - q[0],)
+
+
+@pytest.mark.slow
+def test_folds_that_only_become_small_go_on_and_nothing_turns_back():
+    """They ended at a hundredth of the scale as if they shrank onto steady slip, and ``a``, which
+    is the same all along, turned back five times."""
+    cycle = find_cycle(Scaled(), settle=80.0, initial_state=((1.2,), (0.0,)), over="a")
+    branch = follow(cycle, 0.05, 0.3, step=0.1)
+    (fold,) = follow_curves(branch, "scale", 0.01, 1.2, step=0.1)
+    np.testing.assert_allclose(fold.places[:, 0], 0.25, atol=1e-9)
+    assert fold.places[[0, -1], 1] == pytest.approx([0.01, 1.2], abs=1e-9)
+    assert codes(fold) == {CurveEnd.RANGE} and fold.special == []
+
+
 def touching_belt(damping: float) -> float:
     """Belt speed at which the closed slip motion of the oscillator just comes to rest on the belt.
 
