@@ -136,6 +136,51 @@ def test_a_fold_of_other_cycles_at_the_same_parameters_is_on_no_curve():
     assert on(1.65) and not on(1.14) and not on(1.65, 7.0) and not on(1.65, b=0.05)
 
 
+def test_a_special_point_between_two_points_of_a_bent_curve_is_on_it():
+    """The second fold of a closed curve brought the whole curve again: chords of 0.05 run by a
+    circle of a fifth of the ranges farther than what was looked at."""
+    ring = Ring()
+    plane = Plane(ring, ("a", "b"), np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+    family = Shooting(ring, "a", None, None, 1, np.array([1.0, 1.0]), 2 * math.pi)
+    around = np.linspace(0.0, 2 * math.pi, 15)
+    places = 0.4 * np.stack([np.cos(around), np.sin(around)], axis=1)
+    places = np.insert(places, 5, places[5], axis=0)  # a special point, met twice
+    facts = [Facts(np.zeros(2), 1.0, 2 * math.pi, {})] * len(places)
+    ends = (CurveEnd.CLOSED, "")
+    curve = Curve("fold", ring, plane.names, places, facts, [], (ends, ends))
+    cycle = Cycle(ring, Found.FOUND, period=2 * math.pi, maximum=1.0, minimum=-1.0)
+
+    def on(radius, angle):
+        place = radius * np.array([math.cos(angle), math.sin(angle)])
+        return _on(curve, "fold", place, cycle, plane, family)
+
+    middles = 0.5 * (around[:-1] + around[1:])
+    assert all(on(0.4, angle) for angle in middles)
+    assert not any(on(0.395, angle) or on(0.405, angle) for angle in middles)
+
+
+class Scaled(Ring):
+    """Circles of `Ring` drawn ``scale`` times as large: their fold is at a = 1/4 for all scales."""
+
+    scale: float = 1.0
+
+    def free_acceleration(self, t, q, v):
+        r2 = (q[0] ** 2 + v[0] ** 2) / self.scale**2
+        return (-(self.a + self.b * r2 + self.c * r2**2) * v[0] - q[0],)
+
+
+@pytest.mark.slow
+def test_folds_that_only_become_small_go_on_and_nothing_turns_back():
+    """They ended at a hundredth of the scale as if they shrank onto steady slip, and ``a``, which
+    is the same all along, turned back five times."""
+    cycle = find_cycle(Scaled(), settle=80.0, initial_state=((1.2,), (0.0,)), over="a")
+    branch = follow(cycle, 0.05, 0.3, step=0.1)
+    (fold,) = follow_curves(branch, "scale", 0.01, 1.2, step=0.1)
+    np.testing.assert_allclose(fold.places[:, 0], 0.25, atol=1e-9)
+    assert fold.places[[0, -1], 1] == pytest.approx([0.01, 1.2], abs=1e-9)
+    assert codes(fold) == {CurveEnd.RANGE} and fold.special == []
+
+
 def touching_belt(damping: float) -> float:
     """Belt speed at which the closed slip motion of the oscillator just comes to rest on the belt.
 

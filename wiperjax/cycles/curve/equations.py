@@ -46,7 +46,6 @@ class Equations(ABC):
     kind: ClassVar[str]
     tests: ClassVar[tuple[Test, ...]]
     enough: ClassVar[float]  # in scaled numbers: solved as far as the equations can be told
-    vanish: ClassVar[bool] = False  # whether its cycles may shrink onto steady slip
     plane: Plane
     start: np.ndarray
 
@@ -89,6 +88,10 @@ class Equations(ABC):
     def beyond(self, spot: "Spot", test: Test) -> "Spot | None":
         """Return where the curve goes on behind a test that would end it at ``spot``, or None."""
         return None
+
+    def vanishes(self, here: "Spot", ahead: "Spot") -> bool:
+        """Return whether cycles that become small from ``here`` on shrink onto steady slip."""
+        return False
 
     def stuck(self, here: "Spot") -> tuple[CurveEnd, str]:
         """Return why no step leads on from ``here``."""

@@ -25,7 +25,6 @@ class Fold(OfCycles):
     """Folds around a cycle; ``left`` and ``right`` border J, ``bend`` is its derivative."""
 
     kind: ClassVar[str] = "fold"
-    vanish: ClassVar[bool] = True
     tests: ClassVar[tuple[Test, ...]] = ()
     left: np.ndarray  # (m,)
     right: np.ndarray  # (m,)
@@ -72,6 +71,18 @@ class Fold(OfCycles):
         square[:m, :m], square[:m, m], square[m, :m] = jacobian[:, :m], self.left, self.right
         answer = np.linalg.solve(square.T if transposed else square, np.eye(m + 1)[-1])
         return answer[:m], float(answer[m])
+
+    def vanishes(self, here, ahead):
+        """There the parting of the two cycles vanishes as the cube of the amplitude does; it grows
+        where only the scale of the motion becomes small with a parameter."""
+        one, two = here.facts.amplitude, ahead.facts.amplitude
+        return self._parting(ahead) * one < self._parting(here) * two
+
+    def _parting(self, spot: Spot) -> float:
+        """Return the second derivative of the closing equations along their null vector."""
+        m = len(spot.jacobian) - 1
+        along = self._merging(spot.jacobian[:-1])[0]
+        return abs(float(spot.jacobian[-1, :m] @ along)) / float(np.linalg.norm(along))
 
     def stuck(self, here: Spot):
         cycle = here.facts.cycle

@@ -20,6 +20,7 @@ SHORT = 1e-3  # of the longest step: where this one fails, the curve is given up
 LOCATED = 1e-8  # of a step's unit: how closely a special point is closed in
 VANISHED = 0.02  # of the largest amplitude: a fold shrinks onto steady slip
 ZERO = 1e-5  # of a test's value at the next step: it vanishes at this one, and was noted
+FLAT = 1e-6  # of a unit tangent: a parameter that stays the same
 STILL = 1e-4  # of a unit tangent: neither parameter changes
 
 
@@ -90,11 +91,11 @@ class Walk:
     def _note_vanishing(self, here: Spot, ahead: Spot) -> None:
         """Note where the cycles of a fold shrink onto steady slip (amplitude^2 -> 0).
 
-        Cycles that come to rest on a belt are small only where the belt is slow: it is no such end.
+        Cycles may be small, too, because a belt is slow or a scale is small: that is no such end.
         """
         one, two = here.facts.amplitude, ahead.facts.amplitude
         self.largest = max(self.largest, two)
-        if not here.equations.vanish or two >= one or two > VANISHED * self.largest:
+        if two >= one or two > VANISHED * self.largest or not here.equations.vanishes(here, ahead):
             return
         way = two**2 / (one**2 - two**2)
         gone = ahead.unknowns + way * (ahead.unknowns - here.unknowns)
@@ -109,6 +110,8 @@ class Walk:
         turns = [Test(f"turn_{name}", f"{name} turns back") for name in names]
         cusp = False
         for test in (*here.equations.tests, *turns):
+            if test in turns and max(abs(value(spot, test)) for spot in (here, ahead)) < FLAT:
+                continue  # the curve does not depend on the other one: signs of rounding
             found = between(here, ahead, length, lambda spot, test=test: value(spot, test))
             if found is None:
                 continue
