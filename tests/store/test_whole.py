@@ -1,5 +1,8 @@
 """Finished maps opened."""
 
+import tomllib
+from pathlib import Path
+
 import h5py
 import pytest
 import stub_sweep as stub
@@ -41,3 +44,11 @@ def test_of_two_programs_that_write_one_new_file_the_later_is_told(tmp_path, mon
         write_dataset(run, path)
     assert path.read_bytes() == b"precious"
     write_dataset(run, path, force=True)
+
+
+def test_no_xarray_is_allowed_that_cannot_write_a_file_in_memory():
+    """Before 2025.8 it refuses h5netcdf there, and writes by scipy, which knows no HDF5."""
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
+    (bound,) = (line for line in project["project"]["dependencies"] if line.startswith("xarray"))
+    lowest = tuple(map(int, bound.removeprefix("xarray>=").split(".")))
+    assert lowest >= (2025, 8)
