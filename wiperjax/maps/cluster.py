@@ -24,7 +24,7 @@ from ..vocabulary.wording import shown
 from . import block, worker
 from .worker import Answer, ClusterError, Own
 
-_KEPT = "finished blocks are kept, go on with --resume"
+_KEPT = "finished blocks are kept, give the same command again (a sweep with --resume)"
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the client
 ALONE = 600  # s without any worker after which a sweep stops: dask would wait for one for ever
 AHEAD = 2  # blocks in flight for each thread of the workers: one computed, one ready
