@@ -402,3 +402,14 @@ def test_a_motion_that_ends_before_it_dies_out_is_lost():
     shooting = SimpleNamespace(motion=lambda *_, **__: end, system=None, scale=np.ones(2))
     with pytest.raises(Lost, match="collapsed"):
         _dies(Guess(shooting, np.ones(2), 0, 1.0, 0.0), 1.0)
+
+
+@pytest.mark.parametrize("periods", [248, 256, 264])
+def test_samples_in_step_with_the_periods_tell_no_other_cycle(periods):
+    """The quarter of ``settle`` that is looked at held about as many periods as samples: a cycle
+    of 31 or 33 times the period was found, word and all; of as many none, but rest."""
+    once = find_cycle(Oscillator(), settle=100.0)
+    late = find_cycle(Oscillator(), settle=4 * periods * once.period)
+    assert late.found == Found.FOUND
+    assert late.word == once.word
+    assert late.period == pytest.approx(once.period, rel=1e-9)
