@@ -344,7 +344,8 @@ def test_a_lost_scheduler_is_one_line(tmp_path):
         env=processes.environment(),
         timeout=200,
     )
-    said = r"the scheduler was lost \(\w+\); finished blocks are kept, give the same command again \(a sweep with --resume\)\n"
+    said = r"the scheduler was lost \(\w+\); finished blocks are kept, give the same command again "
+    said += r"\(a sweep with --resume\)\n"
     assert re.fullmatch(said, ran.stdout), ran
     assert ran.stderr == ""
 
