@@ -93,18 +93,16 @@ def _stated(file: Path, settings: dict[str, Any]) -> dict[str, Any]:
     Raises: StoreError for what is no finished map, SpecError for settings that cannot be meant,
         ValueError if that file does not say how fine.
     """
-    import json
-
     from ..specs.refine import parse_refine
     from ..store.swept import sweep_of
     from ..store.whole import open_finished
 
     with open_finished(file) as ds:
-        spec, document = sweep_of(ds, file), json.loads(ds.attrs["specification"])
-    if "refine" not in document:
+        spec = sweep_of(ds, file)
+    if spec.refine is None:
         parse_refine({"levels": 1, **settings}, spec)
         raise ValueError("--levels or --resolution must say how fine; the map's file does not")
-    return document["refine"] | settings
+    return spec.refine.model_dump(exclude_unset=True) | settings
 
 
 def boxes(texts: list[str] | None) -> dict[str, tuple[float, float]] | None:
