@@ -2,6 +2,7 @@
 
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -295,3 +296,15 @@ def test_a_system_that_loses_nothing_has_no_tori_and_no_stable_cycles():
     branch = follow(cycle, 0.3, 3.0, step=0.1)
     assert branch.special == []
     assert not any(c.stable for c in branch.cycles)
+
+
+def test_a_fold_at_the_very_end_of_a_step_is_no_period_doubling(monkeypatch):
+    """Whatever lay there was called one."""
+    nothing: Any = None
+    step: Any = SimpleNamespace(sense=1.0, point=SimpleNamespace(parameter=0.2))
+    way = walk.Walk(nothing, 0.0, 1.0, 0.1, 10)
+    monkeypatch.setattr(way, "_cut", lambda here, ahead, length: (length, ahead))
+    monkeypatch.setattr(way, "_append", way.steps.append)
+    way._take(step, step, 0.1, [(0.1, "fold", "the branch turns back", step)])
+    assert [(special.kind, special.index) for special in way.special] == [("fold", 0)]
+    assert len(way.steps) == 1

@@ -372,22 +372,77 @@ class Circle(Equations):
         return tangent
 
 
-def test_closed_curve_ends_before_a_special_point_beyond_its_start():
-    """Where the last step passes the start and a point behind it, that is not noted once more."""
+def walked(angle, longest):
+    """A walk round the circle from ``angle``, where a turns back at 0 and b a quarter on."""
     no_system: Any = None
     plane = Plane(no_system, ("a", "b"), np.zeros(2), np.ones(2))
-    for angle in np.linspace(-0.1, -0.01, 10):  # a turns back at 0
-        radius = np.array([math.cos(angle), math.sin(angle)])
-        equations = Circle(plane, 0.5 + 0.3 * radius)
-        first = solve(equations, equations.start, np.array([-radius[1], radius[0]]))
-        assert first is not None
-        walk = Walk(0.1, 500)
-        walk.run(first)
-        assert walk.end == CurveEnd.CLOSED
+    radius = np.array([math.cos(angle), math.sin(angle)])
+    equations = Circle(plane, 0.5 + 0.3 * radius)
+    first = solve(equations, equations.start, np.array([-radius[1], radius[0]]))
+    assert first is not None
+    walk = Walk(longest, 500)
+    walk.run(first)
+    assert walk.end == CurveEnd.CLOSED
+    return walk
+
+
+def test_closed_curve_ends_before_a_special_point_beyond_its_start():
+    """Where the last step passes the start and a point behind it, that is not noted once more."""
+    for angle in np.linspace(-0.1, -0.01, 10):
+        walk = walked(angle, 0.1)
         assert [mark.kind for mark in walk.marks] == ["turn_a", "turn_b"] * 2
         around = np.array([spot.place for spot in walk.spots]) - 0.5
         turned = np.unwrap(np.arctan2(*around.T[::-1])) - angle
         assert (np.diff(turned) > 0).all() and turned[-1] == pytest.approx(2 * np.pi)
+
+
+def test_a_special_point_right_behind_a_spot_is_noted():
+    """A step ended 2e-6 before it, and the next took what small value was there for one that had
+    been noted."""
+    walk = walked(0.274, 0.05)
+    turns = [index for index, spot in enumerate(walk.spots) if abs(spot.tangent[0]) < 1e-5]
+    assert turns[0] + 1 == turns[1]  # the spot, and what lies right behind it
+    assert [mark.kind for mark in walk.marks] == ["turn_b", "turn_a"] * 2
+    assert walk.marks[1].index == turns[1]
+
+
+class Kinked(Ring):
+    """x'' + a x' - b x'^2 + x'^3 = push - x - (x - 0.3)_+ - (x - 0.33)_+: Hopf points at a = 0,
+    whatever the springs."""
+
+    push: float = 0.0
+    sides: Any = None
+
+    def free_acceleration(self, t, q, v):
+        kinks = self.switches(t, q, v)
+        spring = q[0]
+        for kink, side in zip(kinks, kinks if self.sides is None else self.sides, strict=True):
+            spring += jnp.where(side > 0, kink, 0.0)
+        return (self.push - spring - (self.a - self.b * v[0] + v[0] ** 2) * v[0],)
+
+    def switches(self, t, q, v):
+        return q[0] - 0.3, q[0] - 0.33
+
+
+@pytest.mark.slow
+def test_a_hopf_curve_passes_two_corners_within_a_step():
+    """The second one was left out: at the spot at the first the room to a corner is zero, and the
+    curve went on at the far side with the wrong spring."""
+    names, bounds = ("a", "push"), np.array([[-0.5, 0.0], [0.5, 1.0]])
+    system = Kinked()
+    plane = Plane(wiperjax.systems.numbers.traceable(system, *names), names, *bounds)
+    where = chart(plane.system, np.array([0.1, 0.0]), 0.0, 2, np.ones(2))
+    equations = Hopf(plane, np.array([0.0, 0.0, 0.0, 0.1]), where, (-1.0, -1.0), 1.0)
+    first = solve(equations, equations.start, np.eye(4)[-1])
+    assert first is not None
+    walk = Walk(0.3, 100)
+    walk.run(first)
+    assert walk.end == CurveEnd.RANGE
+    assert [mark.kind for mark in walk.marks] == ["shoulder", "shoulder"]
+    pushes = [walk.spots[mark.index].place[1] for mark in walk.marks]
+    assert pushes == pytest.approx([0.3, 0.36], abs=1e-7)
+    last = walk.spots[-1]
+    assert last.facts.state[0] == pytest.approx((1 + 0.3 + 0.33) / 3, abs=1e-9)
 
 
 def test_pair_sums_and_the_opposite_pair():

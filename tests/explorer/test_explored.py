@@ -34,6 +34,7 @@ from wiperjax.explorer.unpacked import MOST as HELD
 from wiperjax.explorer.worker import Worker
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import driver
+from wiperjax.plots.maps.categories import category_legend
 from wiperjax.plots.maps.numbers import TONE
 from wiperjax.plots.runs.levels import Levels
 from wiperjax.runs.scene import run_scene
@@ -195,6 +196,21 @@ def test_colours_stand_for_the_classes_and_numbers_of_a_plane(whole):
     assert (np.diff(numbers.shades.ravel()[order].astype(int)) >= 0).all()
     lost = plane.assign(normal_force_max=plane["normal_force_max"] * np.nan)
     assert (painted(lost, "normal_force_max").shades == NOTHING).all()
+
+
+def test_a_page_has_the_shares_of_the_picture(whole):
+    """Of cells that are there: the page counted those that `ds.where` had taken out, and called
+    them not computed."""
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, {"label"}).load()
+    both = 1 << LABELS["quiet"] | 1 << LABELS["squeal"]
+    plane["class_set"] = xr.full_like(plane["label"], both, np.int16).drop_attrs()
+    plane["label"][:], plane["label"][-1] = LABELS["quiet"], LABELS["squeal"]
+    rows = plane.sizes["belt_speed"]
+    left = plane.where(plane["belt_speed"] > plane["belt_speed"][rows - 3])
+    texts = re.findall("</i>([^<]*)</span>", painted(left, "label").legend)
+    shares = ["quiet (50.0%)", "squeal (50.0%)", "depends on the start (100.0%)"]
+    assert [entry.get_label() for entry in category_legend(left)] == shares
+    assert texts == [*shares, "no value"]
 
 
 def test_frequencies_below_one_hertz_have_colours_of_their_own(whole):

@@ -16,7 +16,7 @@ from ..specs.tables import Start
 from ..vocabulary import checks
 from ..vocabulary.codes import Regime, Result
 from ..vocabulary.kinds import BELTS, LAW_PARAMETERS
-from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.parameters import BLADE
 from .steady_slip import map_shape, steady_slip
 from .wiper import Wiper
 
@@ -37,7 +37,7 @@ def build_wiper(
     if isinstance(friction, str):
         friction = law_of("friction", friction)
     law = friction.keys
-    own = {name for name, entry in PARAMETERS.items() if entry.table == "blade"} - LAW_PARAMETERS
+    own = {*BLADE} - LAW_PARAMETERS
     if strange := sorted(set(parameters) - own - {*keys.values(), *law.values()}):
         raise ValueError(
             f"parameters must suit belt_kind {belt_kind!r} and friction {friction.name!r}, "

@@ -16,9 +16,8 @@ from ..numerics.types import Scalar
 from ..vocabulary import checks
 from ..vocabulary.declared import set_by_the_engine
 from ..vocabulary.kinds import FRICTIONS
-from ..vocabulary.parameters import PARAMETERS, REFERENCE, described
+from ..vocabulary.parameters import BLADE, PARAMETERS, REFERENCE, described
 
-_BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
 _OWN_LAW = tuple(FRICTIONS["stribeck"].values())  # numbers of the law that the wiper has by itself
 _EDGE = 1 - 1e-9  # trial stages may reach past the end of the lip: sin(phi) is held inside +-1
 
@@ -84,7 +83,7 @@ class Wiper(OnBelt):
     constants: Constants | None = set_by_the_engine()  # of `prepared`
 
     def __check_init__(self):
-        checks.parameters({name: getattr(self, name) for name in _BLADE})
+        checks.parameters({name: getattr(self, name) for name in BLADE})
         checks.instance("belt", self.belt, AbstractBelt, "a belt such as SteadyBelt(0.3)")
         if self.friction is None:
             return

@@ -14,15 +14,6 @@ from .tables import cost
 from .who import Processes, Scheduler, Who, Workers, check_who
 
 WIDEST = "widest_bracket_share_"
-WIDE = {
-    "irregular": "at or beside irregular motion",
-    "unresolved": "not looked at to the end",
-    "meeting": "of more than two answers",
-    "unsettled": "with answers that are not settled",
-    "bent": "whose border is no plane",
-}
-"""Why a cube is not believed within a bracket of its border (`maps.refine.judge.REASONS`)."""
-
 STATED = "as --resolution needs, or [refine] of the map's file says"
 Levels = Annotated[
     int | None,
@@ -102,18 +93,16 @@ def _stated(file: Path, settings: dict[str, Any]) -> dict[str, Any]:
     Raises: StoreError for what is no finished map, SpecError for settings that cannot be meant,
         ValueError if that file does not say how fine.
     """
-    import json
-
     from ..specs.refine import parse_refine
     from ..store.swept import sweep_of
     from ..store.whole import open_finished
 
     with open_finished(file) as ds:
-        spec, document = sweep_of(ds, file), json.loads(ds.attrs["specification"])
-    if "refine" not in document:
+        spec = sweep_of(ds, file)
+    if spec.refine is None:
         parse_refine({"levels": 1, **settings}, spec)
         raise ValueError("--levels or --resolution must say how fine; the map's file does not")
-    return document["refine"] | settings
+    return spec.refine.model_dump(exclude_unset=True) | settings
 
 
 def boxes(texts: list[str] | None) -> dict[str, tuple[float, float]] | None:
@@ -136,6 +125,7 @@ def boxes(texts: list[str] | None) -> dict[str, tuple[float, float]] | None:
 
 def print_borders(borders: Any) -> None:
     """What a refinement found, what it took, and how far it can be believed."""
+    from ..maps.refine.judge import REASONS
     from ..vocabulary.codes import CROSSINGS
 
     said = borders.attrs
@@ -145,7 +135,7 @@ def print_borders(borders: Any) -> None:
     )
     print(f"bracket, as a share of the axis: {_shares(borders, 'bracket_share_')}")
     if said.get("wide_cubes"):
-        reasons = [f"{said[f'wide_cubes_{why}']} {words}" for why, words in WIDE.items()
+        reasons = [f"{said[f'wide_cubes_{why}']} {words}" for why, words in REASONS.items()
                    if said[f"wide_cubes_{why}"]]  # fmt: skip
         print(
             f"    in {said['wide_cubes']} of {said['cubes']} cubes "

@@ -70,12 +70,10 @@ def root_between(
     ends: dict[float, T],
     test: Callable[[T], float],
     located: float,
-    zero: float = 0.0,
 ) -> tuple[float, T] | None:
     """Return (distance, what lies there) at which ``test`` vanishes between two ``ends``.
 
-    ``ahead(distance)`` is what lies there, or None; ``located``, how closely the distance is told;
-    ``zero``, share of the value at the far end below which that at the near one is a zero already.
+    ``ahead(distance)`` is what lies there, or None; ``located``, how closely the distance is told.
     None if it does not vanish, if it jumps over zero, or if it is lost on the way.
     """
     known = dict(ends)
@@ -91,7 +89,7 @@ def root_between(
     low, high = ends
     try:
         a, b = value(low), value(high)
-        if not (np.isfinite(a) and np.isfinite(b)) or a * b >= 0 or abs(a) < zero * abs(b):
+        if not (np.isfinite(a) and np.isfinite(b)) or a * b >= 0:
             return None
         root = float(scipy.optimize.brentq(value, low, high, xtol=located))  # type: ignore[arg-type]
     except Lost:

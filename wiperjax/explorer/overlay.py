@@ -11,7 +11,7 @@ from ..datasets.map_starts import hangs_on_start
 from ..plots.maps.borders import PREFIX, border_pieces, border_places, border_words
 from ..plots.maps.categories import row_runs
 from ..plots.maps.stability import WORDS, growth_between, places
-from ..plots.style.palette import BORDER, BOUNDARY, HATCHES, SEVERAL
+from ..plots.style.palette import BORDER, BOUNDARY, HATCHES
 from ..vocabulary.cf import flag_names
 from .content import with_room
 from .widgets import source, span
@@ -66,7 +66,7 @@ class Overlay:
 
     def _draw(self, picture: Any) -> None:
         for pattern, one in self.hatched.items():
-            colour = dict(HATCHES.values()) | {SEVERAL[0]: SEVERAL[1]}
+            colour = dict(HATCHES.values())
             picture.quad(
                 left="left", right="right", bottom="bottom", top="top", source=one,
                 fill_alpha=0, line_width=0, hatch_pattern=PATTERNS[pattern], hatch_scale=8,
@@ -114,7 +114,7 @@ class Overlay:
                 if name in HATCHES:
                     masks[HATCHES[name][0]] = plane[variable].values == code
         if variable == "label" and (several := hangs_on_start(plane)) is not None:
-            masks[SEVERAL[0]] = several.values
+            masks[HATCHES["several"][0]] = several.values
         for pattern, one in self.hatched.items():
             row, start, stop = row_runs(masks.get(pattern, np.zeros((1, 1), bool)))
             if len(row) > MOST_HATCHED:

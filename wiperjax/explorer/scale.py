@@ -9,11 +9,10 @@ from matplotlib import colormaps
 from matplotlib.colors import LogNorm, Normalize, to_hex
 from matplotlib.ticker import LogLocator, MaxNLocator, SymmetricalLogLocator
 
-from ..datasets.map_starts import hangs_on_start
-from ..plots.maps.categories import colours_of
+from ..plots.maps.categories import category_keys, colours_of
 from ..plots.maps.numbers import TONE, suited, told, tones, why_untold
 from ..plots.style.axes import LogMarks, axis_numbers, shown
-from ..plots.style.palette import HATCHES, SEVERAL, UNKNOWN, readable
+from ..plots.style.palette import HATCHES, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
 from .explored import escaped, plain
 
@@ -58,30 +57,16 @@ def _categories(plane: xr.Dataset, variable: str) -> Painted:
     order = np.array(list(names))[:NOTHING]
     place = np.clip(np.searchsorted(order, codes), 0, len(order) - 1)
     shades = np.where(order[place] == codes, place, NOTHING).astype(np.uint8)
-    count = np.bincount(shades.ravel(), minlength=NOTHING + 1)
-    keys = [
-        _key(colour, f"{readable(name)} {_percent(count[k] / shades.size)}", name)
-        for k, (name, colour) in enumerate(zip(names.values(), colours, strict=False))
-        if count[k]
-    ]
-    if count[NOTHING]:
-        keys.append(_key(UNKNOWN, "not computed", "not_computed"))
-    several = hangs_on_start(plane) if variable == "label" else None
-    if several is not None and bool(several.any()):
-        keys.append(
-            _key("#ffffff", f"depends on the start {_percent(float(several.mean()))}", "several")
-        )
+    keys = [_key(colour, text, name) for name, text, colour in category_keys(plane, variable)]
+    if np.isnan(codes).any():
+        keys.append(_key(UNKNOWN, "no value", ""))
     names = {code: readable(name) for code, name in names.items()}
     values = codes if codes.dtype.itemsize == 1 else codes.astype(np.float32)  # as it is sent
     return Painted(shades, colours, values, names, "", _keys(keys))
 
 
-def _percent(share: float) -> str:
-    return f"({share:.1%})" if share >= 0.001 else "(<0.1%)"
-
-
 def _key(colour: str, text: str, name: str) -> str:
-    pattern, edge = {**HATCHES, "several": SEVERAL}.get(name, ("", ""))
+    pattern, edge = HATCHES.get(name, ("", ""))
     images = [
         f"repeating-linear-gradient({angle}deg,{edge} 0 1px,transparent 1px 4px)"
         for angle in STRIPES.get(pattern, ())

@@ -22,7 +22,7 @@ from pydantic import (
 
 from ..vocabulary import kinds
 from ..vocabulary.kinds import BELTS
-from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.parameters import BLADE, PARAMETERS
 from ..vocabulary.ranges import FEWEST_SETTLED, SAMPLES, SETTINGS
 from ..vocabulary.thresholds import LIMITS, Thresholds
 from ..vocabulary.wording import digits
@@ -103,11 +103,10 @@ def limited(name: str, keys: dict[str, str]) -> type[Table]:
     return create_model(name, __base__=Table, __module__=__name__, **numbers)
 
 
-_BLADE_KEYS = {name: name for name, entry in PARAMETERS.items() if entry.table == "blade"}
 _BELT_KEYS = {key: name for belt in BELTS.values() for key, name in belt.items()}
 
 
-class Blade(limited("_BladeKeys", _BLADE_KEYS)):
+class Blade(limited("_BladeKeys", {name: name for name in BLADE})):
     """Parameters of the blade that are not axes (edge units); None: the reference value.
 
     Attributes:

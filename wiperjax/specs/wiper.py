@@ -6,14 +6,12 @@ from typing import Any
 import numpy as np
 
 from ..vocabulary.kinds import AUTO, BELTS, LAW_PARAMETERS, WIPER
-from ..vocabulary.parameters import PARAMETERS, Parameter
+from ..vocabulary.parameters import BLADE, PARAMETERS, Parameter
 from ..vocabulary.ranges import TIP
 from ..vocabulary.wording import digits
 from .errors import Fault, listed
 from .family import Family, KeyOf, Values
 from .laws import Law, check_given, law_of
-
-_BLADE = tuple(name for name, entry in PARAMETERS.items() if entry.table == "blade")
 
 
 class Wiper(Family):
@@ -31,7 +29,7 @@ class Wiper(Family):
 
     def parameters(self, spec: Any) -> dict[str, Parameter]:
         law = self.law(spec).parameters
-        own = {name: PARAMETERS[name] for name in _BLADE if name in law or not _of_a_law(name)}
+        own = {name: PARAMETERS[name] for name in BLADE if name in law or not _of_a_law(name)}
         if strange := sorted(set(law) & {name for name in PARAMETERS if not _of_a_law(name)}):
             must = f"must not have a number that the wiper has too, had {strange[0]!r}"
             raise Fault("blade.friction", must)
@@ -43,7 +41,7 @@ class Wiper(Family):
 
     def stated(self, spec: Any) -> dict[str, tuple[str, float]]:
         keys = BELTS[spec.belt.kind]
-        tables = [("blade", name, name) for name in _BLADE]
+        tables = [("blade", name, name) for name in BLADE]
         tables += [("belt", key, name) for key, name in keys.items()]
         stated = {
             name: (f"{table}.{key}", getattr(getattr(spec, table), key))

@@ -14,13 +14,16 @@ SYSTEM = "system"
 FORCES = "forces"
 """Attribute of a map of such a system, if its forces are per metre of blade as the wiper's are."""
 
-OF_A_WIPER = ("final_x", "final_y", "final_vx", "final_vy", "growth_rate", "linear_frequency")
+OF_STEADY_SLIP = ("growth_rate", "linear_frequency")
+"""Columns of steady slip, linearised: no simulation tells them."""
+
+OF_A_WIPER = ("final_x", "final_y", "final_vx", "final_vy", *OF_STEADY_SLIP)
 """Columns of a lip's tip and of its steady slip: another system has none of them."""
 
 DIFFERENTIABLE = (
     *("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms", "velocity_mean"),
     *("belt_speed_rms", "normal_force_mean", "normal_force_max", "gap_max", "impact_impulse_max"),
-    *("growth_rate", "linear_frequency", "final_x", "final_y", "final_vx", "final_vy"),
+    *(*OF_STEADY_SLIP, "final_x", "final_y", "final_vx", "final_vy"),
 )
 """Outcomes that have derivatives by parameters. Labels, codes, counts and the dominant frequency (a
 choice among lines) have none by nature; statistics of the reversal have none because the edges of

@@ -45,7 +45,7 @@ AUTO = "auto"
 """Instead of a rung: the poorest that says the same as the lip of some cells of a sweep."""
 
 WAYS = ("up", "down")
-"""Ways in which an axis is swept, each cell from where its neighbour ended."""
+"""Ways in which a parameter is swept, each value from where the motion at its neighbour ended."""
 
 STARTS: Mapping[str, str] = MappingProxyType(
     {

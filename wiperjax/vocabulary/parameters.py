@@ -174,6 +174,9 @@ _TABLE = (
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType({entry.name: entry for entry in _TABLE})
 """Every parameter by name, in the order in which maps and messages list them."""
 
+BLADE = tuple(entry.name for entry in _TABLE if entry.table == "blade")
+"""Parameters of the blade."""
+
 REFERENCE: Mapping[str, float] = MappingProxyType(
     {entry.name: entry.reference for entry in _TABLE if entry.reference is not None}
 )

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from border_maps import AXES, border_spec, coarse_map, engine, places_of, refined
 
 from wiperjax.cli import main
+from wiperjax.cli.refine import print_borders
+from wiperjax.maps.refine import judge
 from wiperjax.maps.refine.cubes import Cubes
 from wiperjax.maps.refine.grid import Grid
 from wiperjax.maps.refine.judge import REASONS
 from wiperjax.maps.refine.replay import replay
-from wiperjax.vocabulary.codes import BANDS
+from wiperjax.vocabulary.codes import BANDS, CROSSINGS
 
 PLANE = ("attack_angle", "belt_speed")
 
@@ -100,6 +103,15 @@ def test_a_border_beside_answers_that_never_settle_is_no_sharper_than_its_cubes(
     np.testing.assert_allclose(found.bracket_share, 1 / 8)
 
 
+def test_every_reason_is_told(monkeypatch, capsys):
+    monkeypatch.setattr(judge, "REASONS", {"bent": "whose border is no plane", "new": "of another"})
+    said = {"on": "band", "linear_points": 1, "cubes": 5, "wide_cubes": 3, "wide_points": 0}
+    said |= {"wide_cubes_bent": 1, "wide_cubes_new": 2, "wide_cubes_volume_share": 0.5}
+    said |= {f"{kind}_points": 0 for kind in CROSSINGS} | {"unsettled_points": 0, "budget_spent": 0}
+    print_borders(xr.Dataset(coords={"border": []}, attrs=said))
+    assert "is the cube: 1 whose border is no plane, 2 of another\n" in capsys.readouterr().out
+
+
 def test_cubes_that_touch_are_those_whose_corners_are_in_one_another():
     grid = Grid(border_spec(tuple(AXES)).axes, 3)
     cubes = Cubes.of_map(grid, np.zeros(3, int), np.array([3, 3, 3]))
@@ -123,7 +135,7 @@ def test_a_border_finer_than_the_smallest_cube_is_not_promised_beside_it_either(
     coarse_map(path, engine(rough), axes=tuple(AXES))
     found = refined(path, engine(rough), levels=6, on="band")
     search, wrong, depth, sure = asked(path, rough, tuple(AXES))
-    bent = search.why == 1 + REASONS.index("bent")
+    bent = search.why == 1 + list(REASONS).index("bent")
     assert (bent & search.now.pure).any() and found.attrs["wide_cubes_bent"] == bent.sum()
     assert wrong.sum() > 50 and not (wrong & sure).any()
     assert (wrong & np.isinf(depth)).any()  # where no border is seen

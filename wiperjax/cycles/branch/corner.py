@@ -16,7 +16,7 @@ from ..shooting import Lost
 from .bifurcations import change
 from .step import LOCATED, BranchStep, ahead_of, centred, direction, near, place
 
-SIZES = (1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner its other side is looked for
+LOOKED = (1e-5, 1e-4, 1e-3, 1e-2)  # how far ahead the other side of a corner is looked for
 JOINED = 3e-3  # how near to its corner a branch begins; further away it is followed back
 CLOSER = 0.1  # of that, and of a step: where cycles of many hits lie close together
 SHORT = 1e-2  # of the longest step: where this one fails, the branch does not go on smoothly
@@ -84,7 +84,7 @@ def _beyond(
     where, phase, start = edge.point.where, edge.point.phase, edge.point.unknowns
     d = where.basis.shape[1]
     why = ""
-    for size in SIZES:
+    for size in LOOKED:
         u = start + size * edge.tangent
         period = shooting.period_of(where, u)
         try:

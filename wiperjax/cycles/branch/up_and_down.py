@@ -29,6 +29,7 @@ from ...numerics.kept import Kept
 from ...systems import numbers
 from ...vocabulary import cf, checks
 from ...vocabulary.codes import FAIR, RESULTS, Result
+from ...vocabulary.kinds import WAYS
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
 from ..clock import STATES, check_clock, refuse_a_clock
 from ..cycle import typical
@@ -37,7 +38,6 @@ from ..shooting import UNKNOWN, at_state, tidy
 from .peaks import peaks
 from .repeats import comes_back, repeat_time
 
-WAYS = ("up", "down")
 FLAT = 1e-9  # of the typical size: a smaller range is a motion at rest
 
 

@@ -140,18 +140,18 @@ class Walk:
 
     def _take(self, here: BranchStep, ahead: BranchStep, length: float, found: Located) -> None:
         """Append the way to ``ahead``, up to where it ends."""
-        for distance, kind, _, step in found:
+        for number, (distance, kind, _, step) in enumerate(found):
             if kind == "branch_point" and doubled(step.cycle):
                 length, ahead = distance, step  # beyond, its halves change places: the same again
+                detail = "the cycle is one of half its period, twice"
+                found = [*found[:number], (distance, "period_doubling", detail, step)]
                 self.end = "a period doubling: half of the cycle is one"
                 break
         cut, last = self._cut(here, ahead, length)
         for distance, kind, detail, step in found:
-            if step is last:
-                kind, detail = "period_doubling", "the cycle is one of half its period, twice"
-            elif distance >= cut:
+            if distance > cut:
                 break
-            elif kind == "branch_point" and here.sense * ahead.sense < 0:
+            if kind == "branch_point" and here.sense * ahead.sense < 0:
                 detail += (
                     "; the parameter turns back: a walk along symmetric cycles has left them, "
                     "or one along asymmetric cycles meets its mirror image"

@@ -86,7 +86,10 @@ class Equations(ABC):
         return True
 
     def beyond(self, spot: "Spot", test: Test) -> "Spot | None":
-        """Return where the curve goes on behind a test that would end it at ``spot``, or None."""
+        """Return where the curve goes on behind a test that would end it at ``spot``, or None.
+
+        So far behind that the sign of the test is beyond doubt: at its zero it would be met again.
+        """
         return None
 
     def vanishes(self, here: "Spot", ahead: "Spot") -> bool:

@@ -27,7 +27,7 @@ from .equations import Equations, Facts, Test, null, solve
 from .plane import placed
 
 SAME = 1e-6  # of the unknowns: the linearisation at a corner is the same from both sides
-INSIDE = 1e-4  # of the unknowns: a step that tells on which side of a corner a curve lies
+INSIDE = 1e-4  # of the unknowns: how far behind a corner its curve is taken up
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,11 @@ class Hopf(Equations):
         found = solve(other, other.start, along)
         if found is None or np.linalg.norm(found.unknowns - other.start) > SAME:
             return None  # the linearisation jumps
-        inside = other._expanded(found.unknowns + INSIDE * found.tangent).room[k] > 0
-        return found if inside else replace(found, tangent=-found.tangent)
+        for tangent in (found.tangent, -found.tangent):
+            inside = solve(other, found.unknowns + INSIDE * tangent, tangent)
+            if inside is not None and inside.facts.test["shoulder"] > 0:
+                return inside
+        return None
 
     @property
     def sizes(self):

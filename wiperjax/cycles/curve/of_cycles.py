@@ -8,6 +8,7 @@ import numpy as np
 from ...vocabulary.codes import CurveEnd
 from ..beginning import start_of
 from ..branch.bifurcations import change, corner_kind
+from ..branch.corner import LOOKED
 from ..branch.step import swing
 from ..chart import Chart
 from ..cycle import Cycle, cycle_at, same_word
@@ -15,8 +16,6 @@ from ..orbit import words
 from ..return_map import Point, Shooting
 from ..shooting import Arc, Lost
 from .equations import Equations, Facts, Spot
-
-LOOKED = (1e-5, 1e-4, 1e-3, 1e-2)  # how far ahead it is looked for what stops a curve
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ STRAIGHT = 0.98  # of a turn after which steps grow
 SHORT = 1e-3  # of the longest step: where this one fails, the curve is given up
 LOCATED = 1e-8  # of a step's unit: how closely a special point is closed in
 VANISHED = 0.02  # of the largest amplitude: a fold shrinks onto steady slip
-ZERO = 1e-5  # of a test's value at the next step: it vanishes at this one, and was noted
 FLAT = 1e-6  # of a unit tangent: a parameter that stays the same
 STILL = 1e-4  # of a unit tangent: neither parameter changes
 
@@ -83,7 +82,7 @@ class Walk:
                 if onward is None:
                     self._stop(test.end, test.detail)
                 else:
-                    self.spots[-1] = onward
+                    self.spots.append(onward)
                 return
         self.spots.append(ahead)
         self._note_vanishing(here, ahead)
@@ -198,4 +197,4 @@ def ahead_of(here: Spot, length: float) -> Spot | None:
 def between(here: Spot, ahead: Spot, length: float, test: Callable[[Spot], float]):
     """Return (distance, spot) at which ``test`` vanishes between two spots ``length`` apart."""
     ends = {0.0: here, length: ahead}
-    return root_between(lambda far: ahead_of(here, far), ends, test, LOCATED, ZERO)
+    return root_between(lambda far: ahead_of(here, far), ends, test, LOCATED)

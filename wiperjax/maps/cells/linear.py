@@ -10,6 +10,7 @@ from ...contact.belts import operating_speed
 from ...numerics.arrays import cellwise
 from ...numerics.kept import Kept, as_arrays
 from ...systems.build import build
+from ...vocabulary.columns import OF_STEADY_SLIP
 from .devices import alike, spread
 
 
@@ -28,13 +29,10 @@ def _slip_of(wiper: Wiper) -> SteadySlip:
     return steady_slip(wiper, operating_speed(wiper.belt))
 
 
-GROWTH = ("growth_rate", "linear_frequency")
-
-
 def growth(slip: SteadySlip, count: int) -> dict[str, np.ndarray]:
     """Growth rate [1/s] and frequency [Hz] of steady slip, (count,) each."""
     found = slip.growth_rate, slip.frequency
-    return {name: cellwise(x, count) for name, x in zip(GROWTH, found, strict=True)}
+    return {name: cellwise(x, count) for name, x in zip(OF_STEADY_SLIP, found, strict=True)}
 
 
 def linear(spec: Any, index: np.ndarray) -> dict[str, np.ndarray]:

@@ -7,11 +7,11 @@ import numpy as np
 
 from ...specs.refine import Refine
 from ...vocabulary.codes import MECHANISMS, SETTLED
+from ...vocabulary.columns import OF_STEADY_SLIP
 from ...vocabulary.schema import OF_THE_WINDOW, SCHEMA
 from .known import Facts
 
 SIDES = {"below": 0, "above": 1, "no_number": 2}
-LINEAR = ("growth_rate", "linear_frequency")  # of steady slip: no simulation tells them
 
 
 class Criterion:
@@ -28,7 +28,7 @@ class Criterion:
     def __init__(self, refine: Refine, classes: Any):
         """`classes`: thresholds of the noise classes of the map."""
         self.variable, self.threshold = refine.criterion()
-        self.linear = self.variable in LINEAR
+        self.linear = self.variable in OF_STEADY_SLIP
         self.of_window = self.variable in OF_THE_WINDOW
         needs = {self.variable}
         if self.threshold is not None:

@@ -16,12 +16,14 @@ OFF = 0.75  # brackets from the plane at which a surface is tested
 CLEAR = 0.5  # brackets from the plane, from which on known points must be told right
 UNCLEAR = 1.0  # brackets: root mean square distance of crossings that no plane fits
 
-REASONS = ("irregular", "unresolved", "meeting", "unsettled", "bent")
-"""Why a cube is not believed: it has, or touches one that has, an edge where the answer changes to
-and fro; a bracket was not reached, or a test not made; it has more than two answers; an answer
-beside the border is not settled; or the border is no plane, so that a cube beside it where none
-is seen may hide a part of it.
-"""
+REASONS = {
+    "irregular": "at or beside irregular motion",  # an edge where the answer changes to and fro
+    "unresolved": "not looked at to the end",  # a bracket was not reached, or a test not made
+    "meeting": "of more than two answers",
+    "unsettled": "with answers that are not settled",  # beside the border
+    "bent": "whose border is no plane",  # a cube beside it where none is seen may hide a part of it
+}
+"""Why a cube is not believed -> what a person is told of such cubes."""
 
 
 def tests(now: View) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from ..block import Block
 
 
 def linear_blocks(spec: Any, spans: Any) -> Iterator[Block]:
-    """As the blocks of `computing.computing`, with the columns of `criterion.LINEAR` alone."""
+    """As the blocks of `computing.computing`, with the columns `OF_STEADY_SLIP` alone."""
     from ..cells.linear import linear  # jax, where something is computed
 
     for number, (start, stop) in spans.items():

@@ -23,7 +23,6 @@ from ..style.palette import (
     HATCHES,
     MECHANISMS,
     MOTIONS,
-    SEVERAL,
     SPARE,
     UNKNOWN,
     readable,
@@ -169,7 +168,7 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
             _hatch(ax, across, up, codes == value, *HATCHES[name])
     several = hangs_on_start(ds) if variable == "label" else None
     if several is not None:
-        _hatch(ax, across, up, several.transpose(y, x).values, *SEVERAL)
+        _hatch(ax, across, up, several.transpose(y, x).values, *HATCHES["several"])
     set_axis(ax, "x", ds[x])
     set_axis(ax, "y", ds[y])
     draw_borders(ds, ax, x, y, variable)
@@ -208,32 +207,41 @@ def row_runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def category_legend(
     cells: xr.Dataset, variable: str = "label", boundary: bool = False, shares: bool = True
 ) -> list[Any]:
-    """Legend entries of the categories that occur in `cells`, with their shares of these, and of
-    the stability `boundary` if it is drawn.
-    """
-    handles: list[Any] = []
-    colours = colours_of(cells[variable])
-    for name, count, share in class_table(cells, variable):
-        if count:
-            part = f"{share:.1%}" if share >= 0.001 else "<0.1%"  # one cell of many is not none
-            text = f"{readable(name)} ({part})" if shares else readable(name)
-            handles.append(class_swatch(name, text, colours.get(name, UNKNOWN)))
-    if (np.asarray(cells["label"]) == NOT_COMPUTED).any():
-        handles.append(class_swatch("not_computed", "not computed", COLOURS["not_computed"]))
-    several = hangs_on_start(cells) if variable == "label" else None
-    if several is not None and several.any():
-        share = float(several.where(cells["class_set"] >= 0).mean())  # of what is there, as above
-        text = "depends on the start" + (f" ({share:.1%})" if shares else "")
-        hatch, edge = SEVERAL
-        handles.append(
-            Patch(facecolor="none", edgecolor=edge, linewidth=0.0, hatch=hatch, label=text)
-        )
+    """Legend entries of `category_keys`, and of the stability `boundary` if it is drawn."""
+    handles: list[Any] = [class_swatch(*key) for key in category_keys(cells, variable, shares)]
     if boundary:
         handles.append(boundary_legend())
     on = str(cells.attrs.get(PREFIX + "on", ""))
     if on == variable or "=" in on:
         handles.append(border_legend(on))
     return handles
+
+
+def category_keys(
+    cells: xr.Dataset, variable: str = "label", shares: bool = True
+) -> list[tuple[str, str, str]]:
+    """Name, text and colour of the categories that occur in `cells`, of cells that are not
+    computed, and of those whose class hangs on the start. Shares are of the cells that are there:
+    computed, and not taken out by `ds.where`.
+    """
+
+    def words(text: str, share: float) -> str:
+        part = f"{share:.1%}" if share >= 0.001 else "<0.1%"  # one cell of many is not none
+        return f"{text} ({part})" if shares else text
+
+    colours = colours_of(cells[variable])
+    keys = [
+        (name, words(readable(name), share), colours.get(name, UNKNOWN))
+        for name, count, share in class_table(cells, variable)
+        if count
+    ]
+    if (np.asarray(cells["label"]) == NOT_COMPUTED).any():
+        keys.append(("not_computed", "not computed", COLOURS["not_computed"]))
+    several = hangs_on_start(cells) if variable == "label" else None
+    if several is not None and several.any():
+        share = float(several.where(cells["class_set"] >= 0).mean())
+        keys.append(("several", words("depends on the start", share), "#FFFFFF"))
+    return keys
 
 
 def colours_of(variable: xr.DataArray) -> dict[str, str]:

@@ -19,8 +19,8 @@ HATCHES = {  # pattern and its colour
     "collapsed": ("////", "#666666"),
     "failed": ("xxxx", "#FFFFFF"),
     "not_computed": ("....", "#FFFFFF"),
+    "several": ("\\\\\\\\", "#333333"),  # where the class hangs on the start
 }
-SEVERAL = ("\\\\\\\\", "#333333")  # where the class hangs on the start
 MECHANISMS = {  # what keeps a motion going, as `noise.classes` tells it
     "none": CLASSES["quiet"],
     "self_excited_slip": "#E69F00",

@@ -20,12 +20,11 @@ from ....contact.system import AbstractSystem
 from ....machine.phases import during
 from ....systems.build import Built, belt_of, routes
 from ....vocabulary.codes import VALIDITY, Result
-from ....vocabulary.columns import differentiable, sensitivity_name
+from ....vocabulary.columns import OF_STEADY_SLIP, differentiable, sensitivity_name
 from ....vocabulary.kinds import WIPER
 from .. import batch, compiling
 from ..columns import columns_of, sampled
 from ..devices import alike, deal, dearest_first
-from ..linear import GROWTH
 from .differences import move
 from .tangents import (
     SECOND,
@@ -121,7 +120,7 @@ def _judged(spec, index: np.ndarray, lot: Lot, run: Callable[[], Any]) -> dict[s
         (outcome, slopes, signal), effort = run()
         with compiling.apart("engine"), during("engine"):
             moved = None if moved is None else moved.result()
-    linear = {name: np.asarray(lot.known[name])[:count] for name in GROWTH if name in lot.known}
+    linear = {n: np.asarray(lot.known[n])[:count] for n in OF_STEADY_SLIP if n in lot.known}
     columns = columns_of(spec, outcome, signal, effort, lot.built, linear, count)
     mask_bent_peaks(slopes, base)
     mask_first_bounces(slopes, starts_to_bounce(base, ways, theta))
