@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..blade.steady_slip import check_rigid, equilibria, steady_slip
+from ..blade.steady_slip import check_rigid, equilibria, judged_slip
 from ..blade.wiper import Wiper
-from ..contact.belts import SteadyBelt, operating_speed
+from ..contact.belts import SteadyBelt
 from ..contact.own_numbers import check_single
 from ..numerics.kept import Kept
 from ..systems import numbers
@@ -40,10 +40,11 @@ def stabilise(
 ) -> Stabilised:
     """Return the smallest change of ``blade`` whose steady slip decays at ``margin`` [1/s] or more.
 
-    That branch of steady slip counts which leans farthest along the belt's motion; its rate jumps
-    where branches are born or end. So the rate is looked at in `nearest.AT_ONCE` points spread over
-    the bounds, the cheapest that meet the demand are drawn in to any such edge, and from there
-    derivatives lead on (`scipy.optimize.minimize`, SLSQP).
+    Steady slip is that at the `judged_at` of the belt, on the branch that leans farthest along its
+    motion. Its rate is NaN where there is none, and jumps where branches are born or end. So it is
+    looked at in `nearest.AT_ONCE` points spread over the bounds, the cheapest that meet the demand
+    are drawn in to any such edge, and from there derivatives lead on (`scipy.optimize.minimize`,
+    SLSQP).
 
     **Arguments:** ``bounds``, name -> (low, high), SI units; a change costs the square of its share
     of that range; ``starts``, points that are drawn in, apart from each other, spread by ``seed``.
@@ -101,7 +102,7 @@ def stabilise(
 def _rates(system: Any, box: Box, shares: np.ndarray) -> np.ndarray:
     """Growth rates of steady slip (1/s) at ``shares`` (points, n), NaN where there is none."""
     changed = box.blade(system, jnp.asarray(shares).T)
-    return np.asarray(steady_slip(changed, operating_speed(changed.belt)).growth_rate)
+    return np.asarray(judged_slip(changed).growth_rate)
 
 
 @Kept
@@ -110,7 +111,7 @@ def _rate(system: Any, box: Box, share):
 
     def rate(share):
         changed = box.blade(system, share)
-        slip = equilibria(replace(changed, belt=SteadyBelt(operating_speed(changed.belt))), 1)
+        slip = equilibria(replace(changed, belt=SteadyBelt(changed.belt.judged_speed)), 1)
         return (slip.growth_rate[0],) * 2
 
     slope, found = jax.jacfwd(rate, has_aux=True)(share)
