@@ -199,6 +199,19 @@ def test_the_way_that_a_belt_of_ones_own_runs_is_judged():
 
 
 @pytest.mark.slow
+def test_steady_slip_decays_both_ways_of_a_belt_that_turns():
+    """The way back was not looked at: the demand was said to be met where that grew."""
+    blade = wiperjax.Wiper(
+        attack_angle=math.radians(5.0), belt=wiperjax.TrapezoidBelt(0.3, 2.0, 0.01)
+    )
+    found = remedy.stabilise(blade, {"support_damping": (0.5, 20.0)}, starts=1)
+    both = [float(steady_slip(found.blade, speed).growth_rate) for speed in (0.3, -0.3)]
+    assert found.parameters.meets[0]
+    assert max(both) == pytest.approx(float(found.parameters.growth_rate[0]), abs=1e-3)
+    assert max(both) == pytest.approx(-50.0, abs=1e-3)
+
+
+@pytest.mark.slow
 def test_a_period_that_is_a_number_has_no_derivative_by_the_frequency():
     """It was taken for that of every frequency; `find_cycle` refuses it where it is told."""
     system = Oscillator(belt=wiperjax.WipingBelt(1.0, 0.1))
