@@ -115,6 +115,10 @@ class SteadyBelt(AbstractBelt):
         return False
 
     @property
+    def judged_speed(self):
+        return self.speed
+
+    @property
     def peak(self):
         return jnp.abs(self.speed)
 
