@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import noises
 import numpy as np
 import pytest
+from own_systems import RunsBack
 from scipy.optimize import brentq
 from systems import events, trajectory
 
@@ -156,6 +157,15 @@ def test_block_loses_stability_where_the_lip_does(degrees, hopf):
     closed = 0.1 * np.log(fall * load / (0.1 * (damping + 0.02 * load)))
     assert low == 0 and high == pytest.approx(closed, rel=1e-12)
     assert high == pytest.approx(hopf, abs=2e-4)
+
+
+def test_a_block_on_a_belt_of_ones_own_that_runs_back():
+    """It was made for a belt that runs as fast the other way."""
+    own, known = (
+        block.block_of(wiperjax.Wiper(belt=belt, attack_angle=0.35))
+        for belt in (RunsBack(), wiperjax.SteadyBelt(-0.3))
+    )
+    assert own.centre == known.centre and own.load == known.load
 
 
 def oscillator(shape, speed, damping):

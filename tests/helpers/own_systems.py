@@ -320,3 +320,27 @@ class Unsaid(wiperjax.TrapezoidBelt):
     kind = ""
     since_reversal = wiperjax.AbstractBelt.since_reversal
     wiping_frequency = wiperjax.AbstractBelt.wiping_frequency
+
+
+class RunsBack(wiperjax.AbstractBelt):
+    """A belt that is no `SteadyBelt`, and moves at -0.3 m/s."""
+
+    def velocity(self, time, piece):
+        return -0.3
+
+    def break_time(self, piece):
+        return jnp.inf
+
+    def first_piece(self, time):
+        return 0
+
+    def reverses(self, piece):
+        return False
+
+    @property
+    def peak(self):
+        return 0.3
+
+    @property
+    def rms(self):
+        return 0.3

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from own_systems import RunsBack
 
 import wiperjax
 from wiperjax import remedy
@@ -185,6 +186,29 @@ def test_the_best_answer_lies_on_the_right_side_of_an_edge(beside_an_edge):
         )
         assert float(slip.phi) == pytest.approx(first, abs=2e-6)
         assert float(slip.growth_rate) == pytest.approx(float(one.growth_rate), abs=1e-3)
+
+
+@pytest.mark.slow
+def test_the_way_that_a_belt_of_ones_own_runs_is_judged():
+    """A damping was said to make it steady that does so on a belt that runs the other way."""
+    blade = wiperjax.Wiper(attack_angle=math.radians(20.0), belt=RunsBack())
+    found = remedy.stabilise(blade, {"support_damping": (0.5, 12.0)}, starts=1)
+    grows = float(steady_slip(found.blade, -0.3).growth_rate)
+    assert grows > 0 and not found.parameters.meets[0]
+    assert float(found.parameters.growth_rate[0]) == pytest.approx(grows)
+
+
+@pytest.mark.slow
+def test_steady_slip_decays_both_ways_of_a_belt_that_turns():
+    """The way back was not looked at: the demand was said to be met where that grew."""
+    blade = wiperjax.Wiper(
+        attack_angle=math.radians(5.0), belt=wiperjax.TrapezoidBelt(0.3, 2.0, 0.01)
+    )
+    found = remedy.stabilise(blade, {"support_damping": (0.5, 20.0)}, starts=1)
+    both = [float(steady_slip(found.blade, speed).growth_rate) for speed in (0.3, -0.3)]
+    assert found.parameters.meets[0]
+    assert max(both) == pytest.approx(float(found.parameters.growth_rate[0]), abs=1e-3)
+    assert max(both) == pytest.approx(-50.0, abs=1e-3)
 
 
 @pytest.mark.slow

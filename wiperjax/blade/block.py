@@ -4,12 +4,12 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ..contact.belts import AbstractBelt, operating_speed
+from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
 from ..contact.on_belt import OnBelt
 from ..numerics.types import Scalar
 from ..vocabulary.parameters import PARAMETERS
-from .steady_slip import steady_slip
+from .steady_slip import judged_slip
 from .wiper import Wiper
 
 LEAST_LOAD = 1e-6  # of N0: what presses a bar that would lift off
@@ -79,9 +79,10 @@ class Block(OnBelt):
 def block_of(wiper: Wiper) -> Block:
     """Return the block that equals ``wiper`` to first order about its steady slip.
 
-    With phi the angle of steady slip at V (`operating_speed`; the branch that leans farthest along
-    the belt's motion), tau = tan(phi), s = sign(V), N the normal force there and mu = mu(|V|),
-    docs/model.md, section 10, gives the tip m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 with
+    With phi the angle of steady slip at V (the belt's `judged_speed`; the branch that leans
+    farthest along its motion), tau = tan(phi), s = sign(V), N the normal force there and
+    mu = mu(|V|), docs/model.md, section 10, gives the tip
+    m xi'' + (c_b + mu'(V) N) xi' + k_b xi = 0 with
 
         c_b = c tau (tau + s mu) + c_phi/(L cos phi)^2
         k_b = M'(theta)/(L cos phi)^2 + k tau (tau + s mu) + N (s mu tau - 1)/(L cos phi)
@@ -90,8 +91,7 @@ def block_of(wiper: Wiper) -> Block:
     block with that steady slip and that linearisation. NaN where there is no steady slip. The load
     is that of one branch: on a belt that reverses, the block stays on the branch of V > 0.
     """
-    speed = operating_speed(wiper.belt)
-    slip = steady_slip(wiper, speed)
+    speed, slip = wiper.belt.judged_speed, judged_slip(wiper)
     law, sign = wiper.law, jnp.sign(speed)
     mu, tau = law.coefficient(jnp.abs(speed)), jnp.tan(slip.phi)
     arm = wiper.lip_length * jnp.cos(slip.phi)

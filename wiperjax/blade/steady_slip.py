@@ -78,8 +78,7 @@ def steady_slip(wiper: Wiper, belt_speed=None) -> SteadySlip:
 def judged_slip(wiper: Wiper) -> SteadySlip:
     """Return steady slip at the time at which motions on the wiper's belt are linearised: of a belt
     that turns, at its peak (`AbstractBelt.judged_at`)."""
-    t, belt = jnp.asarray(wiper.belt.judged_at, float), wiper.belt
-    return steady_slip(wiper, belt.velocity(t, belt.first_piece(t)))
+    return steady_slip(wiper, wiper.belt.judged_speed)
 
 
 def steady_slip_branches(wiper: Wiper, belt_speed=None) -> SteadySlip:

@@ -13,7 +13,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..numerics.types import Scalar
 from ..vocabulary import checks, kinds
 from ..vocabulary.kinds import BELTS
 from ..vocabulary.parameters import REFERENCE, longest_ramp
@@ -81,6 +80,12 @@ class AbstractBelt(eqx.Module):
         return 0.0
 
     @property
+    def judged_speed(self) -> Any:
+        """V [m/s] at the time `judged_at`, of its sign."""
+        time = jnp.asarray(self.judged_at, float)
+        return self.velocity(time, self.first_piece(time))
+
+    @property
     @abstractmethod
     def peak(self) -> Any:
         """Largest belt speed [m/s]: the scale of velocities."""
@@ -110,6 +115,10 @@ class SteadyBelt(AbstractBelt):
         return False
 
     @property
+    def judged_speed(self):
+        return self.speed
+
+    @property
     def peak(self):
         return jnp.abs(self.speed)
 
@@ -128,6 +137,10 @@ class _TurningBelt(AbstractBelt):
     @property
     def wiping_frequency(self):
         return self.frequency
+
+    @property
+    def judged_speed(self):
+        return self.peak  # without the rounding of a time, also where two ramps meet there
 
     def since_reversal(self, time):
         return kinds.since_reversal(time, self.frequency, self.phase / TURN, jnp)
@@ -231,8 +244,3 @@ class TrapezoidBelt(_TurningBelt):
 
 CLASSES = {belt.kind: belt for belt in (SteadyBelt, WipingBelt, TrapezoidBelt)}
 """Kind -> class of the belts that files can ask for."""
-
-
-def operating_speed(belt: AbstractBelt) -> Scalar:
-    """Belt speed V [m/s] at which a motion is linearised: its own if steady, else its peak."""
-    return belt.speed if isinstance(belt, SteadyBelt) else belt.peak

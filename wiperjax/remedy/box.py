@@ -84,17 +84,18 @@ def check_period(window: float, blade: Wiper, bounds: Mapping[str, tuple[float, 
 
 
 Price = Callable[[np.ndarray], tuple[float, np.ndarray]]  # shares (n,) -> value, slope (n,)
+Demand = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # -> values (m,), slopes (m, n)
 
 
 def search(
-    price: Price, shares: np.ndarray, tolerance: float, most: int, demand: Price | None = None
+    price: Price, shares: np.ndarray, tolerance: float, most: int, demand: Demand | None = None
 ):
     """Return (shares, steps) where a search from each of ``shares`` (starts, n) ends, in the box.
 
     At most ``most`` steps each; ``tolerance``: relative change of the value that ends it;
-    ``demand``: what must be >= 0 at the end. A jump may end a search early, and one of a demand on
-    its wrong side. Searches run outside of the compiled program, of which there is one
-    however often they look.
+    ``demand``: what must all be >= 0 at the end. A jump may end a search early, and one of a demand
+    on its wrong side. Searches run outside of the compiled program, of which there is one however
+    often they look.
     """
     how: dict[str, Any] = {"method": "L-BFGS-B"}
     if demand is not None:

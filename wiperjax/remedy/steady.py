@@ -11,7 +11,8 @@ import xarray as xr
 
 from ..blade.steady_slip import check_rigid, equilibria, steady_slip
 from ..blade.wiper import Wiper
-from ..contact.belts import SteadyBelt, operating_speed
+from ..contact.belts import SteadyBelt
+from ..contact.fits import turns
 from ..contact.own_numbers import check_single
 from ..numerics.kept import Kept
 from ..systems import numbers
@@ -40,10 +41,11 @@ def stabilise(
 ) -> Stabilised:
     """Return the smallest change of ``blade`` whose steady slip decays at ``margin`` [1/s] or more.
 
-    That branch of steady slip counts which leans farthest along the belt's motion; its rate jumps
-    where branches are born or end. So the rate is looked at in `nearest.AT_ONCE` points spread over
-    the bounds, the cheapest that meet the demand are drawn in to any such edge, and from there
-    derivatives lead on (`scipy.optimize.minimize`, SLSQP).
+    Steady slip is that at the `judged_at` of the belt, on the branch that leans farthest along its
+    motion; on a belt that turns it must decay on the way back as well. Its rate is NaN where there
+    is none, and jumps where branches are born or end. So it is looked at in `nearest.AT_ONCE`
+    points spread over the bounds, the cheapest that meet the demand are drawn in to any such edge,
+    and from there derivatives lead on (`scipy.optimize.minimize`, SLSQP).
 
     **Arguments:** ``bounds``, name -> (low, high), SI units; a change costs the square of its share
     of that range; ``starts``, points that are drawn in, apart from each other, spread by ``seed``.
@@ -59,6 +61,7 @@ def stabilise(
     check_search(starts, seed)
     box, system = Box.of(blade, bounds), numbers.traceable(blade, *bounds)
     given, scale = box.shares_of(blade), max(abs(margin), 1.0)
+    strokes = jnp.array([1.0, -1.0] if turns(blade) else [1.0])
 
     def excess(rate):
         """How far a rate is above the demand, relative to it; without steady slip, infinitely."""
@@ -68,16 +71,19 @@ def stabilise(
     def change(share):
         return float(distance(share, given)), 2 * (share - given)
 
-    def decay(share):
-        rate, slope = _rate(system, box, jnp.asarray(share))
-        if not np.isfinite(rate):
-            return -1.0, np.zeros(len(share))
-        return -(float(rate) + margin) / scale, -np.asarray(slope) / scale
+    def looked_at(share):
+        return [np.asarray(x) for x in _rate(system, box, jnp.asarray(share), strokes)]
 
-    near = nearest(lambda shares: excess(_rates(system, box, shares)), given, starts, seed)
+    def decay(share):
+        rates, slopes = looked_at(share)
+        if not np.all(np.isfinite(rates)):
+            return np.full(rates.shape, -1.0), np.zeros(slopes.shape)
+        return -(rates + margin) / scale, -slopes / scale
+
+    near = nearest(lambda shares: excess(_rates(system, box, shares, strokes)), given, starts, seed)
     ends, _ = search(change, near, 1e-9, 100, decay)
     both = np.stack([near, np.clip(ends, 0, 1)], axis=1)  # a jump may have led a search astray
-    rate = np.array([[_rate(system, box, jnp.asarray(x))[0] for x in pair] for pair in both])
+    rate = np.array([[np.max(looked_at(x)[0]) for x in pair] for pair in both])
     cost = distance(both, given)
     better = best_first(excess(rate), cost)[:, 0]
     shares, rate, cost = (x[np.arange(starts), better] for x in (both, rate, cost))
@@ -98,20 +104,26 @@ def stabilise(
     return Stabilised(found, box.blade(system, shares[rank[0]]))
 
 
-def _rates(system: Any, box: Box, shares: np.ndarray) -> np.ndarray:
-    """Growth rates of steady slip (1/s) at ``shares`` (points, n), NaN where there is none."""
+def _rates(system: Any, box: Box, shares: np.ndarray, strokes) -> np.ndarray:
+    """Growth rates of steady slip (1/s) at ``shares`` (points, n), the largest of the ``strokes``:
+    signs of the speed that is judged; NaN where one has none."""
     changed = box.blade(system, jnp.asarray(shares).T)
-    return np.asarray(steady_slip(changed, operating_speed(changed.belt)).growth_rate)
+    slip = steady_slip(changed, strokes[:, None] * changed.belt.judged_speed)
+    return np.asarray(slip.growth_rate).max(axis=0)
 
 
 @Kept
-def _rate(system: Any, box: Box, share):
-    """Growth rate of steady slip (1/s) and its slope by the shares."""
+def _rate(system: Any, box: Box, share, strokes):
+    """Growth rates of steady slip (1/s) on ``strokes`` (m,), and slopes by the shares (m, n)."""
 
-    def rate(share):
+    def rates(share):
         changed = box.blade(system, share)
-        slip = equilibria(replace(changed, belt=SteadyBelt(operating_speed(changed.belt))), 1)
-        return (slip.growth_rate[0],) * 2
 
-    slope, found = jax.jacfwd(rate, has_aux=True)(share)
-    return found, slope
+        def rate(stroke):
+            belt = SteadyBelt(stroke * changed.belt.judged_speed)
+            return equilibria(replace(changed, belt=belt), 1).growth_rate[0]
+
+        return (jax.vmap(rate)(strokes),) * 2
+
+    slopes, found = jax.jacfwd(rates, has_aux=True)(share)
+    return found, slopes

@@ -55,6 +55,8 @@ def follow(
     parameter, the size of the starting cycle, or its period); ``most``, points in either direction.
 
     **Returns** a `Branch`; stable and unstable parts alike, since Newton's method does not mind.
+    Where a period has more events than are told apart (`shooting.EVENTS`), the walk goes on over a
+    change of them without a special point, if the branch does so gently.
 
     Raises ValueError for a cycle that was not found, is varied over nothing, or outside the range.
     """

@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from ...blade.steady_slip import SteadySlip, steady_slip
+from ...blade.steady_slip import SteadySlip, judged_slip
 from ...blade.wiper import Wiper
-from ...contact.belts import operating_speed
 from ...numerics.arrays import cellwise
 from ...numerics.kept import Kept, as_arrays
 from ...systems.build import build
@@ -26,7 +25,7 @@ def slips(wiper: Wiper, capacity: int) -> SteadySlip:
 
 @Kept
 def _slip_of(wiper: Wiper) -> SteadySlip:
-    return steady_slip(wiper, operating_speed(wiper.belt))
+    return judged_slip(wiper)
 
 
 def growth(slip: SteadySlip, count: int) -> dict[str, np.ndarray]:

@@ -7,9 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ....blade.steady_slip import steady_slip
+from ....blade.steady_slip import judged_slip
 from ....blade.wiper import Wiper
-from ....contact.belts import operating_speed
 from ....contact.own_numbers import at
 from ....contact.system import AbstractSystem
 from ....numerics.kept import Kept
@@ -128,7 +127,7 @@ def start_of(system, ways, theta, stated: Start, names: tuple[str, ...]):
     known = {} if belt is None else {"belt_speed_rms": belt.rms}
     wiper: Any = moved if is_the_wiper(moved) else None
     if wiper is not None:
-        linear = steady_slip(wiper, operating_speed(wiper.belt))
+        linear = judged_slip(wiper)
         known |= {"growth_rate": linear.growth_rate, "linear_frequency": linear.frequency}
     size = next(iter(theta.values())).shape[-1]
     state = start_at(Built(moved, wiper), stated, names)
