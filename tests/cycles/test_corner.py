@@ -21,7 +21,7 @@ from systems import (
 
 from wiperjax import SteadyBelt
 from wiperjax.cycles.branch import corner, walk
-from wiperjax.cycles.branch.bifurcations import corner_kind
+from wiperjax.cycles.branch.bifurcations import corner_kind, told_once
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.cycle import Cycle, same_word
 from wiperjax.cycles.find import find_cycle
@@ -242,9 +242,49 @@ def test_doubled_branch_ends_where_its_halves_are_alike(two_impacts):
     exact = scipy.optimize.brentq(one_more_than_trace, 2.5, 2.8)
     (special,) = branch.special
     assert special.kind == "period_doubling" and special.index == 0
-    assert special.parameter == pytest.approx(exact, abs=1e-6)
+    assert special.parameter == pytest.approx(exact, abs=5e-8)
     assert branch.ends == ("a period doubling: half of the cycle is one", "the end of the range")
     assert np.all(np.diff(branch.parameters) > 0)
+
+
+@pytest.mark.parametrize(
+    ("places", "kinds"),
+    [
+        ({"fold": 1.0e-2, "branch_point": 1.1e-2}, ["branch_point"]),  # steps of 0.01: both stood
+        ({"branch_point": 0.9e-2, "fold": 1.0e-2}, ["branch_point"]),
+        ({"branch_point": 0.2e-2, "fold": 1.0e-2}, ["branch_point", "fold"]),
+    ],
+)
+def test_a_branch_that_turns_where_another_crosses_has_one_point_where_it_turns(places, kinds):
+    found = told_once([(at, kind, "", kind) for kind, at in places.items()])
+    assert [kind for _, kind, _, _ in found] == kinds
+    assert found[-1][0] == 1.0e-2 and found[-1][3] == "fold"
+
+
+@pytest.mark.parametrize(
+    ("begun", "special", "end"),
+    [
+        (1.0, ("period_doubling", "the cycle is one of half its period, twice"), "a period d"),
+        (0.0, ("fold", ""), ""),  # a cycle that is passed twice all along may have folds
+    ],
+)
+def test_a_fold_may_be_the_doubling_at_which_a_branch_ends(begun, special, end, monkeypatch):
+    """Where no branch point was told beside it the walk went on, over cycles it had passed."""
+    monkeypatch.setattr(walk.Walk, "_cut", lambda self, here, ahead, length: (length, ahead))
+    monkeypatch.setattr(walk.Walk, "_append", lambda self, step: self.steps.append(step))
+    monkeypatch.setattr(walk.Walk, "_note_vanishing", lambda self, here, ahead: None)
+
+    def step(apart):
+        states = np.array([[0.0], [2.0], [apart], [-2.0], [0.0]])
+        cycle = SimpleNamespace(motion=SimpleNamespace(samples=states))
+        return SimpleNamespace(cycle=cycle, point=SimpleNamespace(parameter=1.0))
+
+    here, fold, ahead = step(begun), step(0.02 * begun), step(-begun)
+    one_way = walk.Walk(None, 0.0, 2.0, 0.1, 9)
+    one_way.steps.append(here)
+    one_way._take(here, ahead, 0.1, [(0.05, "fold", "", fold)])
+    assert one_way.special == [(*special, 1.0, 1)] and one_way.end.startswith(end)
+    assert one_way.steps[-1] is (fold if end else ahead)
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ import wiperjax
 from wiperjax import AbstractSystem, Coulomb
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import branch, chart, shooting
-from wiperjax.cycles.branch.dataset import branch_dataset
+from wiperjax.cycles.branch.dataset import COLUMNS, branch_dataset, column_attributes
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.branch.repeats import comes_back, repeat_time
 from wiperjax.cycles.branch.up_and_down import up_and_down
@@ -119,6 +119,18 @@ def test_branch_as_a_dataset_survives_a_file(ring, tmp_path):
     assert list(ds.special_kind.values) == ["fold", "hopf"]
     parts = [str(ds[f"multiplier_{key}"].attrs["long_name"]) for key in ("real", "imag")]
     assert [words.split(" of ")[0] for words in parts] == ["real part", "imaginary part"]
+
+
+@pytest.mark.parametrize(
+    ("system", "length", "force"), [(Ring(), None, "N"), (wiperjax.Wiper(), "m", "N/m")]
+)
+def test_a_branch_has_the_units_that_maps_and_runs_have(system, length, force):
+    """Of a system of one's own only the coordinates have units that nothing declares: its branches
+    had none for speeds and forces either, nor had derivatives of them."""
+    units = {name: column_attributes(system, name).get("units") for name in COLUMNS}
+    assert {units[name] for name in ("maximum", "minimum", "amplitude")} == {length}
+    assert units["velocity_rms"] == units["slip_margin"] == "m/s"
+    assert units["normal_force_max"] == force
 
 
 @pytest.mark.slow

@@ -51,6 +51,9 @@ def test_the_way_down_is_down_where_the_measure_is_negative():
     found = remedy.sensitivities(cycle, bounds, "maximum")
     assert np.all(np.sign(found.buys) == np.sign(found.derivative))
     assert list(found.derivative_units.values) == ["", ""]  # lengths are those of the system
+    rms = remedy.sensitivities(cycle, bounds)
+    assert rms.measure.attrs["units"] == "m/s"  # as its maps and runs have it
+    assert rms.derivative_units.values[0] == "(m/s)/(N)"
     path = remedy.descend(cycle, bounds, measure="maximum", step=0.05, most=2)
     assert np.all(np.diff(path.steps["maximum"]) < 0)
     assert path.steps["load"].attrs["units"] == "N" and "units" not in path.steps["maximum"].attrs

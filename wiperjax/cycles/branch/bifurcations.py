@@ -7,6 +7,7 @@ Where they change it has a corner, named by what comes or goes.
 from collections import Counter
 from collections.abc import Callable
 from difflib import SequenceMatcher
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,10 @@ import numpy as np
 from ..cycle import Cycle, ring, rotations
 from .step import BranchStep
 
-ALIKE = 1e-3  # of the range of a state: how near the two halves of a cycle are at its doubling
+ALIKE = 1e-2  # of the range of a state: how near the two halves of a cycle are at its doubling
+CROSSING = 2e-3  # of a step's unit: how far off the crossing of two branches may be located
+
+Located = list[tuple[float, str, str, BranchStep]]  # distance, kind, detail, step of special points
 
 
 class Special(NamedTuple):
@@ -67,6 +71,20 @@ TESTS: tuple[tuple[str, str, Callable[[BranchStep], float]], ...] = (
     ("period_doubling", "a multiplier passes -1", _minus_one),
     ("neimark_sacker", "a complex pair passes the unit circle", _products),
 )
+
+
+def told_once(found: Located) -> Located:
+    """Return ``found`` with a fold and a branch point that are one as a branch point alone.
+
+    There the branch itself turns: no cycles merge. Two cycles on crossing branches are told apart
+    as the cube root of what a return map is closed to; the turn of the parameter is told best.
+    """
+    folds, points = ([i for i in found if i[1] == kind] for kind in ("fold", "branch_point"))
+    for fold, point in product(folds, points):
+        if abs(fold[0] - point[0]) < CROSSING:
+            one = (fold[0], *point[1:3], fold[3])
+            return [one if item is fold else item for item in found if item is not point]
+    return found
 
 
 def change(cycle: Cycle, word: str) -> str:

@@ -10,7 +10,7 @@ from ...systems import numbers
 from ...vocabulary import checks
 from .follow import Branch
 
-COLUMNS = {  # name: (unit for a blade, meaning)
+COLUMNS = {  # name: (unit, meaning)
     "period": ("s", "period"),
     "maximum": ("m", "largest {position}"),
     "minimum": ("m", "smallest {position}"),
@@ -18,7 +18,7 @@ COLUMNS = {  # name: (unit for a blade, meaning)
     "velocity_rms": ("m/s", "rms of the {velocity} about its mean"),
     "stick_fraction": ("1", "share of the period in stick"),
     "flight_fraction": ("1", "share of the period in flight"),
-    "normal_force_max": ("N/m", "largest normal force"),
+    "normal_force_max": ("N", "largest normal force"),
     "slip_margin": ("m/s", "smallest slip speed inside slip"),
     "residual": ("1", "of the return map, relative to the size of the motion"),
     "trivial_error": ("1", "by how much the trivial multiplier misses 1"),
@@ -26,11 +26,13 @@ COLUMNS = {  # name: (unit for a blade, meaning)
 
 
 def column_attributes(system: AbstractSystem, name: str) -> dict[str, str]:
-    """Return the attributes of one of `COLUMNS`; lengths and forces of another system than a blade
-    have units of its own."""
+    """Return the attributes of one of `COLUMNS`; coordinates of another system than a blade have
+    units of its own, which nothing declares."""
     unit, text = COLUMNS[name]
-    known = {"units": unit} if system.of_a_blade or unit in "1s" else {}
-    return {"long_name": text.format(**numbers.words(system)), **known}
+    attrs = {"long_name": text.format(**numbers.words(system))}
+    if unit == "m" and not system.of_a_blade:
+        return attrs
+    return attrs | {"units": "N/m" if unit == "N" and system.per_metre else unit}
 
 
 def branch_dataset(branch: Branch) -> xr.Dataset:

@@ -152,20 +152,18 @@ def _table(given: AbstractSystem, over: str, values, highs: np.ndarray, columns)
     name, attrs, to_file = numbers.stored(given, over)
     plane = ("way", name)
 
-    def settled(values, long_name, units=None):
-        unit = {} if units is None else {"units": units}
-        return plane, np.where(fair, values, np.nan), {"long_name": long_name, **unit}
+    def settled(values, long_name, units):
+        return plane, np.where(fair, values, np.nan), {"long_name": long_name, "units": units}
 
     flags = {"long_name": "how the trajectory ended"} | cf.flags(RESULTS)
     words = numbers.words(given)
-    metre, speed = ("m", "m/s") if given.of_a_blade else (None, None)
     maximum = np.where(fair[..., None], highs, np.nan)
     about = {"long_name": f"maxima of the {words['position']}"}
-    about |= {"units": metre} if metre else {}
+    about |= {"units": "m"} if given.of_a_blade else {}
     return xr.Dataset(
         {
             "maximum": ((*plane, "peak"), maximum, about),
-            "velocity_rms": settled(rms, f"rms of the {words['velocity']} about its mean", speed),
+            "velocity_rms": settled(rms, f"rms of the {words['velocity']} about its mean", "m/s"),
             "stick_fraction": settled(stick, "share of the window in stick", "1"),
             "flight_fraction": settled(flight, "share of the window in flight", "1"),
             "repeat_time": settled(repeats, "time in which the motion came back to itself", "s"),

@@ -9,7 +9,16 @@ import numpy as np
 from ..cycle import same_word
 from ..return_map import Shooting
 from ..shooting import Lost
-from .bifurcations import TESTS, Special, change, corner_kind, doubled, turning
+from .bifurcations import (
+    TESTS,
+    Located,
+    Special,
+    change,
+    corner_kind,
+    doubled,
+    told_once,
+    turning,
+)
 from .corner import SHORT, beyond, edge_of, jumped, smooth
 from .step import (
     BranchStep,
@@ -28,8 +37,6 @@ BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between
 SAME = 1e-3  # of a chord: how near to each other two cycles are one
 ROUNDING = 1e-8  # of a test function: less has no sign
 VANISHED = 0.01  # of the largest amplitude: the cycle shrinks onto steady slip
-
-Located = list[tuple[float, str, str, BranchStep]]  # distance, kind, detail, step of special points
 
 
 class Walk:
@@ -110,7 +117,7 @@ class Walk:
                     continue  # a product of two real multipliers passes 1: nothing happens
                 found.append((place[0], kind, detail, place[1]))
         found.sort(key=lambda item: item[0])
-        return [item for item in found if not _shadow(item, found, length)]
+        return told_once(found)
 
     def _apart(
         self, here: BranchStep, ahead: BranchStep, length: float, test: Callable
@@ -140,8 +147,10 @@ class Walk:
 
     def _take(self, here: BranchStep, ahead: BranchStep, length: float, found: Located) -> None:
         """Append the way to ``ahead``, up to where it ends."""
+        begun = self.steps[0].cycle  # one that was asked for at twice its period is so all along
         for number, (distance, kind, _, step) in enumerate(found):
-            if kind == "branch_point" and doubled(step.cycle):
+            alike = kind in ("fold", "branch_point") and doubled(step.cycle)
+            if alike and not doubled(begun):
                 length, ahead = distance, step  # beyond, its halves change places: the same again
                 detail = "the cycle is one of half its period, twice"
                 found = [*found[:number], (distance, "period_doubling", detail, step)]
@@ -270,10 +279,3 @@ class Walk:
         detail = "the cycle shrinks onto steady slip"
         self.special.append(Special("hopf", detail, at, len(self.steps) - 1))
         self.end = "a Hopf point"
-
-
-def _shadow(item, found: Located, length: float) -> bool:
-    """Whether a fold is a branch point at which the branch itself turns: no cycles merge there."""
-    at, kind = item[0], item[1]
-    points = [distance for distance, other, _, _ in found if other == "branch_point"]
-    return kind == "fold" and any(abs(at - distance) < 0.01 * length for distance in points)
