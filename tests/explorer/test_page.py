@@ -164,3 +164,9 @@ def test_a_legend_has_the_pattern_that_its_cells_have(window):
         for key in painted(plane, "label").legend.split('<span class="key">')[1:]
     }
     assert (keys["failed"], keys["collapsed"], keys["squeal"]) == (2, 1, 0)  # crossed, and not
+
+
+def test_the_key_of_the_lip_says_what_its_thin_line_is():
+    """It read as a second link of the lip."""
+    key = MotionPanel("Cell").pictures["lip"].children[-1].text
+    assert '<i class="line"></i>contact force' in key and "stick" in key
