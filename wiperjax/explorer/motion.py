@@ -29,7 +29,7 @@ def motion_of(
         content = Content(hidden=set(PICTURES))
         heard = f'<p class="note">Too short to be drawn or heard: {escaped(error)}.</p>'
     content.texts = {
-        "heading": heading(run, told, scene["title"]),
+        "heading": heading(run, told, scene["title"], content.part),
         "table": table(run, told, explored.cell(place, COMPARED, start), explored.ds),
         "audio": heard,
         "scene": toml_of(scene),
