@@ -176,12 +176,16 @@ def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
     assert "borders" not in printed.out
 
 
-def test_a_sweep_says_of_how_many_cells_the_answer_is_open(folder, stubs, capsys, monkeypatch):
+@pytest.mark.parametrize("lost", ["1 cell", "2 cells"])
+def test_a_sweep_says_of_how_many_cells_the_answer_is_open(
+    folder, stubs, capsys, monkeypatch, lost
+):
     """As `info` does: a short transient was not seen until someone asked."""
-    settled = xr.zeros_like(small_map()["label"]) + codes.SETTLED["no"]
+    settled = xr.zeros_like(small_map()["label"]) + codes.SETTLED["yes"]
+    settled[{dim: slice(int(lost[0])) for dim in settled.dims}] = codes.SETTLED["no"]
     monkeypatch.setattr(stubs, "map", small_map().assign(settled=settled))
     assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0
-    line = r"^not settled  2 cells: growing, dying, irregular or of too few periods$"
+    line = rf"^not settled  {lost}: growing, dying, irregular or of too few periods$"
     assert re.search(line, capsys.readouterr().out, re.M)
     assert main(["info", "m.h5"]) == 0
     assert re.search(line, capsys.readouterr().out, re.M)

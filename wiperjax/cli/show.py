@@ -223,7 +223,8 @@ def info(
             print_open(dataset)
             if "mechanism" in dataset and "band" in dataset:
                 for mechanism, band, count in anatomy(dataset):
-                    print(f"other: {count} {counted(dataset)} of {mechanism}, band {band}")
+                    of = f"{counted(dataset, count)} of {mechanism}"
+                    print(f"other: {count} {of}, band {band}")
             print_sensitivities(dataset)
         elif "cells_done" in dataset.attrs:
             print("no cell is computed yet")
