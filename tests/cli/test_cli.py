@@ -5,6 +5,7 @@ calls.
 """
 
 import importlib.metadata
+import inspect
 import re
 import subprocess
 import sys
@@ -460,6 +461,8 @@ def test_help_of_plot_names_every_picture(capsys):
         for name, picture in pictures.items():
             if "quantity" in picture.options:
                 assert name in re.split("Variable for ", printed)[1].split(".")[0]
+    usual = inspect.signature(PICTURES["map"]["value"].draw).parameters["quantity"].default
+    assert f"value (of --quantity, else {usual}," in printed
 
 
 def test_plot_that_fails(folder, stubs, capsys):
