@@ -48,7 +48,7 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     checks.path("path", path)
     checks.flag("force", force)
     if not is_modes(run):
-        check_run("run", run)
+        check_run(run)
     ending, formats = Path(path).suffix.lower(), FORMATS if is_run(run) else MODE_FORMATS
     if ending not in formats:
         raise ValueError(f"{path}: must end in {' or '.join(formats)}")

@@ -15,7 +15,6 @@ from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import LABELS, Result
 from .explored import escaped
 
-SECONDS = 2.0  # of sound, played again and again
 ROWS = (  # column of a map, and what it is called here
     (TONE, "frequency"),
     ("velocity_rms", "velocity, rms"),
@@ -106,7 +105,7 @@ def _number(value: float) -> str:
     return f"{value:.5g}" if np.isfinite(value) else "-"
 
 
-def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> str:
+def audio(run: xr.Dataset, reference: float, seconds: float) -> str:
     """An audio element with so many seconds of a run, again and again; of one that has no period
     the run as it is, once. Full scale is `reference`.
     """
