@@ -18,6 +18,7 @@ from .datasets.run_dataset import axis_of, check_run, contact_axis, is_run
 from .machine.files import check_output, replacing
 from .noise.samples import sample_interval
 from .vocabulary import checks
+from .vocabulary.cf import flag_names
 
 QUANTITIES = (
     *("position", "velocity", "output", "gap", "normal_force", "friction_force"),
@@ -32,8 +33,9 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     """Writes a run, or the modes of one system, in the format that the ending of `path` names, at
     once or not at all.
 
-    - `.csv`: a line for each sample, `time (s)` first; the regime by its code.
-    - `.mat`: a variable for each quantity, `(samples,)`, those of the events, and `units`.
+    - `.csv`: a line for each sample, `time (s)` first; the regime by its code, named in the head.
+    - `.mat`: a variable for each quantity, `(samples,)`, those of the events, and `units`, of codes
+        what each means.
     - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced), each
         coordinate of a system of one's own a point of its own, and what is of the contact, or the
         output, at that of its coordinate, or at one more where it is none's; of modes
@@ -46,7 +48,7 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     checks.path("path", path)
     checks.flag("force", force)
     if not is_modes(run):
-        check_run("run", run)
+        check_run(run)
     ending, formats = Path(path).suffix.lower(), FORMATS if is_run(run) else MODE_FORMATS
     if ending not in formats:
         raise ValueError(f"{path}: must end in {' or '.join(formats)}")
@@ -69,18 +71,25 @@ def exported(run: xr.Dataset, ending: str) -> bytes:
 
 
 def columns(run: xr.Dataset) -> dict[str, tuple[np.ndarray, str]]:
-    """Name -> (values over time, unit) of a run; a vector is a column for each coordinate."""
+    """Name -> (values over time, `_unit`) of a run; a vector is a column for each coordinate."""
     found = {"time": (np.asarray(run["time"], dtype=float), "s")}
     for name in QUANTITIES:
         if name not in run:
             continue
-        values, unit = run[name], str(run[name].attrs.get("units", ""))
+        values, unit = run[name], _unit(run[name])
         if values.ndim == 1:
             found[name] = (np.asarray(values), unit)
             continue
         for axis in run["axis"].values:
             found[f"{name}_{axis}"] = (np.asarray(values.sel(axis=axis), dtype=float), unit)
     return found
+
+
+def _unit(variable: xr.DataArray) -> str:
+    """Unit of a variable; of codes what each of them means."""
+    if "flag_values" not in variable.attrs:
+        return str(variable.attrs.get("units", ""))
+    return "; ".join(f"{code} {name}" for code, name in flag_names(variable).items())
 
 
 def _csv(run: xr.Dataset, path: Path) -> None:
@@ -97,9 +106,10 @@ def _csv(run: xr.Dataset, path: Path) -> None:
 def _mat(run: xr.Dataset, path: Path) -> None:
     found = columns(run)
     events = {str(n): np.asarray(run[n]) for n in run.data_vars if run[n].dims == ("event",)}
-    units = {name: unit for name, (_, unit) in found.items() if unit}
-    units |= {name: str(run[name].attrs["units"]) for name in events if "units" in run[name].attrs}
+    units = {name: unit for name, (_, unit) in found.items()}
+    units |= {name: _unit(run[name]) for name in events}
     held = {name: values for name, (values, _) in found.items()} | events
+    units = {name: unit for name, unit in units.items() if unit}
     about = {"title": str(run.attrs.get("title", "")), "units": units}
     with open(path, "wb") as file:  # by its name scipy would add an ending
         scipy.io.savemat(file, held | about, oned_as="column", long_field_names=True)

@@ -133,7 +133,7 @@ def sound(
         that is sampled too coarsely, or has no whole period to repeat.
     """
     checks.instance("run", run, xr.Dataset, "a run (wiperjax.simulate)")
-    check_run("run", run)
+    check_run(run)
     checks.choice("quantity", quantity, REFERENCES)
     full = REFERENCES[quantity]
     if reference is not None:

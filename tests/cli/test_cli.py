@@ -5,6 +5,7 @@ calls.
 """
 
 import importlib.metadata
+import inspect
 import re
 import subprocess
 import sys
@@ -176,12 +177,16 @@ def test_sweep_makes_map_picture_and_table(folder, stubs, capsys):
     assert "borders" not in printed.out
 
 
-def test_a_sweep_says_of_how_many_cells_the_answer_is_open(folder, stubs, capsys, monkeypatch):
+@pytest.mark.parametrize("lost", ["1 cell", "2 cells"])
+def test_a_sweep_says_of_how_many_cells_the_answer_is_open(
+    folder, stubs, capsys, monkeypatch, lost
+):
     """As `info` does: a short transient was not seen until someone asked."""
-    settled = xr.zeros_like(small_map()["label"]) + codes.SETTLED["no"]
+    settled = xr.zeros_like(small_map()["label"]) + codes.SETTLED["yes"]
+    settled[{dim: slice(int(lost[0])) for dim in settled.dims}] = codes.SETTLED["no"]
     monkeypatch.setattr(stubs, "map", small_map().assign(settled=settled))
     assert main(["sweep", "s.toml", "-o", "m.h5"]) == 0
-    line = r"^not settled  2 cells: growing, dying, irregular or of too few periods$"
+    line = rf"^not settled  {lost}: growing, dying, irregular or of too few periods$"
     assert re.search(line, capsys.readouterr().out, re.M)
     assert main(["info", "m.h5"]) == 0
     assert re.search(line, capsys.readouterr().out, re.M)
@@ -456,6 +461,8 @@ def test_help_of_plot_names_every_picture(capsys):
         for name, picture in pictures.items():
             if "quantity" in picture.options:
                 assert name in re.split("Variable for ", printed)[1].split(".")[0]
+    usual = inspect.signature(PICTURES["map"]["value"].draw).parameters["quantity"].default
+    assert f"value (of --quantity, else {usual}," in printed
 
 
 def test_plot_that_fails(folder, stubs, capsys):

@@ -402,7 +402,8 @@ def test_a_thinned_curve_keeps_its_peaks():
     chosen = thinned(curve, most=500)
     assert len(chosen) <= 500 and curve[chosen].max() == 7.0 and curve[chosen].min() == curve.min()
     assert chosen[0] == 0 and chosen[-1] == 99_999
-    chosen = thinned(curve, most=500, even=False)  # half of the points in half of the axis
+    logs = np.log(np.arange(1, 100_001))
+    chosen = thinned(curve, most=500, along=logs)  # half of the points in half of the axis
     assert len(chosen) <= 500 and curve[chosen].max() == 7.0 and {0, 99_999} <= set(chosen)
     assert np.array_equal(chosen[:10], np.arange(10))
 

@@ -164,3 +164,20 @@ def test_a_legend_has_the_pattern_that_its_cells_have(window):
         for key in painted(plane, "label").legend.split('<span class="key">')[1:]
     }
     assert (keys["failed"], keys["collapsed"], keys["squeal"]) == (2, 1, 0)  # crossed, and not
+
+
+def test_the_page_says_that_a_file_is_being_made(window):
+    """Modes took 8 s on a busy machine, and nothing happened meanwhile."""
+    page, worker = window
+    worker.wish = lambda *wished: setattr(worker, "done", wished[-1])
+    page.downloads.kind.value = "modes.uff"
+    page.downloads._wish()
+    assert "making modes.uff ..." in page.status.text
+    worker.done(b"modes")
+    assert "modes.uff is made" in page.status.text
+
+
+def test_the_key_of_the_lip_says_what_its_thin_line_is():
+    """It read as a second link of the lip."""
+    key = MotionPanel("Cell").pictures["lip"].children[-1].text
+    assert '<i class="line"></i>contact force' in key and "stick" in key

@@ -16,10 +16,12 @@ import xarray as xr
 from stub_sweep import BLOCK, make_spec
 
 from wiperjax.cli import main
+from wiperjax.explorer.explored import open_explored
 from wiperjax.machine.files import StoreError
 from wiperjax.maps import block as work
 from wiperjax.maps import computing
 from wiperjax.maps.verify import verify
+from wiperjax.plots import plot_file
 from wiperjax.store import checksums, manifest, map_file
 from wiperjax.store.checksums import REST
 from wiperjax.store.manifest import parts_of
@@ -113,7 +115,7 @@ def test_every_flipped_bit_and_every_zeroed_range_is_named(whole, tmp_path):
     assert len(named) > 20 and REST in named
 
 
-def test_info_verify_and_open_map_name_the_variable(path, capsys):
+def test_who_compares_a_map_first_names_the_variable(path, capsys):
     with open_map(path, check=True) as ds:
         expected = ds.load()
     assert main(["info", str(path)]) == 0
@@ -121,7 +123,12 @@ def test_info_verify_and_open_map_name_the_variable(path, capsys):
     flip(path, places(path)["belt_speed"][0])  # HDF5 reads it without a word
     with open_map(path) as ds:
         assert not ds.belt_speed.equals(expected.belt_speed)
-    for look in (lambda: open_map(path, check=True), lambda: verify(path, evaluate=stub.evaluate)):
+    for look in (
+        lambda: open_map(path, check=True),
+        lambda: verify(path, evaluate=stub.evaluate),
+        lambda: plot_file(path, path.with_suffix(".png")),  # both drew what they read
+        lambda: open_explored(path),
+    ):
         with pytest.raises(StoreError, match=r"map.h5: is damaged: belt_speed; .* --resume"):
             look()
     assert main(["info", str(path)]) == 1

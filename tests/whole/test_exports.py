@@ -25,6 +25,7 @@ def test_a_table_holds_every_sample_with_its_unit(squeal, tmp_path):
     export(squeal, path)
     head, *lines = path.read_text().splitlines()
     assert head.startswith("time (s),position_x (m),position_y (m),velocity_x (m/s)")
+    assert head.endswith(",regime (0 stick; 1 slip_pos; 2 slip_neg; 3 flight)")  # what a code means
     table = np.loadtxt(lines, delimiter=",")
     for column, (values, _) in zip(table.T, columns(squeal).values(), strict=True):
         np.testing.assert_array_equal(column, values)
@@ -45,6 +46,7 @@ def test_matlab_finds_samples_events_and_units(squeal, tmp_path):
     np.testing.assert_array_equal(found["velocity_x"], squeal["velocity"].sel(axis="x"))
     np.testing.assert_array_equal(found["event_time"], squeal["event_time"])
     assert found["units"]["normal_force"] == "N/m"
+    assert "; 2 slip_neg; " in str(found["units"]["regime_before"])
 
 
 def test_test_software_finds_a_response_for_each_quantity(squeal, tmp_path):

@@ -40,8 +40,8 @@ USUAL = "overview; of a map along one axis line"
 PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map, a run or a branch.\n\n"
     "Pictures of a map: overview, classes, regimes, mechanisms (over two axes and a third), "
-    "frequency, value (over two axes), line (along one axis: frequency, amplitude, regimes), "
-    "shares (of random starts), raster (regime over time).\n\n"
+    "frequency, value (of --quantity, else velocity_rms, over two axes), line (along one axis: "
+    "frequency, amplitude, regimes), shares (of random starts), raster (regime over time).\n\n"
     "Pictures of a run: overview, history, phase, friction (on the Stribeck curve), spectrum, "
     "spectrogram, animation.\n\n"
     "Pictures of a branch: overview, cycles (any number of them over the parameter), multipliers, "
@@ -223,7 +223,8 @@ def info(
             print_open(dataset)
             if "mechanism" in dataset and "band" in dataset:
                 for mechanism, band, count in anatomy(dataset):
-                    print(f"other: {count} {counted(dataset)} of {mechanism}, band {band}")
+                    of = f"{counted(dataset, count)} of {mechanism}"
+                    print(f"other: {count} {of}, band {band}")
             print_sensitivities(dataset)
         elif "cells_done" in dataset.attrs:
             print("no cell is computed yet")

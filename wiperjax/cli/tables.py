@@ -68,17 +68,18 @@ def print_open(dataset: Any) -> None:
     """How many answers of a map are not the last word: no frequency, or no settled motion."""
     from ..noise.class_counts import unsettled_count, untold_count
 
-    of = counted(dataset)
     if fast := untold_count(dataset):
         why = "carried, too fast for the finest samples, or of no two periods"
-        print(f"not told     {fast} {of}: {why}")
+        print(f"not told     {fast} {counted(dataset, fast)}: {why}")
     if lost := unsettled_count(dataset):
-        print(f"not settled  {lost} {of}: growing, dying, irregular or of too few periods")
+        why = "growing, dying, irregular or of too few periods"
+        print(f"not settled  {lost} {counted(dataset, lost)}: {why}")
 
 
-def counted(dataset: Any) -> str:
-    """What is counted in a map: its runs, where each cell has several."""
-    return "runs" if "start" in dataset.sizes else "cells"
+def counted(dataset: Any, count: int = 0) -> str:
+    """What is counted in a map, a `count` of it: its runs, where each cell has several."""
+    one = "run" if "start" in dataset.sizes else "cell"
+    return one if count == 1 else f"{one}s"
 
 
 def print_class(run: Any) -> None:
@@ -168,7 +169,7 @@ def print_events(dataset: Any) -> None:
         return
     cut = int((dataset["event_overflow"].values == 1).sum())
     print(f"events: {count.sum(dtype=int)} in the settled windows, {count.max()} in the fullest;")
-    of = counted(dataset)
+    of = counted(dataset, count.size)
     print(f"    the log has room for {room} of each, {cut} of {count.size} {of} had more")
 
 

@@ -36,12 +36,12 @@ def unfit(ds: xr.Dataset) -> str:
     return ""
 
 
-def check_run(name: str, ds: xr.Dataset) -> None:
-    """Raises: `ValueError` unless a dataset is a trajectory over time."""
+def check_run(ds: xr.Dataset) -> None:
+    """Raises: `ValueError` unless a dataset, which is given as `run`, is a trajectory over time."""
     if not is_run(ds):
         whole = all(variable in ds for variable in OF_A_RUN)
         why = unfit(ds) if whole else "holds no trajectory"
-        raise ValueError(f"{name} must be a run (wiperjax.simulate), but {why}")
+        raise ValueError(f"run must be a run (wiperjax.simulate), but {why}")
 
 
 def check_quantity(ds: xr.Dataset, quantity: str) -> xr.DataArray:

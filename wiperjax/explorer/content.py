@@ -52,6 +52,7 @@ class Content:
         texts: place -> HTML or plain text.
         hidden: those of `PICTURES` that this motion has not.
         labels: picture -> what is across and what is up.
+        part: what of the motion is drawn over time, in phase and on the law, in words.
     """
 
     columns: dict[str, Columns] = field(default_factory=dict)
@@ -59,11 +60,12 @@ class Content:
     texts: dict[str, str] = field(default_factory=dict)
     hidden: set[str] = field(default_factory=set)
     labels: dict[str, tuple[str, str]] = field(default_factory=dict)
+    part: str = ""
 
 
 def content_of(run: xr.Dataset) -> Content:
-    """Curves of a run: its last periods over time and in phase, its settled part over frequency,
-    all of it as a spectrogram.
+    """Curves of a run: its last periods over time and in phase (all of it, if it has none), its
+    settled part over frequency, all of it as a spectrogram.
 
     Raises: `ValueError` for one that is too short for that.
     """
@@ -74,6 +76,9 @@ def content_of(run: xr.Dataset) -> Content:
     _spectrogram(content, run)
     _friction(content, part)
     _lip(content, run)
+    whole, (first, last) = part.sizes["time"] == run.sizes["time"], content.ranges["time"]
+    end = f"the last {last - first:.3g} {_clock(part)[1]}"
+    content.part = "all of the run, its start too" if whole else end
     shows = (signal(run, name, usual_axis(run)) for name in ("position", "velocity"))
     place, speed = (label(_words(run, values), shown(values)[1]) for values in shows)
     judged = signal(run)
@@ -93,16 +98,19 @@ def _words(run: xr.Dataset, values: xr.DataArray) -> str:
     return plain(quantity_words(run, values), 60)
 
 
-def thinned(*curves: np.ndarray, most: int = MOST_POINTS, even: bool = True) -> np.ndarray:
+def thinned(
+    *curves: np.ndarray, most: int = MOST_POINTS, along: np.ndarray | None = None
+) -> np.ndarray:
     """Places of the samples that are drawn: of each stretch the least and the greatest of every
-    curve, so that no peak is lost. The stretches are `even`, or so on a logarithmic axis.
+    curve, so that no peak is lost. They are equally long in `along`, which rises, or in samples.
     """
     count = len(curves[0])
     if count <= most:
         return np.arange(count)
-    parts = max(1, most // (2 * len(curves)))
-    cuts = np.unique(np.geomspace(1, count - 1, parts - 1).astype(int))
-    stretches = np.array_split(np.arange(count), parts if even else cuts)
+    along = np.arange(count) if along is None else along
+    cuts = np.linspace(along[0], along[-1], max(1, most // (2 * len(curves))) + 1)[1:-1]
+    stretches = np.split(np.arange(count), np.unique(np.searchsorted(along, cuts)))
+    stretches = [s for s in stretches if s.size]
     ends = [s[[0, -1]] for s in (stretches[0], stretches[-1])]
     chosen = [s[[np.argmin(c[s]), np.argmax(c[s])]] for s in stretches for c in curves]
     return np.unique(np.concatenate([*ends, *chosen]))
@@ -153,7 +161,9 @@ def _history(content: Content, part: xr.Dataset) -> None:
 def _portrait(content: Content, part: xr.Dataset) -> None:
     """Velocity over position, a curve for each stretch in one regime."""
     x, v = orbit(part, usual_axis(part))
-    chosen = thinned(x, v, most=MOST_TURNS)
+    pieces = np.hypot(*(np.diff(c) / (np.ptp(c) or 1.0) for c in (x, v)))
+    # by the way it goes: of a motion that dies away all of it is in the first samples
+    chosen = thinned(x, v, most=MOST_TURNS, along=np.append(0.0, np.cumsum(pieces)))
     x, v = x[chosen], v[chosen]
     codes = np.asarray(part["regime"], dtype=int)[chosen]
     names = flag_names(part["regime"])
@@ -177,7 +187,7 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
     peak = max(float(found.amplitude.max(initial=0.0)), found.quiet) or 1.0
     floor = peak * 10.0**-DECADES
     heights = np.maximum(found.amplitude, 0.1 * floor)
-    chosen = thinned(np.log(heights), even=False)
+    chosen = thinned(np.log(heights), along=np.log(found.frequency))
     content.columns["lines"] = {"f": found.frequency[chosen], "a": heights[chosen]}
     low, high = float(found.frequency[0]), float(found.frequency[-1])
     rows = [(name, max(a, low), min(b, high)) for name, a, b in class_bands(stored(part.attrs))]

@@ -51,6 +51,7 @@ class Downloads:
         place, reference = page.place(), page.full_scale()
         work = partial(file_of, page.explored, place, page.begin(), name, reference)
         what = (page.explored, tuple(place.items()), str(page.begin()), reference, name)
+        page.say(f"making {name} ...")  # seconds, where a program is compiled for it
         page.worker.wish((page, "file"), what, work, partial(self._later, name))
 
     def _later(self, name: str, found: Any) -> None:
@@ -62,6 +63,7 @@ class Downloads:
             return
         content = base64.b64encode(found).decode()
         self.file.data = {"name": [name], "content": [content]}
+        self.page.say(f"{name} is made")
 
 
 def file_of(

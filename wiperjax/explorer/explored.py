@@ -22,7 +22,7 @@ from ..specs.imported import paths_in
 from ..specs.load import SpecError
 from ..store.levels import is_refined
 from ..store.swept import otherwise, read_again
-from ..store.whole import borders, open_finished
+from ..store.whole import borders, open_finished, sound
 from ..vocabulary.cf import flag_names
 from ..vocabulary.wording import shorten
 from .unpacked import Unpacked
@@ -137,8 +137,9 @@ class Explored:
 def open_explored(path: str | Path, trusted: bool = False) -> tuple[Explored, Any]:
     """A map from its file, and the file, to be closed; `trusted` as in `explored`.
 
-    Raises: `StoreError`, one line, for what cannot be read or is no map that can be shown.
+    Raises: `StoreError`, one line, for what is damaged, cannot be read or is no map to be shown.
     """
+    sound(path)  # else HDF5 may hang in what is damaged, or show what is wrong
     ds = open_finished(path)
     try:
         found = explored(ds, Path(path).name, trusted)

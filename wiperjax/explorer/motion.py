@@ -7,8 +7,10 @@ from typing import Any
 from .cells import scene_of, simulated, toml_of
 from .content import PICTURES, Content, content_of
 from .explored import Explored, escaped
-from .numbers import COMPARED, SECONDS, audio, heading, table
+from .numbers import COMPARED, audio, heading, table
 from .worker import Worker
+
+SECONDS = 2.0  # of sound, played again and again
 
 
 def motion_of(
@@ -29,7 +31,7 @@ def motion_of(
         content = Content(hidden=set(PICTURES))
         heard = f'<p class="note">Too short to be drawn or heard: {escaped(error)}.</p>'
     content.texts = {
-        "heading": heading(run, told, scene["title"]),
+        "heading": heading(run, told, scene["title"], content.part),
         "table": table(run, told, explored.cell(place, COMPARED, start), explored.ds),
         "audio": heard,
         "scene": toml_of(scene),

@@ -15,7 +15,6 @@ from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import LABELS, Result
 from .explored import escaped
 
-SECONDS = 2.0  # of sound, played again and again
 ROWS = (  # column of a map, and what it is called here
     (TONE, "frequency"),
     ("velocity_rms", "velocity, rms"),
@@ -28,8 +27,10 @@ CODED = (("mechanism", "mechanism"), ("band", "band"), ("settled", "settled"))
 COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, beside the run
 
 
-def heading(run: xr.Dataset, told: dict[str, float], title: str) -> str:
-    """Class of a motion with its colour, its tone, and the parameters of the cell."""
+def heading(run: xr.Dataset, told: dict[str, float], title: str, part: str) -> str:
+    """Class of a motion with its colour, its tone, the parameters of the cell, and which `part` of
+    the motion is drawn, if any is.
+    """
     name = words(told)["label"] if told else _ended(Result(int(run["result"])))
     text = readable(name)
     if not told:
@@ -38,10 +39,11 @@ def heading(run: xr.Dataset, told: dict[str, float], title: str) -> str:
     if np.isfinite(tone):
         text += f", {tone:.4g} Hz"
     colour = CLASSES.get(name, UNKNOWN)
+    drawn = f'<p class="note">Velocity, phase portrait and friction: {part}.</p>' if part else ""
     return (
         f'<div class="head"><span class="chip" style="background:{colour}"></span>'
         f'<b class="noise">{escaped(text)}</b><br>'
-        f'<span class="where">{escaped(title)}</span></div>'
+        f'<span class="where">{escaped(title)}</span>{drawn}</div>'
     )
 
 
@@ -103,7 +105,7 @@ def _number(value: float) -> str:
     return f"{value:.5g}" if np.isfinite(value) else "-"
 
 
-def audio(run: xr.Dataset, reference: float = 1.0, seconds: float = SECONDS) -> str:
+def audio(run: xr.Dataset, reference: float, seconds: float) -> str:
     """An audio element with so many seconds of a run, again and again; of one that has no period
     the run as it is, once. Full scale is `reference`.
     """

@@ -53,7 +53,7 @@ def drawn_sources() -> dict[str, Any]:
 
 
 def slow_motion(picture: Any, frames: Any, drawn: dict[str, Any]) -> tuple[Any, CustomJS]:
-    """Draws the lip into a figure; returns it with its buttons and the key of the regimes, and what
+    """Draws the lip into a figure; returns it with its buttons and the key of its colours, and what
     draws: frames that a page has from its beginning do not change.
     """
     picture.hspan(y=0, line_color=BELT, line_width=2)
@@ -81,5 +81,6 @@ def slow_motion(picture: Any, frames: Any, drawn: dict[str, Any]) -> tuple[Any, 
         f'<span class="key"><i style="background:{colour}"></i>{readable(name)}</span>'
         for name, colour in REGIMES.items()
     )
-    key = words(picture.width, f'<div class="keys">{legend}</div>')
+    force = '<span class="key"><i class="line"></i>contact force on the tip</span>'
+    key = words(picture.width, f'<div class="keys">{legend}{force}</div>')
     return Column(children=[picture, row, key], width=picture.width), draw

@@ -17,7 +17,7 @@ from ..machine.files import StoreError, check_output, replacing
 from ..noise.classes import stored
 from ..store.levels import is_refined
 from ..store.partial import open_partial
-from ..store.whole import borders, open_map
+from ..store.whole import borders, open_map, sound
 from ..vocabulary import checks
 from .catalogue import PICTURES, Drawn, draw, find, lacks, usual
 from .curves import check_drawn, with_curves
@@ -65,7 +65,7 @@ def plot_file(
     - `options`: those the picture takes, None for its own choice: `start`, `stop` (s), `quantity`,
         `component`, `seconds` (of the animation); `x`, `y` (names of axes), `at` (axis -> value).
 
-    Raises: `StoreError` if the file holds nothing to draw or `output` cannot be written,
+    Raises: `StoreError` if the file is damaged or has nothing to draw, or `output` is not writable,
         `ValueError` for a picture or an option that does not suit the file.
     """
     _check(path, output, force, dpi, options | {"picture": picture})
@@ -170,8 +170,9 @@ def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset,
 
     Of an unfinished sweep, which is read into memory, only with `raster` what is large.
 
-    Raises: `StoreError` if it is none of them, or no cell is computed yet.
+    Raises: `StoreError` if it is none of them, no cell is computed yet, or it is damaged.
     """
+    sound(path)  # else HDF5 may hang in what is damaged, or show what is wrong
     parts = Path(path).is_dir()
     with open_partial(path, wide=raster) if parts else open_map(path) as ds:
         _check_thresholds(path, ds)
