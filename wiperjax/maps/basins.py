@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..contact.own_numbers import numbers
+from ..contact.own_numbers import check_known, numbers
 from ..contact.system import AbstractSystem, system_attributes
 from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
@@ -58,6 +58,7 @@ def basins(
     **Raises** `ValueError` for arguments that cannot be meant.
     """
     check_system(system)
+    check_known(system)
     settle = checks.number("settle", settle, NON_NEGATIVE)
     window = checks.number("window", window, POSITIVE)
     check_integration(solver, rtol, zeno_time, max_steps)

@@ -95,8 +95,8 @@ def simulate(
     units, radians), the tolerances, the solver's counts (``steps``: trial ones, unlike a map's) and
     ``result_message``, the result in words: a numerical failure ends the run, and is no exception.
 
-    **Raises** `ValueError` for arguments that cannot be meant, or an initial state that is
-    impossible (the contact point inside its partner; no finite force that could hold it).
+    **Raises** `ValueError` for arguments that cannot be meant, an impossible initial state (inside
+    its partner; held by no finite force), and within `jax.jit` and the like, where `solve` works.
     """
     check_system(system)
     check_single(system)
