@@ -42,8 +42,8 @@ def basins(
 
     **Main arguments:** ``system``, a `Wiper` or any other; a number of it (a field of type float,
     or made by `parameter`) may be an array with one entry a start; ``starts`` = (position,
-    velocity), n arrays (starts,) each, or numbers where all starts are alike; ``settle`` [s], which
-    is not looked at; ``window`` [s] after it.
+    velocity), n arrays (starts,) each; a number among arrays is that of all starts (of numbers
+    alone there is one start); ``settle`` [s], which is not looked at; ``window`` [s] after it.
 
     **Other arguments:** as those of `simulate`; ``max_steps`` of each motion.
 

@@ -81,8 +81,8 @@ def simulate(
     1/2000 of the duration); ``max_steps``, trial steps (default: no limit); ``max_step`` [s]
     (default: as long as the motion is smooth); ``zeno_time`` [s], flights shorter than this are
     completed by the limit of their sequence; ``observer``, a
-    `RegimeTotals`: what it gathers from its start on is in the dataset, too, as scalars named as
-    the columns of a map (``statistics_start`` is among the attributes; default: none).
+    `RegimeTotals` or `ReversalTotals`: what it gathers from its start on is in the dataset, too, as
+    scalars named as the columns of a map (``statistics_start`` is an attribute; default: none).
 
     **Returns** a dataset with the dimensions ``time`` (samples up to the end reached), ``axis``
     (coordinates of the system) and ``event``: ``position``, ``velocity``, ``regime``,
