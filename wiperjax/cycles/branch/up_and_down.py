@@ -49,7 +49,7 @@ def up_and_down(
     settle: float,
     window: float,
     initial_state=None,
-    period: Callable[[AbstractSystem], Any] | None = None,
+    period: Callable[[Any], Any] | None = None,
     kick: float = 1e-6,
     samples: int = 1024,
     rtol: float = 1e-7,
