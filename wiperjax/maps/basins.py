@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from ..contact import fits
 from ..contact.own_numbers import check_known, numbers
 from ..contact.system import AbstractSystem, system_attributes
 from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
@@ -76,6 +77,7 @@ def basins(
     room = capacity(count)
 
     varying, fixed = eqx.partition(traceable(system), _dealt(system, count))
+    fits.check(traceable(system), position, velocity, (count,))
     padding = np.minimum(np.arange(room), count - 1)
     cells = jax.tree.map(lambda x: x[..., padding], (varying, position, velocity))
 
