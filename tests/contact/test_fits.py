@@ -88,10 +88,14 @@ class Wrong(wiperjax.AbstractFriction):
         return None
 
 
-def test_a_law_of_ones_own_can_be_made_within_jit():
+def test_a_law_of_ones_own_can_be_asked_within_jit():
     """Its coefficient at rest, known there only when it runs, was asked for: a traceback of JAX."""
-    found = jax.jit(lambda speed: own_systems.Falling(0.8).coefficient(speed))(1.0)
-    assert float(found) == pytest.approx(0.8 / 4)
+
+    def asked(speed):
+        fits.check_law(law := own_systems.Falling(0.8))
+        return law.coefficient(speed)
+
+    assert float(jax.jit(asked)(1.0)) == pytest.approx(0.8 / 4)
 
 
 class Jerky(wiperjax.SteadyBelt):
@@ -117,6 +121,12 @@ PARTS = {
     "friction must be a law such as Coulomb": {"friction": 0.5},
     "friction must be a law such as Coulomb.0.5., but was <class": {"friction": Coulomb},
     f"Wrong.coefficient {NUMBER} None": {"friction": Wrong()},
+    "Rising: .* must not be larger in slip than at rest .0.5., was 0.6$": {
+        "friction": own_systems.Rising()
+    },
+    "Driving: its coefficient at speed 0 must be >= 0, was -0.1$": {
+        "friction": own_systems.Driving()
+    },
     f"Jerky.velocity {NUMBER} a tuple of 2": {"belt": Jerky(0.2)},
     "Halting.break_time must be later for each piece": {"belt": Halting(0.2)},
     "Jumping.velocity must go on .*, but at 12 s was 0.2 and then 0.3": {"belt": Jumping(0.2)},

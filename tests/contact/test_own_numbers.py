@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import wiperjax
-from wiperjax import Coulomb, SteadyBelt, TrapezoidBelt, Wiper
+from wiperjax import Coulomb, SteadyBelt, TrapezoidBelt, Wiper, remedy
 from wiperjax.contact.own_numbers import in_full
+from wiperjax.cycles.find import find_cycle
 
 SINGLE = float(np.float32(6e-3))
 
@@ -66,6 +67,45 @@ def test_a_batch_in_place_of_a_number_is_named(angles):
         wiperjax.solve(Wiper(attack_angle=angles), 0.01)
     with pytest.raises(ValueError, match=said):
         jax.jit(lambda x: wiperjax.solve(Wiper(attack_angle=x), 0.01).result)(angles)
+
+
+FOR_A_PERSON = {
+    "simulate": lambda blade: wiperjax.simulate(blade, 0.01),
+    "basins": lambda blade: wiperjax.basins(blade, ((0.0, 0.0), (0.0, 0.0)), 0.0, 0.01),
+    "modes": wiperjax.modes,
+    "find_cycle": lambda blade: find_cycle(blade, settle=0.01),
+    "stabilise": lambda blade: remedy.stabilise(blade, {"attack_angle": (0.1, 0.2)}),
+}
+
+
+@pytest.mark.parametrize("name", FOR_A_PERSON)
+def test_what_computes_on_the_host_is_refused_where_jax_traces(name):
+    """A traceback of JAX, of one of five kinds, after the motion was compiled."""
+
+    def asked(load):
+        FOR_A_PERSON[name](Wiper(normal_load=load))
+        return load
+
+    for traced in (
+        lambda: jax.jit(asked)(8.0),
+        lambda: jax.vmap(asked)(jnp.array([8.0, 9.0])),
+        lambda: jax.jvp(asked, (8.0,), (1.0,)),
+        lambda: jax.jit(lambda: asked(8.0))(),
+    ):
+        with pytest.raises(ValueError, match=r"^system must be given outside of jax.jit, .*solve"):
+            traced()
+
+
+def test_other_numbers_that_jax_traces_are_named():
+    def start(x):
+        wiperjax.simulate(Wiper(), 0.01, initial_state=((x, 0.1), (0.0, 0.0)))
+
+    for name, asked in (
+        ("duration", lambda x: wiperjax.simulate(Wiper(), x)),
+        ("each number of initial_state", start),
+    ):
+        with pytest.raises(ValueError, match=f"^{name} must be known outside of jax.jit, jax.vmap"):
+            jax.vmap(asked)(jnp.array([0.1, 0.2]))
 
 
 def test_without_64_bits_nothing_is_computed(tmp_path):

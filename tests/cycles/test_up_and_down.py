@@ -56,6 +56,12 @@ def test_a_drive_that_is_felt_on_the_way_only_is_not_swept_without_its_period():
         up_and_down(Pushed(), "a", [0.9, 1.3], settle=100.0, window=20.0, initial_state=rest)
 
 
+def test_a_law_that_rises_at_rest_is_refused_at_the_systems_own_start():
+    block = own_systems.Oscillator(friction=own_systems.Rising())
+    with pytest.raises(ValueError, match="^Rising: .* must not be larger in slip than at rest"):
+        up_and_down(block, "mass", [1.0, 2.0], settle=1.0, window=1.0)
+
+
 class Falling(AbstractSystem):
     """What falls through a resistance of 1 at a speed of 1/2, and shakes on its way; nothing
     depends on its height. The shaking is a circle of radius 1, or dies out where a < 0."""

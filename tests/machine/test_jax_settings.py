@@ -1,7 +1,10 @@
 """What XLA is asked for: nothing that this version of it, or the device, cannot take."""
 
 import os
+import subprocess
+import sys
 
+import processes
 import pytest
 
 from wiperjax.machine import jax_settings, provenance
@@ -51,3 +54,26 @@ def test_a_device_that_cannot_be_there_is_refused_by_name(asked, there, taken, f
     else:
         with pytest.raises(ValueError, match="^JAX_PLATFORMS must be cpu .* but was 'cuda'$"):
             flags()
+
+
+PROGRAM = """
+import os
+import wiperjax
+import own_systems  # laws of one's own, made as the file is imported
+wiperjax.configure(1)
+import jax.numpy as jnp
+jnp.zeros(())
+wiperjax.configure(1)  # there already
+os.environ["XLA_FLAGS"] = ""
+wiperjax.configure(1)
+"""
+
+
+def test_settings_that_come_too_late_are_one_line():
+    """A law of one's own computed as it was made: after the import of its file a sweep took ten
+    times as long, without a word."""
+    environment = processes.environment() | {"XLA_FLAGS": ""}
+    command = [sys.executable, "-c", PROGRAM]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("configure must come before the first computation, but JAX had started")

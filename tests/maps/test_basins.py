@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import own_systems
 import pytest
 from pages import DOCS, blocks
 from systems import Rod
@@ -126,6 +127,12 @@ def test_what_cannot_be_meant_is_one_line(oscillator, given, said):
     with pytest.raises(ValueError) as refused:
         wiperjax.basins(**usual | given)
     assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_law_that_rises_at_rest_is_refused():
+    block = own_systems.Oscillator(friction=own_systems.Rising())
+    with pytest.raises(ValueError, match="^Rising: .* must not be larger in slip than at rest"):
+        wiperjax.basins(block, box(3), settle=1.0, window=1.0)
 
 
 def test_the_error_of_a_share_is_that_of_many_repetitions():

@@ -31,6 +31,9 @@ noise = wiperjax.open_map("map.h5")
 share = float(noise.flight_fraction.mean())
 cycle = find_cycle(blade, settle=0.02)
 print(share, cycle.period, wiperjax.solve(blade, 0.01).final_time)
+wiperjax.WipingBelt(0.3, 2.0)
+turning = wiperjax.Wiper(belt=wiperjax.TrapezoidBelt(0.3, 2.0, 0.01))
+find_cycle(turning, settle=1.0, period=lambda wiper: 1 / wiper.belt.frequency)
 """
 WRONG = """
 import wiperjax

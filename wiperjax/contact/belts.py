@@ -127,12 +127,13 @@ class SteadyBelt(AbstractBelt):
         return kinds.steady_rms(self.speed, jnp)
 
 
-class _TurningBelt(AbstractBelt):
-    """A belt that turns round twice a period: V is zero where 2 ``frequency`` t + ``phase`` / pi is
-    a whole number, and rises there if that is even."""
+class _Turning:
+    """What a belt has that turns round twice a period: V is zero where 2 ``frequency`` t +
+    ``phase`` / pi is a whole number, and rises there if that is even. No module itself: its fields
+    would come before those of the belt, as type checkers read them."""
 
-    frequency: eqx.AbstractVar[Any]  # Hz
-    phase: eqx.AbstractVar[Any]  # rad
+    frequency: Any  # Hz
+    phase: Any  # rad
 
     @property
     def wiping_frequency(self):
@@ -159,7 +160,7 @@ class _TurningBelt(AbstractBelt):
         return (0.5 - 0.25 * jnp.sign(speed) - self.phase / TURN) / self.frequency
 
 
-class WipingBelt(_TurningBelt):
+class WipingBelt(_Turning, AbstractBelt):
     """``amplitude sin(2 pi frequency t + phase)``; amplitude [m/s], frequency [Hz], phase [rad]."""
 
     kind = "wiping"
@@ -193,7 +194,7 @@ class WipingBelt(_TurningBelt):
         return kinds.wiping_rms(self.amplitude, jnp)
 
 
-class TrapezoidBelt(_TurningBelt):
+class TrapezoidBelt(_Turning, AbstractBelt):
     """Plateaus of +-``speed`` joined by linear ramps of duration ``ramp`` [s] centred on V = 0.
 
     With s = frequency t + phase / (2 pi), V rises through 0 at integer s and falls through 0 at

@@ -4,9 +4,7 @@ from abc import abstractmethod
 from typing import Any, ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 
 from ..numerics.elementary import exp, larger
 from ..vocabulary import checks, declared, kinds
@@ -24,30 +22,10 @@ class AbstractFriction(eqx.Module):
         names = FRICTIONS.get(self.kind, {})
         checks.parameters({key: getattr(self, key) for key in names}, names)
         declared.check(self)
-        if not self.kind:
-            self._check_rest()
 
     def _repr_html_(self) -> str:
         """Its parameters with their units, as a notebook shows them."""
         return card(self, kind_parameters(FRICTIONS.get(self.kind, {})))
-
-    def _check_rest(self):
-        """Raises ValueError for a law that rises at rest: what holds would begin to slip, and be
-        held; and for one that drives what has begun to slip."""
-        numbers = jax.tree.leaves(self)
-        if any(checks.is_traced(x) or not checks.is_number(x) for x in numbers):
-            return
-        at_rest = self.coefficient(jnp.zeros(()))
-        if checks.is_traced(at_rest):  # made within a `jax.jit`
-            return
-        if not checks.is_number(at_rest):  # said where a motion is asked for (`fits`)
-            return
-        at_rest, what = np.asarray(at_rest), f"{type(self).__name__}: its coefficient at speed 0"
-        if np.any(at_rest > np.asarray(self.static) * (1 + 1e-9)):
-            was, most = checks.digits(at_rest.max()), checks.digits(np.max(self.static))
-            raise ValueError(f"{what} must not be larger in slip than at rest ({most}), was {was}")
-        if np.any(at_rest < 0):
-            raise ValueError(f"{what} must be >= 0, was {checks.digits(at_rest.min())}")
 
     @abstractmethod
     def coefficient(self, speed) -> Any:

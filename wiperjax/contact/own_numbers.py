@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..numerics.arrays import fields_of
+from ..numerics.tracing import is_staged
+from ..vocabulary.checks import is_traced
 from ..vocabulary.declared import marked
 from ..vocabulary.kinds import BELTS, FRICTIONS, is_absent, of_fields
 from ..vocabulary.wording import shown
@@ -37,8 +39,19 @@ def numbers(system: AbstractSystem) -> set[str]:
     return declared | {".".join(route) for route in _floats(system)}
 
 
-def check_single(system: AbstractSystem) -> None:
-    """Raises ValueError for a system with an array in place of a number, which is a batch."""
+def check_known(system: AbstractSystem) -> None:
+    """Raises ValueError within `jax.jit`, `jax.vmap` and derivatives, where numbers are not known
+    to what computes on the host."""
+    if is_staged() or any(map(is_traced, jax.tree.leaves(system))):
+        must = "must be given outside of jax.jit, jax.vmap and derivatives"
+        raise ValueError(f"system {must} (wiperjax.solve works there), but was within one of them")
+
+
+def check_single(system: AbstractSystem, known: bool = True) -> None:
+    """Raises ValueError for a system with an array in place of a number, which is a batch; unless
+    its numbers need not be ``known``, as `check_known` too."""
+    if known:
+        check_known(system)
     for name in sorted(numbers(system)):
         if np.ndim(found := at(tuple(name.split(".")))(system)):
             raise ValueError(

@@ -32,7 +32,7 @@ def find_cycle(
     *,
     settle: float,
     initial_state=None,
-    period: Callable[[AbstractSystem], Any] | float | None = None,
+    period: Callable[[Any], Any] | float | None = None,
     section: Callable | None = None,
     over: str | None = None,
     rtol: float = 1e-10,

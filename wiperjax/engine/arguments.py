@@ -162,7 +162,8 @@ def coordinates(system: AbstractSystem, initial_state) -> tuple[tuple, tuple]:
     if initial_state is None:
         name, initial_state = f"{type(system).__name__}.default_state()", system.default_state()
     check_state(system, initial_state, name)
-    position, velocity = (tuple(float(x) for x in part) for part in initial_state)
+    each = f"each number of {name}"
+    position, velocity = (tuple(checks.number(each, x, FINITE) for x in p) for p in initial_state)
     return position, velocity
 
 

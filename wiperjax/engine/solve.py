@@ -146,7 +146,7 @@ def solve(
     > 0, or an end before the start, then ends as ``non_finite``.
     """
     check_system(system)
-    check_single(system)
+    check_single(system, known=False)
     staged = is_staged()
     system = in_full(system) if staged else as_arguments(system)
     checks.numbers("duration", duration, POSITIVE, arrays=False)

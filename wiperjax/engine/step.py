@@ -23,7 +23,7 @@ from .event.braked import at_jam
 from .event.event_time import drift, time_to_event
 from .event.plan import Plan, locate
 from .event.transition import Outcome, transition
-from .observers.base import Happening, Stretch
+from .observers.base import Happening, Stretch, gathered
 from .sampling.at_times import take_samples
 from .sampling.means import take_means
 from .trial.attempt import Trial, attempt
@@ -110,7 +110,7 @@ def jump(problem: Problem, state: State) -> State:
         *(before, state.time, after.kind, state.regime, after.regime),
         *(after.impulse, after.time - state.time, output),
     )
-    observed = where(happens, problem.observer.event(state.observed, happening), state.observed)
+    observed = gathered(problem.observer, "event", state.observed, happening, happens)
     logs = happens & (state.time >= problem.log_start)
     log = state.log._replace(count=state.log.count + logs.astype(jnp.int32))
     if problem.log_capacity:
@@ -225,7 +225,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
         (system.on_sides(state.sides), state.time + length, q, v),
         jnp.where(begins & ~nothing, state.time - problem.mark, 0.0),
     )
-    observed = problem.observer.stretch(state.observed, stretch)
+    observed = gathered(problem.observer, "stretch", state.observed, stretch, moves)
     index, full = state.sample_index, state.full
     if problem.signal is None:
         index, samples = take_samples(problem, state, trial, moves, length)
@@ -244,7 +244,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
         reactions=where(moves, trial.nodes[-1].forces, state.reactions),
         orders=where(moves, tuple(jnp.zeros_like(o) for o in state.orders), state.orders),
         reach=where(moves, tuple(g.size for g in trial.guards), state.reach),
-        observed=where(moves, observed, state.observed),
+        observed=observed,
     )
 
 

@@ -6,11 +6,13 @@ A library cannot impose them on a process that already computes, so they are one
 
 import importlib.util
 import os
+import sys
 
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
 from . import provenance
 from .compiled import keep_programs
+from .files import log
 
 # XLA's own options of its CPU compiler, as name=value pairs:
 COMPILER = {
@@ -56,8 +58,9 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
     which XLA avoids unless told; a whole loop in one compiled function (`COMPILER`), compiled
     without what it gains nothing by (`SKIPPED`); with `accelerators`, loops that run there
     (`GRAPHS`). ``keep``: what is compiled is kept for later processes (`compiled.keep_programs`).
-    Settings already made by the user win. JAX's have no effect once it has started a device. Raises
-    ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`, or if
+    Settings already made by the user win. Those of JAX that are new have no effect once it has
+    started a device (any computation does, at the import of a file too): then it logs a warning.
+    Raises ValueError unless ``cores`` is None or a whole number from 1 to `MOST_CORES`, or if
     ``JAX_PLATFORMS`` asks for an accelerator and no plugin for one is installed.
     """
     global _configured
@@ -88,14 +91,20 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
         # kernel by kernel, four to ten times slower
         wanted["--xla_cpu_use_fusion_emitters"] = "false"
     flags = os.environ.get("XLA_FLAGS", "")
-    for name, value in wanted.items():
-        if name not in flags:
-            flags = f"{flags} {name}={value}".strip()
-    os.environ["XLA_FLAGS"] = flags
+    new = [f"{name}={value}" for name, value in wanted.items() if name not in flags]
+    if new and _has_started():
+        must = "must come before the first computation, but JAX had started a device"
+        log.warning("configure %s: settings of it have no effect in this process", must)
+    os.environ["XLA_FLAGS"] = " ".join([flags, *new]).strip()
     _set_threads(count)
     if keep:
         keep_programs()
     return count
+
+
+def _has_started() -> bool:
+    """Whether JAX has started a device: it has read its settings. JAX says it in private only."""
+    return getattr(sys.modules.get("jax._src.xla_bridge"), "backends_are_initialized", bool)()
 
 
 def _set_threads(count: int) -> None:

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from ..contact.own_numbers import numbers
+from ..contact import fits
+from ..contact.own_numbers import check_known, numbers
 from ..contact.system import AbstractSystem, system_attributes
 from ..engine.arguments import check_coordinates, check_integration, check_system, tolerances
 from ..engine.carry.problem import Integration, Recording, make_case
@@ -42,8 +43,8 @@ def basins(
 
     **Main arguments:** ``system``, a `Wiper` or any other; a number of it (a field of type float,
     or made by `parameter`) may be an array with one entry a start; ``starts`` = (position,
-    velocity), n arrays (starts,) each, or numbers where all starts are alike; ``settle`` [s], which
-    is not looked at; ``window`` [s] after it.
+    velocity), n arrays (starts,) each; a number among arrays is that of all starts (of numbers
+    alone there is one start); ``settle`` [s], which is not looked at; ``window`` [s] after it.
 
     **Other arguments:** as those of `simulate`; ``max_steps`` of each motion.
 
@@ -58,6 +59,7 @@ def basins(
     **Raises** `ValueError` for arguments that cannot be meant.
     """
     check_system(system)
+    check_known(system)
     settle = checks.number("settle", settle, NON_NEGATIVE)
     window = checks.number("window", window, POSITIVE)
     check_integration(solver, rtol, zeno_time, max_steps)
@@ -75,6 +77,7 @@ def basins(
     room = capacity(count)
 
     varying, fixed = eqx.partition(traceable(system), _dealt(system, count))
+    fits.check(traceable(system), position, velocity, (count,))
     padding = np.minimum(np.arange(room), count - 1)
     cells = jax.tree.map(lambda x: x[..., padding], (varying, position, velocity))
 

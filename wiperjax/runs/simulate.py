@@ -81,8 +81,8 @@ def simulate(
     1/2000 of the duration); ``max_steps``, trial steps (default: no limit); ``max_step`` [s]
     (default: as long as the motion is smooth); ``zeno_time`` [s], flights shorter than this are
     completed by the limit of their sequence; ``observer``, a
-    `RegimeTotals`: what it gathers from its start on is in the dataset, too, as scalars named as
-    the columns of a map (``statistics_start`` is among the attributes; default: none).
+    `RegimeTotals` or `ReversalTotals`: what it gathers from its start on is in the dataset, too, as
+    scalars named as the columns of a map (``statistics_start`` is an attribute; default: none).
 
     **Returns** a dataset with the dimensions ``time`` (samples up to the end reached), ``axis``
     (coordinates of the system) and ``event``: ``position``, ``velocity``, ``regime``,
@@ -95,8 +95,8 @@ def simulate(
     units, radians), the tolerances, the solver's counts (``steps``: trial ones, unlike a map's) and
     ``result_message``, the result in words: a numerical failure ends the run, and is no exception.
 
-    **Raises** `ValueError` for arguments that cannot be meant, or an initial state that is
-    impossible (the contact point inside its partner; no finite force that could hold it).
+    **Raises** `ValueError` for arguments that cannot be meant, an impossible initial state (inside
+    its partner; held by no finite force), and within `jax.jit` and the like, where `solve` works.
     """
     check_system(system)
     check_single(system)

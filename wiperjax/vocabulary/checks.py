@@ -59,7 +59,10 @@ def array(name: str, value: Any, allowed: Range) -> np.ndarray:
 
 
 def number(name: str, value: Any, allowed: Range) -> float:
-    """`value` as a float. Raises `ValueError` unless it is one number in a range."""
+    """`value` as a float. Raises `ValueError` unless it is one number in a range, known now."""
+    if is_traced(value):
+        must = "must be known outside of jax.jit, jax.vmap and derivatives"
+        raise ValueError(f"{name} {must}, but was traced by one of them")
     if not is_number(value, arrays=False):
         raise ValueError(f"{name} {allowed.must}, but was {shown(value)}")
     numbers(name, value, allowed)

@@ -21,7 +21,7 @@ import xarray as xr
 from ...contact.own_numbers import check_single
 from ...contact.projection import kicked
 from ...contact.system import AbstractSystem, system_attributes
-from ...engine.arguments import check_state, check_system, longest_step
+from ...engine.arguments import check_system, coordinates, longest_step
 from ...engine.observers.totals import Reach, RegimeTotals
 from ...engine.solve import solve
 from ...machine.provenance import maker
@@ -49,7 +49,7 @@ def up_and_down(
     settle: float,
     window: float,
     initial_state=None,
-    period: Callable[[AbstractSystem], Any] | None = None,
+    period: Callable[[Any], Any] | None = None,
     kick: float = 1e-6,
     samples: int = 1024,
     rtol: float = 1e-7,
@@ -98,8 +98,7 @@ def up_and_down(
     if period is not None and not callable(period):
         must = "period must be a function of the system that gives its period"
         raise ValueError(f"{must}, but was {checks.shown(period)}")
-    if initial_state is not None:
-        check_state(system, initial_state)
+    coordinates(system, initial_state)
     given, system = system, numbers.traceable(system, over)
     numbers.check_corners("values", given, {over: (values[0], values[-1])})
     state = _ends(system, over, values, initial_state)

@@ -11,11 +11,10 @@ import jax.numpy as jnp
 
 from ...contact.guards import JAM
 from ...contact.regimes import slip_sign
-from ...numerics.arrays import where
 from ...numerics.runge_kutta import NODES
 from ..carry.problem import Problem
 from ..carry.state import State
-from ..observers.base import Stretch
+from ..observers.base import Stretch, gathered
 from ..trial.attempt import Node
 from .event_time import time_to_event
 
@@ -45,7 +44,7 @@ def at_jam(problem: Problem, state: State) -> State:
         state.reach,
         (system, t + shift, q, v),
     )
-    seen = where(jams, problem.observer.stretch(state.observed, stretch), state.observed)
+    seen = gathered(problem.observer, "stretch", state.observed, stretch, jams)
     observed = jax.tree.map(_changing_like, state.observed, seen)
     return state._replace(time=t + shift, position=q, velocity=v, observed=observed)
 

@@ -16,10 +16,12 @@ from jax.lax import stop_gradient
 
 from ...contact.regimes import forces
 from ...contact.space import contact
+from ...numerics.arrays import where
 from ...numerics.elementary import larger, within
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ...vocabulary.codes import HITS, Regime
+from ...vocabulary.wording import shown
 
 BOOLE = (7 / 90, 32 / 90, 12 / 90, 32 / 90, 7 / 90)  # quadrature over the five nodes, order 6
 TURNS = 2  # of Newton's method, to a vertex: its height is off by the square of its place
@@ -221,7 +223,7 @@ class Happening(NamedTuple):
 
 
 class AbstractObserver(eqx.Module):
-    """Online statistics: immutable rules over an explicit record."""
+    """Online statistics: immutable rules over an explicit record, whose structure stays."""
 
     @property
     def begin(self) -> Any:
@@ -252,6 +254,18 @@ class Nothing(AbstractObserver):
 
     def event(self, record, happening):
         return record
+
+
+def gathered(observer: AbstractObserver, method: str, record: Any, seen: Any, where_so) -> Any:
+    """Return the record of an observer, after what it has ``seen`` (a stretch or an event)
+    ``where_so``. Raises ValueError for one of another structure than `AbstractObserver.init` gave.
+    """
+    found = getattr(observer, method)(record, seen)
+    had, has = jax.tree.structure(record), jax.tree.structure(found)
+    if has != had:
+        must = f"must return a record of the structure that init returns, {shown(had)}"
+        raise ValueError(f"{type(observer).__name__}.{method} {must}, but was {shown(has)}")
+    return where(where_so, found, record)
 
 
 def is_hit(kind) -> Scalar:
