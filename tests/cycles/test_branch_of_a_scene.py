@@ -83,6 +83,22 @@ def test_a_branch_tells_its_law_as_a_run_does(monkeypatch):
     assert caption.parameters_text(found).endswith("wiping belt, coulomb friction")
 
 
+@pytest.mark.parametrize(("step", "given"), [(None, {}), (0.2, {"step": 0.2})])
+def test_the_step_is_that_of_the_curves_too(step, given, monkeypatch):
+    """Curves of 200 points said that a longer step reaches farther, and took none."""
+    from wiperjax.cycles.branch import from_scene
+
+    taken = []
+    monkeypatch.setattr(from_scene, "find_cycle", lambda *_, **__: SimpleNamespace(found=0))
+    monkeypatch.setattr(from_scene, "follow", lambda *_, **words: taken.append(words))
+    monkeypatch.setattr(from_scene, "branch_dataset", lambda branch: xr.Dataset())
+    monkeypatch.setattr(from_scene, "follow_curves", lambda *_, **words: taken.append(words))
+    belt = {"kind": "wiping", "amplitude": 0.3, "frequency": 2.0}
+    spec = parse_scene({"run": {"duration": 0.05}, "belt": belt})
+    follow_scene(spec, "normal_load", 10.0, 20.0, step, second=("attack_angle", -5.0, 5.0))
+    assert taken == [given, given]
+
+
 @pytest.mark.parametrize("name", ["period", "amplitude"])
 def test_a_parameter_named_as_a_variable_of_branches_is_refused_before_any_work(name, monkeypatch):
     """Its values took the place of the cycles' own, without a word."""

@@ -55,7 +55,15 @@ def follow(
     low: Annotated[float, typer.Option("--from", help="Its range, in the units of files.")],
     high: Annotated[float, typer.Option("--to", help="The upper end.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="BRANCH.h5", help="To make.")],
-    step: Annotated[float, typer.Option(min=1e-4, max=0.5, help="Length of a step.")] = 0.03,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-4,
+            max=0.5,
+            show_default="0.03, of curves 0.05",
+            help="Longest step of branch and curves: 1 is a range, or the cycle's size or period.",
+        ),
+    ] = None,
     simulate: Annotated[
         int | None,
         typer.Option(min=2, metavar="N", help="Simulate up and down the range too, at N values."),

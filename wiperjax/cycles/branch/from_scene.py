@@ -47,18 +47,18 @@ def follow_scene(
     over: str,
     low: float,
     high: float,
-    step: float = 0.03,
+    step: float | None = None,
     simulate: int = 0,
     second: tuple[str, float, float] | None = None,
 ) -> xr.Dataset:
     """Return the branch through the motion that a scene settles on, as `branch_dataset`.
 
     **Arguments:** ``over``, a parameter of sweep files; ``low``, ``high``, its range in their units
-    (degrees); ``step``, see `follow`; ``simulate``, number of values in the range at which motions
-    are simulated on the way up and on the way down (`up_and_down`; 0: none); ``second``, another
-    parameter and its range, in which the folds and Hopf points of the branch are followed as curves
-    (`follow_curves`). The motion is taken after ``run.duration`` of the scene. Of a wiper on a
-    steady belt, all steady slip is added.
+    (degrees); ``step``, that of `follow` and of `follow_curves` (None: the default of each);
+    ``simulate``, number of values in the range at which motions are simulated on the way up and on
+    the way down (`up_and_down`; 0: none); ``second``, another parameter and its range, in which the
+    folds and Hopf points of the branch are followed as curves. The motion is taken after
+    ``run.duration`` of the scene. Of a wiper on a steady belt, all steady slip is added.
 
     Raises ValueError if there is no such parameter or its name is taken, no cycle at the scene's
     own value, that value lies outside the range, or the scene is on a poorer model than the lip.
@@ -72,8 +72,7 @@ def follow_scene(
     check_fixed(stated)
     bounds = ranges[over]
     period = None if isinstance(belt_of(system), SteadyBelt | None) else _stroke
-    state = start(spec, built)
-    position, velocity = (tuple(np.asarray(x, float) for x in part) for part in state)
+    position, velocity = (tuple(np.asarray(x, float) for x in part) for part in start(spec, built))
     cycle = find_cycle(
         system,
         settle=spec.run.duration,
@@ -85,9 +84,12 @@ def follow_scene(
     if cycle.found != Found.FOUND:
         why = f" ({cycle.why})" if cycle.why else ""
         raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
-    branch = follow(cycle, *bounds, step=step)
+    steps: dict[str, Any] = {} if step is None else {"step": step}
+    branch = follow(cycle, *bounds, **steps)
     found = branch_dataset(branch)
-    if second is not None and (lines := follow_curves(branch, second[0], *ranges[second[0]])):
+    if second is not None and (
+        lines := follow_curves(branch, second[0], *ranges[second[0]], **steps)
+    ):
         fixed = {name: value for name, value in stated.items() if name != second[0]}
         found = with_curves(found, curves_dataset(lines).assign_attrs(fixed=json.dumps(fixed)))
     if simulate:

@@ -31,7 +31,7 @@ NEARER = (5e-4, 5e-5)  # and nearer to its limit, and nearest
 LONGEST = 0.9  # of what is left of it: where the shortest stride towards the limit fails
 ROUNDING = 1e-9  # of the nearest: strides that multiply to it end so near
 AGREED = 1e-3  # of a range: how near the limit is to that of a cubic from ten times as far away
-STEEP = 0.05  # of a unit tangent: less of it along the parameters gives no direction there
+STEEP = 0.05  # of what a parameter counts for: all else, where the place along the curve is told
 
 
 @dataclass(frozen=True)
@@ -147,12 +147,14 @@ class Touch(OfCycles):
 
 
 def _held(spot: Spot) -> np.ndarray:
-    """Return what is kept on the way to rest: the place along the curve in the two parameters, so
-    that these go straight to it. Else the way may lead far along it."""
-    along = np.zeros_like(spot.tangent)
-    along[-2:] = spot.tangent[-2:]
-    size = np.linalg.norm(along)
-    return along / size if size > STEEP else spot.tangent
+    """Return what is kept on the way to rest: the place along the curve, in the parameters before
+    all, so that these go straight to it. Else the way may lead far along it.
+
+    One measure at all places: of two, the ends of the ways would not be in the order of the curve.
+    """
+    along = spot.tangent.copy()
+    along[:-2] *= STEEP**2
+    return along / np.linalg.norm(along)
 
 
 def _slope(spot: Spot, held: np.ndarray) -> np.ndarray:
