@@ -116,8 +116,7 @@ class Walk:
                 if kind == "neimark_sacker" and not turning(place[1].cycle):
                     continue  # a product of two real multipliers passes 1: nothing happens
                 found.append((place[0], kind, detail, place[1]))
-        found.sort(key=lambda item: item[0])
-        return told_once(found)
+        return told_once(sorted(found, key=lambda item: item[0]))
 
     def _apart(
         self, here: BranchStep, ahead: BranchStep, length: float, test: Callable
