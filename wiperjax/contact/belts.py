@@ -134,6 +134,7 @@ class _Turning:
 
     frequency: Any  # Hz
     phase: Any  # rad
+    peak: Any  # m/s
 
     @property
     def wiping_frequency(self):
