@@ -270,8 +270,9 @@ def test_an_init_of_its_own_sets_the_fields():
 
 
 def test_a_start_of_its_own_that_is_none_is_named():
-    with pytest.raises(ValueError, match=r"^Mine.default_state\(\) must be \(position, velocity\)"):
-        wiperjax.simulate(made(default_state=lambda s: None)(), 1.0)
+    for run in (wiperjax.simulate, wiperjax.solve):
+        with pytest.raises(ValueError, match=r"^Mine.default_state\(\) must be \(position, vel"):
+            run(made(default_state=lambda s: None)(), 1.0)
     with pytest.raises(ValueError, match=r"^Mine.coordinates must be a list of names, but was 'x'"):
         made(coordinates="x")()
     with pytest.raises(ValueError, match=r"^Mine.coordinates must be names that differ, but was"):
