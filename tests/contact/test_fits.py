@@ -40,6 +40,8 @@ METHODS = {
     "scales": [
         (lambda s, n: (1.0,), f"{PAIRS} a tuple of 1"),
         (lambda s, n: ((1.0, 1.0), (1.0,)), f"{PAIRS} a tuple of 2"),
+        (lambda s, n: ((0.0,), (1.0,)), "must be a finite number > 0, but was 0"),
+        (lambda s, n: ((1.0,), (-s.mass,)), "must be a finite number > 0, but was -1"),
     ],
     "normal_force": [
         (lambda s, t, q, v: None, f"{NUMBER} None"),
@@ -116,6 +118,11 @@ class Jumping(wiperjax.SteadyBelt):
         return 1.0 + piece
 
 
+class Gap(Jumping):
+    def velocity(self, time, piece):
+        return jnp.where(piece == 2, jnp.nan, self.speed)
+
+
 PARTS = {
     "belt must be a belt such as SteadyBelt": {"belt": 0.3},
     "friction must be a law such as Coulomb": {"friction": 0.5},
@@ -130,6 +137,7 @@ PARTS = {
     f"Jerky.velocity {NUMBER} a tuple of 2": {"belt": Jerky(0.2)},
     "Halting.break_time must be later for each piece": {"belt": Halting(0.2)},
     "Jumping.velocity must go on .*, but at 12 s was 0.2 and then 0.3": {"belt": Jumping(0.2)},
+    "Gap.velocity must go on .*, but at 2 s was 0.2 and then nan": {"belt": Gap(0.2)},
 }
 
 
@@ -161,6 +169,9 @@ SAID = {
     "rms must be a property, but was a method": {"rms": lambda s: s.speed},
     "judged_at must be a property": {"judged_at": lambda s: 0.0},
     "wiping_frequency must be a number": {"wiping_frequency": property(lambda s: None)},
+    "velocity must be a finite number, but was nan": {"velocity": lambda s, t, piece: math.nan},
+    "peak must be a finite number, but was nan": {"peak": property(lambda s: math.nan)},
+    "rms must be a finite number, but was inf": {"rms": property(lambda s: jnp.inf)},
     f"peak {IF}": {"peak": property(lambda s: max(s.speed, 0.1))},
     f"rms {IF}": {"rms": property(lambda s: math.sqrt(s.speed**2))},
     "rms must be a number, but was an array": {"rms": property(lambda s: s.speed * jnp.ones(2))},
@@ -268,6 +279,9 @@ def test_a_bounce_gains_nothing():
     ball = type("Mine", (own_systems.Ball,), {"bounce": property(lambda s: None)})
     with pytest.raises(ValueError, match=r"^Mine.bounce must be a number, but was None$"):
         wiperjax.simulate(ball(), 1.0, initial_state=((1.0,), (0.0,)))
+    ball = type("Mine", (own_systems.Ball,), {"bounce": lambda s: 0.5})
+    with pytest.raises(ValueError, match=r"^Mine.bounce must be a property, but was a method$"):
+        wiperjax.simulate(ball(), 1.0, initial_state=((1.0,), (0.0,)))
 
 
 def test_an_init_of_its_own_sets_the_fields():
@@ -280,8 +294,9 @@ def test_an_init_of_its_own_sets_the_fields():
 
 
 def test_a_start_of_its_own_that_is_none_is_named():
-    with pytest.raises(ValueError, match=r"^Mine.default_state\(\) must be \(position, velocity\)"):
-        wiperjax.simulate(made(default_state=lambda s: None)(), 1.0)
+    for run in (wiperjax.simulate, wiperjax.solve):
+        with pytest.raises(ValueError, match=r"^Mine.default_state\(\) must be \(position, vel"):
+            run(made(default_state=lambda s: None)(), 1.0)
     with pytest.raises(ValueError, match=r"^Mine.coordinates must be a list of names, but was 'x'"):
         made(coordinates="x")()
     with pytest.raises(ValueError, match=r"^Mine.coordinates must be names that differ, but was"):

@@ -18,8 +18,9 @@ from wiperjax.cycles.chart import Turning, chart
 from wiperjax.cycles.cycle import Cycle, close
 from wiperjax.cycles.find import _closed, _dies, _near, find_cycle, once
 from wiperjax.cycles.first_guess import Guess, Missing, _middle
+from wiperjax.cycles.orbit import falls
 from wiperjax.cycles.return_map import Found, Shooting
-from wiperjax.cycles.shooting import Lost
+from wiperjax.cycles.shooting import GROWING, Lost
 from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
 
@@ -402,6 +403,15 @@ def test_a_motion_that_ends_before_it_dies_out_is_lost():
     shooting = SimpleNamespace(motion=lambda *_, **__: end, system=None, scale=np.ones(2))
     with pytest.raises(Lost, match="collapsed"):
         _dies(Guess(shooting, np.ones(2), 0, 1.0, 0.0), 1.0)
+
+
+@pytest.mark.parametrize("up", [0.5, 0.2])  # share of a period
+def test_no_number_of_periods_is_in_step_with_the_samples_of_a_look(up):
+    """At even distances 255.9 periods were a tenth of one, so that up to sixteen times as long
+    motions were looked at; 51.25 of which a tenth is up were none."""
+    for periods in np.arange(16, 1100, 0.5):
+        swings = np.where(periods * GROWING % 1 < up, 1.0, -1.0)
+        assert len(falls(swings)) > 14
 
 
 @pytest.mark.parametrize("periods", [248, 256, 264])

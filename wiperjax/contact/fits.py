@@ -16,6 +16,7 @@ import numpy as np
 from ..vocabulary import checks
 from ..vocabulary.declared import SET_BY_THE_ENGINE
 from ..vocabulary.parameters import PARAMETERS
+from ..vocabulary.ranges import FINITE, POSITIVE, Range
 from . import joints
 from .belts import AbstractBelt
 from .friction import AbstractFriction
@@ -58,10 +59,12 @@ def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple
             raise ValueError(f"{kind}.{method} {must}")
         for part in found:
             _numbers(f"{kind}.{method}", what, part, n, shape)
+    for size in jax.tree.leaves(system.scales(n)):
+        checks.numbers(f"{kind}.scales", size, POSITIVE)
     touches = ("gap", t, q) if system.unilateral else ("normal_force", t, q, v)
     for method, *given in (touches, ("slip_speed", t, q, v), ("output", t, q, v)):
         _number(f"{kind}.{method}", _asked(system, method, *given), shape)
-    _check_bounce(system, shape)
+    _check_property(system, "bounce", shape, PARAMETERS["restitution"].range)
     switches = len(numbers("switches", None, t, q, v))
     ends = _asked(system, "ends", t, q, v)
     if not isinstance(ends, tuple | list) or len(ends) != switches:
@@ -138,16 +141,25 @@ def _check_partner(system: AbstractSystem, t) -> None:
 
 
 def _check_belt(belt: AbstractBelt, t, piece) -> None:
-    """Raises ValueError unless the speed of a belt goes on, and what else it says is numbers."""
+    """Raises ValueError unless the speed of a belt goes on, and what else it says is numbers.
+    Traced values pass (`checks`)."""
     shape, kind = jnp.shape(t), type(belt).__name__
     for method, *given in (("velocity", t, piece), ("since_reversal", t)):
         _number(f"{kind}.{method}", _asked(belt, method, *given), shape)
+    checks.numbers(f"{kind}.velocity", belt.velocity(t, belt.first_piece(t)), FINITE)
     for name in ("peak", "rms", "wiping_frequency", "judged_at"):
-        found = _called(f"{kind}.{name}", lambda belt, name=name: getattr(belt, name), belt)
-        if callable(found):
-            raise ValueError(f"{kind}.{name} must be a property, but was a method")
-        _number(f"{kind}.{name}", found, shape, "be")
+        _check_property(belt, name, shape, FINITE)
     joints.check_belt(belt, t)
+
+
+def _check_property(owner: Any, name: str, shape: tuple, allowed: Range) -> None:
+    """Raises ValueError unless a property is a number in a range. Traced values pass (`checks`)."""
+    where = f"{type(owner).__name__}.{name}"
+    found = _called(where, lambda owner: getattr(owner, name), owner)
+    if callable(found):
+        raise ValueError(f"{where} must be a property, but was a method")
+    _number(where, found, shape, "be")
+    checks.numbers(where, getattr(owner, name), allowed)
 
 
 def _is_ours(part: Any) -> bool:
@@ -162,14 +174,6 @@ def _check_fields(system: AbstractSystem) -> None:
         if field.name in SET_BY_THE_ENGINE and field.name not in vars(system):
             must = "must set all fields, as super().__init__() does, but left out"
             raise ValueError(f"{type(system).__name__}.__init__ {must} {field.name!r}")
-
-
-def _check_bounce(system: AbstractSystem, shape: tuple) -> None:
-    """Raises ValueError unless the restitution is a number that gains nothing. Traced values pass
-    (`checks`)."""
-    name = f"{type(system).__name__}.bounce"
-    _number(name, _called(name, lambda system: system.bounce, system), shape, "be")
-    checks.numbers(name, system.bounce, PARAMETERS["restitution"].range)
 
 
 def _check_stops(system: AbstractSystem, switches: int, state: tuple) -> None:

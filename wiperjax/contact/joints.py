@@ -77,8 +77,8 @@ def _check(owner: Any, t, parts: dict[str, Callable], given: Any) -> None:
 
         old, new = told(ends, pieces), told(ends, pieces + 1)
         beside = told(begins + part, pieces), told(ends + part, pieces + 1)
-        reached = np.abs([old, new, *beside]).max(axis=(0, 1))
-        jumps = np.abs(new - old) > SAME * reached
+        reached = np.fmax.reduce(np.abs([old, new, *beside]), axis=(0, 1))
+        jumps = ~(np.abs(new - old) <= SAME * reached)  # NaN does not go on either
         if jumps.any():
             at, old, new = (x[jumps][0] for x in (ends, old, new))
             must = f"{asked} where a piece ends, but at {at:g} s was {old:g} and then {new:g}"

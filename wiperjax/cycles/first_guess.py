@@ -17,7 +17,6 @@ from .shooting import SAMPLES, UNKNOWN, Arc
 
 STILL = 1e-6  # of the typical size: a coordinate that swings less rests
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
-PARTS = (0.618, 0.1)  # of a window: no number of periods in it meets the samples' beat in both
 MOST_RETURNS = 8  # to the section, or periods of the clock, in one period of the motion
 
 
@@ -49,9 +48,6 @@ def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | M
     refuse_a_clock(shooting.system, motion.samples[:: SAMPLES // STATES], settle)
     motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), 0.25 * settle, 1e-8)
     moves = moving(motion.samples, shooting.scale)
-    if not np.any(moves):  # or periods of it are in step with the samples
-        motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), 0.1 * settle, 1e-8)
-        moves = moving(motion.samples, shooting.scale)
     if not np.any(moves):
         yield Missing(Found.AT_REST)
     elif shooting.section is not None:
@@ -78,9 +74,7 @@ def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Missin
     longest = 16 * window
     for _ in range(8):
         motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), window, 1e-8)
-        if not np.any(moving(motion.samples, typical)) and not np.any(
-            moving(_part(shooting, motion, PARTS[0]).samples, typical)
-        ):
+        if not np.any(moving(motion.samples, typical)):
             return Missing(Found.AT_REST)
         values = on_section(section, motion)
         count = len(falls(values))
@@ -88,8 +82,6 @@ def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Missin
             window *= 2
         elif count > 14:  # enough samples for each of them
             window *= 9 / count
-        elif (shorter := _told_by_parts(shooting, motion, section, count)) is not None:
-            window = shorter
         else:
             break
     if shooting.section is not None and not count:
@@ -106,26 +98,6 @@ def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Missin
     best = max(found[-k:], key=lambda p: (p.smooth, p.state[0]))  # the highest away from events
     shooting = replace(shooting, scale=scale, section=section, repeats=k)
     return Guess(shooting, best.state, best.regime, float(np.mean(times[k:] - times[:-k])))
-
-
-def _part(shooting: Shooting, motion: Arc, part: float) -> Arc:
-    """Return the first ``part`` of a motion, sampled as often as the whole of it."""
-    length = part * float(motion.times[-1] - motion.times[0])
-    return looked_at(shooting, motion.samples[0], int(motion.regimes[0]), length, 1e-8)
-
-
-def _told_by_parts(shooting: Shooting, motion: Arc, section, count: int) -> float | None:
-    """Return the window that is short enough for its samples, or None if that of ``motion`` is.
-
-    About as many periods as samples, or a multiple, look like the few by which these differ: the
-    ``count`` of returns in the whole is then less than that in a part of it.
-    """
-    for part in PARTS:
-        shorter = _part(shooting, motion, part)
-        returns = len(falls(on_section(section, shorter)))
-        if returns > max(14, 1.5 * count):
-            return float(shorter.times[-1] - shorter.times[0]) * 9 / returns
-    return None
 
 
 def _returns(states: np.ndarray, scale: np.ndarray) -> int | Missing:

@@ -15,7 +15,7 @@ import numpy as np
 from ..vocabulary import checks
 from .orbit import falls, smooth_intervals
 from .return_map import Shooting, complete
-from .shooting import Arc
+from .shooting import GROWING, Arc
 
 CLOSER = 3  # times at most that an interval is simulated again
 BEYOND = 1.02  # of an interval: a passage at its very end comes no later than that
@@ -77,5 +77,7 @@ def on_section(section: Callable, motion: Arc) -> np.ndarray:
 
 
 def looked_at(shooting: Shooting, state, regime: int, length: float, rtol: float) -> Arc:
-    """Return a motion that is looked at only. Raises `Lost` if it ends early."""
-    return complete(shooting.motion(shooting.system, state, length, regime=regime, rtol=rtol))
+    """Return a motion that is looked at only, at growing distances: were it in step with its
+    samples, it would seem slow, or at rest. Raises `Lost` if it ends early."""
+    how = {"regime": regime, "rtol": rtol, "grid": GROWING}
+    return complete(shooting.motion(shooting.system, state, length, **how))

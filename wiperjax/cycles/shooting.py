@@ -24,7 +24,9 @@ from ..engine.solve import begin, run, solution
 from ..numerics.kept import Kept
 from ..vocabulary.codes import Regime
 
-SAMPLES = 257  # of an arc; states at even distances
+SAMPLES = 257  # of an arc
+EVEN = np.linspace(0.0, 1.0, SAMPLES)  # shares of its time at which they are taken
+GROWING = EVEN * (1 + EVEN) / 2  # no motion is in step with these: their distances grow threefold
 EVENTS = 256  # of an arc, that are told apart
 UNKNOWN = -1  # regime of a state: the engine finds it
 
@@ -77,14 +79,15 @@ def shoot(
     regime: int = UNKNOWN,
     rtol: float = 1e-10,
     max_step: float | None = None,
+    grid: np.ndarray = EVEN,
 ) -> Arc:
     """Return the motion from ``state`` at ``phase * period`` over ``part * period``.
 
     ``along`` is the tangent of ``system`` that ``by_parameter`` is taken along
     (`numbers.direction`). ``regime`` is that of ``state`` if known: see `tidy`. No step is longer
-    than ``max_step`` [s].
+    than ``max_step`` [s]. Samples are taken at the shares ``grid`` of its time, (samples,).
     """
-    numbers = (jnp.asarray(x, float) for x in (period, phase, part, rtol))
+    numbers = (jnp.asarray(x, float) for x in (period, phase, part, rtol, grid))
     code = jnp.asarray(regime, jnp.int32)
     longest = None if max_step is None else jnp.asarray(max_step, float)
     found = _shoot(system, along, jnp.asarray(state, float), code, *numbers, longest)
@@ -128,11 +131,10 @@ def tidy(system: AbstractSystem, time, state, regime):
 
 
 @Kept
-def _shoot(system, along, state, regime, period, phase, part, rtol, longest) -> Any:
+def _shoot(system, along, state, regime, period, phase, part, rtol, grid, longest) -> Any:
     varied = jax.tree.map(lambda d: d is not None, along, is_leaf=lambda d: d is None)
     moving, fixed = eqx.partition(system, varied)
     n = state.shape[0] // 2
-    grid = jnp.linspace(0.0, 1.0, SAMPLES)
 
     def motion(state, period, moving):
         start, duration = phase * period, part * period

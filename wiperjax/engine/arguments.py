@@ -118,9 +118,9 @@ def regular_times(duration: float, interval: float) -> np.ndarray:
     return times
 
 
-def check_state(system: AbstractSystem, initial_state, name: str = "initial_state") -> int:
-    """Return n, the number of coordinates. Raises ValueError unless it is (position, velocity), of
-    as many as ``system`` says it has, and the system answers there as it is asked (`contact.fits`).
+def check_state(system: AbstractSystem, initial_state, name: str = "initial_state") -> None:
+    """Raises ValueError unless it is (position, velocity), of as many coordinates as ``system``
+    says it has, and the system answers there as it is asked (`contact.fits`).
     """
     must = f"{name} must be (position, velocity), each n >= 1 finite numbers"
     try:
@@ -143,7 +143,6 @@ def check_state(system: AbstractSystem, initial_state, name: str = "initial_stat
         kind, had = type(system).__name__, len(position)
         must = f"{name} must have the coordinates of {kind}, but had {had}"
         raise ValueError(f"{must}; or {error}") from error
-    return len(position)
 
 
 def check_coordinates(name: str, system: AbstractSystem, n: int) -> None:
@@ -155,15 +154,21 @@ def check_coordinates(name: str, system: AbstractSystem, n: int) -> None:
         )
 
 
-def coordinates(system: AbstractSystem, initial_state) -> tuple[tuple, tuple]:
-    """Return (position, velocity) as tuples of floats, those of the system's own start if none is
-    given. Raises ValueError for other shapes."""
+def checked_start(system: AbstractSystem, initial_state) -> Any:
+    """Return ``initial_state``, the system's own start if that is None. Raises ValueError unless it
+    is one (`check_state`), naming which of the two."""
     name = "initial_state"
     if initial_state is None:
         name, initial_state = f"{type(system).__name__}.default_state()", system.default_state()
     check_state(system, initial_state, name)
-    each = f"each number of {name}"
-    position, velocity = (tuple(checks.number(each, x, FINITE) for x in p) for p in initial_state)
+    return initial_state
+
+
+def coordinates(system: AbstractSystem, initial_state) -> tuple[tuple, tuple]:
+    """Return (position, velocity) of `checked_start` as tuples of floats."""
+    start = checked_start(system, initial_state)
+    each = "each number of initial_state"  # a system's own is known where the system is
+    position, velocity = (tuple(checks.number(each, x, FINITE) for x in part) for part in start)
     return position, velocity
 
 

@@ -24,9 +24,9 @@ from .arguments import (
     check_integration,
     check_observation,
     check_start,
-    check_state,
     check_system,
     check_tolerances,
+    checked_start,
     from_start,
 )
 from .carry.problem import Case, Integration, Problem, Recording, make_case
@@ -151,9 +151,8 @@ def solve(
     system = in_full(system) if staged else as_arguments(system)
     checks.numbers("duration", duration, POSITIVE, arrays=False)
     check_integration(solver, rtol, zeno_time, max_steps)
-    if initial_state is None:
-        initial_state = system.default_state()
-    check_tolerances(atol, check_state(system, initial_state))
+    initial_state = checked_start(system, initial_state)
+    check_tolerances(atol, len(initial_state[0]))
     check_observation(sample_times, max_events, max_step, observer, start, reverse)
     check_start(system, start)
     check_beginning(observer, statistics_start, start + duration)
