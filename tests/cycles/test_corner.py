@@ -341,10 +341,12 @@ def test_a_system_that_loses_nothing_has_no_tori_and_no_stable_cycles():
 def test_a_fold_at_the_very_end_of_a_step_is_no_period_doubling(monkeypatch):
     """Whatever lay there was called one."""
     nothing: Any = None
-    step: Any = SimpleNamespace(sense=1.0, point=SimpleNamespace(parameter=0.2))
+    step: Any = SimpleNamespace(sense=1.0, cycle=None, point=SimpleNamespace(parameter=0.2))
     way = walk.Walk(nothing, 0.0, 1.0, 0.1, 10)
+    way.steps.append(step)
+    monkeypatch.setattr(walk, "doubled", lambda cycle: False)
     monkeypatch.setattr(way, "_cut", lambda here, ahead, length: (length, ahead))
     monkeypatch.setattr(way, "_append", way.steps.append)
     way._take(step, step, 0.1, [(0.1, "fold", "the branch turns back", step)])
-    assert [(special.kind, special.index) for special in way.special] == [("fold", 0)]
-    assert len(way.steps) == 1
+    assert [(special.kind, special.index) for special in way.special] == [("fold", 1)]
+    assert len(way.steps) == 2
