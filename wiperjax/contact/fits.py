@@ -19,7 +19,7 @@ from ..vocabulary.parameters import PARAMETERS
 from ..vocabulary.ranges import FINITE, POSITIVE, Range
 from . import joints
 from .belts import AbstractBelt
-from .friction import AbstractFriction
+from .friction import AbstractFriction, check_rest
 from .on_belt import OnBelt
 from .space import contact
 from .system import AbstractSystem, cast
@@ -84,22 +84,7 @@ def check_law(law: Any, shape: tuple = ()) -> None:
     _number(f"{kind}.coefficient", _asked(law, "coefficient", jnp.zeros(shape)), shape)
     static = _called(f"{kind}.static", lambda law: law.static, law)
     _number(f"{kind}.static", static, shape, "be")
-    _check_rest(law)
-
-
-def _check_rest(law: AbstractFriction) -> None:
-    """Raises ValueError for a law that rises at rest (what holds would begin to slip, and be held)
-    or drives what has begun to slip. Asking as laws are made would start JAX's device too early."""
-    what = f"{type(law).__name__}: its coefficient at speed 0"
-    found = law.coefficient(jnp.zeros(())), law.static
-    if any(map(checks.is_traced, found)):
-        return
-    slips, holds = map(np.asarray, found)
-    if np.any(slips > holds * (1 + 1e-9)):
-        most, was = (checks.digits(x.max()) for x in (holds, slips))
-        raise ValueError(f"{what} must not be larger in slip than at rest ({most}), was {was}")
-    if np.any(slips < 0):
-        raise ValueError(f"{what} must be >= 0, was {checks.digits(slips.min())}")
+    check_rest(law)
 
 
 def turns(system: AbstractSystem) -> bool:

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from ..numerics.elementary import exp, larger
 from ..vocabulary import checks, declared, kinds
@@ -92,3 +93,18 @@ def _decay(ratio, shape):
 
 CLASSES = {law.kind: law for law in (Stribeck, Coulomb)}
 """Kind -> class of the laws that files can ask for."""
+
+
+def check_rest(law: AbstractFriction) -> None:
+    """Raises ValueError for a law that rises at rest (what holds would begin to slip, and be held)
+    or drives what has begun to slip. Asking as laws are made would start JAX's device too early."""
+    what = f"{type(law).__name__}: its coefficient at speed 0"
+    found = law.coefficient(jnp.zeros(())), law.static
+    if any(map(checks.is_traced, found)):
+        return
+    slips, holds = map(np.asarray, found)
+    if np.any(slips > holds * (1 + 1e-9)):
+        most, was = (checks.digits(x.max()) for x in (holds, slips))
+        raise ValueError(f"{what} must not be larger in slip than at rest ({most}), was {was}")
+    if np.any(slips < 0):
+        raise ValueError(f"{what} must be >= 0, was {checks.digits(slips.min())}")
