@@ -350,3 +350,48 @@ def test_a_fold_at_the_very_end_of_a_step_is_no_period_doubling(monkeypatch):
     way._take(step, step, 0.1, [(0.1, "fold", "the branch turns back", step)])
     assert [(special.kind, special.index) for special in way.special] == [("fold", 1)]
     assert len(way.steps) == 2
+
+
+def test_a_fold_of_cycles_whose_halves_are_merely_alike_ends_no_branch(monkeypatch):
+    """A drive whose every second push is a little stronger: its fold was called a doubling."""
+    monkeypatch.setattr(walk.Walk, "_cut", lambda self, here, ahead, length: (length, ahead))
+    monkeypatch.setattr(walk.Walk, "_append", lambda self, step: self.steps.append(step))
+    monkeypatch.setattr(walk.Walk, "_note_vanishing", lambda self, here, ahead: None)
+    nothing: Any = None
+
+    def take(begun, here, fold, ahead):
+        states = [np.array([[0.0], [2.0], [a], [-2.0], [0.0]]) for a in (begun, here, fold, ahead)]
+        cycles = [SimpleNamespace(motion=SimpleNamespace(samples=s)) for s in states]
+        point = SimpleNamespace(parameter=1.0)
+        first, *rest = (SimpleNamespace(cycle=cycle, point=point) for cycle in cycles)
+        way = walk.Walk(nothing, 0.0, 2.0, 0.1, 9)
+        way.steps.append(first)
+        way._take(rest[0], rest[2], 0.1, [(0.05, "fold", "", rest[1])])
+        return [special.kind for special in way.special], way.end
+
+    assert take(0.5, 0.03, 0.02, 0.01) == (["fold"], "")
+    # begun right beside its doubling: the walk went over it
+    assert take(0.02, 0.5, 1e-4, -0.5)[0] == ["period_doubling"]
+
+
+class Uneven(Ring):
+    """x'' + x'/10 + x + x^3/10 = cos(w t) + cos(w t / 2) / 20."""
+
+    def free_acceleration(self, t, q, v):
+        push = jnp.cos(self.frequency * t) + 0.05 * jnp.cos(0.5 * self.frequency * t)
+        return (push - 0.1 * v[0] - q[0] - 0.1 * q[0] ** 3,)
+
+
+@pytest.mark.slow
+def test_a_resonance_under_uneven_pushes_goes_on_over_its_fold():
+    cycle = find_cycle(
+        Uneven(frequency=1.0),
+        settle=300.0,
+        initial_state=((0.0,), (0.0,)),
+        period=lambda system: 4 * math.pi / system.frequency,
+        over="frequency",
+    )
+    branch = follow(cycle, 0.9, 2.5, step=0.05, most=150)
+    assert branch.special[0].kind == "fold"
+    assert branch.special[0].parameter == pytest.approx(1.818395, abs=1e-6)
+    assert not any(c.stable for c in branch.cycles[branch.special[0].index + 1 :][:5])

@@ -16,6 +16,7 @@ from ..cycle import Cycle, ring, rotations
 from .step import BranchStep
 
 ALIKE = 1e-2  # of the range of a state: how near the two halves of a cycle are at its doubling
+TWICE = 1e-6  # of it: how near they are where a cycle is passed twice all along
 CROSSING = 2e-3  # of a step's unit: how far off the crossing of two branches may be located
 
 Located = list[tuple[float, str, str, BranchStep]]  # distance, kind, detail, step of special points
@@ -50,12 +51,26 @@ def _products(step: BranchStep) -> float:
     return float(np.real(np.prod(pairs))) if pairs else np.nan
 
 
-def doubled(cycle: Cycle) -> bool:
-    """Whether a cycle is one of half its period, passed twice."""
+def halves_apart(cycle: Cycle) -> np.ndarray:
+    """How far the state after half of a period is from that at its start, of its ranges, (2n,)."""
     assert cycle.motion is not None
     states = cycle.motion.samples
-    half = states[(len(states) - 1) // 2]
-    return bool(np.all(np.abs(half - states[0]) <= ALIKE * np.ptp(states, axis=0)))
+    apart, size = states[(len(states) - 1) // 2] - states[0], np.ptp(states, axis=0)
+    return np.divide(apart, size, out=np.zeros_like(apart), where=size > 0)
+
+
+def doubled(cycle: Cycle, alike: float = ALIKE) -> bool:
+    """Whether a cycle is one of half its period, passed twice."""
+    return bool(np.all(np.abs(halves_apart(cycle)) <= alike))
+
+
+def exchanged(begun: Cycle, one: Cycle, two: Cycle) -> bool:
+    """Whether halves of cycles change places from ``one`` to ``two``: a doubling lies between them.
+
+    At a fold of cycles whose halves are merely alike they do not; of a branch that has ``begun`` on
+    a cycle passed twice all are, so that only rounding tells their halves apart.
+    """
+    return not doubled(begun, TWICE) and bool(halves_apart(one) @ halves_apart(two) < 0)
 
 
 def turning(cycle: Cycle) -> bool:

@@ -16,6 +16,7 @@ from .bifurcations import (
     change,
     corner_kind,
     doubled,
+    exchanged,
     told_once,
     turning,
 )
@@ -146,11 +147,10 @@ class Walk:
 
     def _take(self, here: BranchStep, ahead: BranchStep, length: float, found: Located) -> None:
         """Append the way to ``ahead``, up to where it ends."""
-        begun = self.steps[0].cycle  # one that was asked for at twice its period is so all along
         for number, (distance, kind, _, step) in enumerate(found):
             alike = kind in ("fold", "branch_point") and doubled(step.cycle)
-            if alike and not doubled(begun):
-                length, ahead = distance, step  # beyond, its halves change places: the same again
+            if alike and exchanged(self.steps[0].cycle, here.cycle, ahead.cycle):
+                length, ahead = distance, step  # beyond, they are the same again
                 detail = "the cycle is one of half its period, twice"
                 found = [*found[:number], (distance, "period_doubling", detail, step)]
                 self.end = "a period doubling: half of the cycle is one"
