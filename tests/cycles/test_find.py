@@ -15,6 +15,7 @@ from wiperjax import AbstractSystem, Coulomb
 from wiperjax.cycles.branch.bifurcations import change
 from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.chart import Turning, chart
+from wiperjax.cycles.clock import scattered
 from wiperjax.cycles.cycle import Cycle, close
 from wiperjax.cycles.find import _closed, _dies, _near, find_cycle, once
 from wiperjax.cycles.first_guess import Guess, Missing, _middle
@@ -423,3 +424,38 @@ def test_samples_in_step_with_the_periods_tell_no_other_cycle(periods):
     assert late.found == Found.FOUND
     assert late.word == once.word
     assert late.period == pytest.approx(once.period, rel=1e-9)
+
+
+class Leaning(Ring):
+    """A swing that leans on a shaken elastic wall, and leaves it for a part of each period."""
+
+    frequency: float = 1.0
+    phase: float = 0.0
+
+    def free_acceleration(self, t, q, v):
+        depth = q[0] - 1.0 - 0.3 * jnp.sin(self.frequency * t + self.phase)
+        return (0.8 - q[0] - 0.1 * v[0] - 50 * jnp.maximum(depth, 0.0),)
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.5 * np.pi, 1.75 * np.pi])
+def test_a_wall_that_is_felt_at_some_phase_only_is_seen(phase):
+    """All states that were asked had the phase 0 of the clock. Where the wall is not felt there, a
+    period that stays the same over the frequency was taken, and ``follow`` told cycles of it."""
+    with pytest.raises(ValueError, match="^period must be one after which .* at frequency = "):
+        find_cycle(
+            Leaning(phase=phase),
+            settle=200.0,
+            initial_state=((0.0,), (0.0,)),
+            period=2 * np.pi,
+            over="frequency",
+        )
+
+
+@pytest.mark.parametrize("periods", [1, 8, 16, 64, 128, 256])
+def test_states_that_are_asked_are_not_in_step_with_the_periods(periods):
+    for count in (16, 257, 1024, 2056):
+        at = scattered(count)
+        assert (np.diff(at) > 0).all() and 0 <= at[0] and at[-1] < count
+        if count >= 4 * periods:
+            phases = np.sort(periods * at / count % 1)
+            assert np.diff(np.append(phases, phases[0] + 1)).max() < 0.6

@@ -56,6 +56,28 @@ def test_a_drive_that_is_felt_on_the_way_only_is_not_swept_without_its_period():
         up_and_down(Pushed(), "a", [0.9, 1.3], settle=100.0, window=20.0, initial_state=rest)
 
 
+class Late(Pushed):
+    """Its wall is not felt in the states in which a window of whole periods begins."""
+
+    def free_acceleration(self, t, q, v):
+        return super().free_acceleration(t + 1.5 * np.pi, q, v)
+
+
+@pytest.mark.slow
+def test_states_in_step_with_a_window_of_whole_periods_hide_no_drive():
+    """Eight of a window of eight periods were looked at, all in one phase."""
+    turn = 2 * np.pi
+    with pytest.raises(ValueError, match="^period must be given"):
+        up_and_down(
+            Late(),
+            "a",
+            [0.8, 0.85],
+            settle=16 * turn,
+            window=8 * turn,
+            initial_state=((0.0,), (0.0,)),
+        )
+
+
 def test_a_law_that_rises_at_rest_is_refused_at_the_systems_own_start():
     block = own_systems.Oscillator(friction=own_systems.Rising())
     with pytest.raises(ValueError, match="^Rising: .* must not be larger in slip than at rest"):

@@ -21,6 +21,13 @@ AGAIN = 1e-6  # of it: how nearly it comes again
 ASIDE = 1e-3  # of a number that will be varied: at that distance the period is tried as well
 
 
+def scattered(count: int) -> np.ndarray:
+    """Indices of the `STATES` samples, of ``count``, that are looked at: one in each stretch of
+    them, wherever, so that none of a whole number of periods is in step with them."""
+    within = np.random.default_rng(0).random(STATES)
+    return (count * (np.arange(STATES) + within) / STATES).astype(int)
+
+
 def refuse_a_clock(system: AbstractSystem, states, span: float) -> None:
     """Raises ValueError if what drives a system in ``states`` (k, 2n) changes within ``span`` [s].
 

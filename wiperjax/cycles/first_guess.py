@@ -9,7 +9,7 @@ import numpy as np
 
 from ..systems import numbers
 from .chart import Passing, Turning
-from .clock import STATES, check_clock, refuse_a_clock
+from .clock import check_clock, refuse_a_clock, scattered
 from .orbit import event_margin, falls, far_from_events, smooth_intervals
 from .return_map import Found, Shooting
 from .returns import looked_at, on_section, passages
@@ -45,7 +45,7 @@ def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | M
     ValueError if the settled motion does not cross the section that ``shooting`` has.
     """
     motion = looked_at(shooting, state, UNKNOWN, settle, 1e-7)
-    refuse_a_clock(shooting.system, motion.samples[:: SAMPLES // STATES], settle)
+    refuse_a_clock(shooting.system, motion.samples[scattered(SAMPLES)], settle)
     motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), 0.25 * settle, 1e-8)
     moves = moving(motion.samples, shooting.scale)
     if not np.any(moves):
@@ -130,7 +130,7 @@ def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess |
         motions.append(motion)
         ends.append(motion.state)
     samples = np.concatenate([m.samples for m in motions])
-    clock, seen = shooting.clock, samples[:: len(samples) // STATES]
+    clock, seen = shooting.clock, samples[scattered(len(samples))]
     assert clock is not None
     check_clock(shooting.system, clock, shooting.names, seen)
     if not np.any(moving(samples, shooting.scale)):

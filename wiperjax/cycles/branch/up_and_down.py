@@ -31,7 +31,7 @@ from ...vocabulary import cf, checks
 from ...vocabulary.codes import FAIR, RESULTS, Result
 from ...vocabulary.kinds import WAYS
 from ...vocabulary.ranges import POSITIVE, SETTINGS, Range
-from ..clock import STATES, check_clock, refuse_a_clock
+from ..clock import check_clock, refuse_a_clock, scattered
 from ..cycle import typical
 from ..drift import may_drift
 from ..shooting import UNKNOWN, at_state, tidy
@@ -112,7 +112,7 @@ def up_and_down(
     found = _march(system, along, period, ways, state, spans, jnp.asarray(~drifts), samples)
     states, *columns = (np.array(x) for x in found)
     # a shaken wall, say, is seen in states that it pushes
-    settled = states[:, 0, :: max(1, samples // STATES)]
+    settled = states[:, 0, scattered(samples)]
     _check_drive(system, over, period, values, settled, settle + window)
     for array in (states, *columns):
         array[1] = array[1, ::-1]
