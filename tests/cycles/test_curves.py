@@ -159,6 +159,26 @@ def test_a_special_point_between_two_points_of_a_bent_curve_is_on_it():
     assert not any(on(0.395, angle) or on(0.405, angle) for angle in middles)
 
 
+def test_a_special_point_beside_a_corner_of_a_curve_is_on_it():
+    """The spline swings there: by 0.004 at a corner of 30 degrees, from which the next place is
+    1e-4 away."""
+    ring = Ring()
+    plane = Plane(ring, ("a", "b"), np.zeros(2), np.ones(2))
+    family = Shooting(ring, "a", None, None, 1, np.array([1.0, 1.0]), 2 * math.pi)
+    cycle = Cycle(ring, Found.FOUND, period=2 * math.pi, maximum=1.0, minimum=-1.0)
+    ends = (CurveEnd.RANGE, "")
+
+    def spot(far):
+        onward = np.array([math.cos(math.pi / 6), math.sin(math.pi / 6)])
+        return far * (onward if far > 0 else np.array([1.0, 0.0]))
+
+    places = np.array([spot(s) for s in (-0.15, -0.1, -0.05, 0.0, 1e-4, 0.05, 0.1, 0.15)])
+    facts = [Facts(np.zeros(2), 1.0, 2 * math.pi, {})] * len(places)
+    curve = Curve("hopf", ring, plane.names, places, facts, [], (ends, ends))
+    for far in np.linspace(-0.1, 0.1, 81):
+        assert _on(curve, "hopf", spot(far), cycle, plane, family)
+
+
 class Scaled(Ring):
     """Circles of `Ring` drawn ``scale`` times as large: their fold is at a = 1/4 for all scales."""
 

@@ -101,14 +101,21 @@ def _on(
         return False
     sizes = shooting.scale[0], shooting.period_scale
     alike = np.array([(f.amplitude, f.period) for f in curve.facts]) / sizes
-    spots, alike = _finer(curve.places / plane.scale, alike)
+    spots, spot = curve.places / plane.scale, place / plane.scale
+    like = np.divide((cycle.amplitude, cycle.period), sizes)
+    # beside a corner a spline swings, and chords are the curve
+    return any(_beside(spot, like, *way) for way in ((spots, alike), _finer(spots, alike)))
+
+
+def _beside(spot: np.ndarray, like: np.ndarray, spots: np.ndarray, alike: np.ndarray) -> bool:
+    """Whether ``spot`` lies on the chords through ``spots``, with the cycle that is there."""
     chords = np.diff(spots, axis=0)
-    offset = place / plane.scale - spots[:-1]
+    offset = spot - spots[:-1]
     part = np.sum(offset * chords, axis=1) / np.maximum(np.sum(chords**2, axis=1), 1e-30)
     part = np.clip(part, 0, 1)[:, None]
     aside = np.linalg.norm(offset - part * chords, axis=1)
     there = alike[:-1] + part * np.diff(alike, axis=0)
-    off = np.max(np.abs(np.divide((cycle.amplitude, cycle.period), sizes) - there), axis=1)
+    off = np.max(np.abs(like - there), axis=1)
     return bool(np.any((aside < SEEN) & (off < ALIKE)))
 
 
