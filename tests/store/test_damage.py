@@ -120,6 +120,7 @@ def test_who_compares_a_map_first_names_the_variable(path, capsys):
         expected = ds.load()
     assert main(["info", str(path)]) == 0
     assert "checksums: the file is as it was written" in capsys.readouterr().out
+    shutil.copy(path, whole := path.with_name("whole.h5"))
     flip(path, places(path)["belt_speed"][0])  # HDF5 reads it without a word
     with open_map(path) as ds:
         assert not ds.belt_speed.equals(expected.belt_speed)
@@ -131,8 +132,13 @@ def test_who_compares_a_map_first_names_the_variable(path, capsys):
     ):
         with pytest.raises(StoreError, match=r"map.h5: is damaged: belt_speed; .* --resume"):
             look()
-    assert main(["info", str(path)]) == 1
-    assert "is damaged: belt_speed" in capsys.readouterr().err
+    curves = {"picture": "classes", "curves": path}
+    with pytest.raises(StoreError, match="map.h5: is damaged"):
+        plot_file(whole, path.with_suffix(".png"), **curves)
+    others = ["export", "-o", "run.csv"], ["listen", "-o", "run.wav"], ["modes", "-o", "modes.h5"]
+    for command, *output in (["info"], *others):
+        assert main([command, str(path), *output]) == 1
+        assert "is damaged: belt_speed" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("cut", [1, 40, 3000])

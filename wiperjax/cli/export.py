@@ -25,8 +25,9 @@ def export(
     check_source(file)
     from ..datasets.run_dataset import is_run
     from ..machine.files import StoreError
-    from ..store.whole import open_map
+    from ..store.whole import open_map, sound
 
+    sound(file)
     with open_map(file) as dataset:
         if not (is_run(dataset) or is_modes(dataset)):
             only = "only a run, or modes of one scene, can be exported"

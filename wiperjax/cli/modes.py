@@ -72,8 +72,9 @@ def _found(file: Path, model: str | None) -> Any:
 
     if file.suffix in MAP_SUFFIXES or file.is_dir():
         from ..store.swept import sweep_of
-        from ..store.whole import open_finished
+        from ..store.whole import open_finished, sound
 
+        sound(file)
         with open_finished(file) as simulated:
             spec = sweep_of(simulated, file)  # names the file itself
             with told_of(file):

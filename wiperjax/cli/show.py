@@ -174,7 +174,9 @@ def listen(
     from ..machine.files import StoreError
     from ..sound import sound
     from ..store.whole import open_map
+    from ..store.whole import sound as check_sums
 
+    check_sums(file)
     with open_map(file) as dataset:
         if not is_run(dataset):
             what = "is a map" if "label" in dataset else "holds no trajectory"

@@ -153,6 +153,7 @@ def _with_curves(ds: xr.Dataset, kind: str, path: Any, curves: str | Path) -> xr
     checks.path("curves", curves)
     if kind != "map":
         raise ValueError(f"curves are drawn over a map, and {path} is a {kind}")
+    sound(curves)
     with open_map(curves) as held:
         return with_curves(ds, held.load())
 
