@@ -3,6 +3,7 @@
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -124,6 +125,30 @@ def test_functions_of_ones_own_are_not_kept(place):
     assert list(place.iterdir()) == []
     assert Kept(applied)(slip_sign, jnp.asarray(1)) == slip_sign(1)
     assert len(list(place.iterdir())) == 1
+
+
+def test_code_in_a_static_field_is_not_kept(place):
+    """A solver of one's own was written down by its name alone: a later process took its program
+    for that of another solver of the name."""
+
+    def scaled(holder, x):
+        return holder.rule.factor * x
+
+    class Holder(eqx.Module):
+        rule: eqx.Module = eqx.field(static=True)
+
+    Holder.__module__, Holder.__qualname__ = Kept.__module__, "Holder"  # as one of this package
+
+    def rule(of):
+        class Rule(eqx.Module):
+            factor: ClassVar[float] = of
+
+        Rule.__qualname__ = "Rule"
+        return Rule()
+
+    for factor in (2.0, 3.0):
+        assert Kept(scaled)(Holder(rule(factor)), jnp.asarray(5.0)) == factor * 5.0
+    assert not list(place.iterdir())
 
 
 def test_functions_of_one_name_are_two_programs(place):

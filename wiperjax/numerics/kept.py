@@ -8,6 +8,7 @@ arguments.
 A system of one's own is made of code that no version tells, and is traced in every process.
 """
 
+import dataclasses
 import hashlib
 import logging
 import os
@@ -202,6 +203,9 @@ def _known(args: Any) -> bool:
     def note(x: Any) -> bool:
         if isinstance(x, eqx.Module):
             code.add(type(x))
+            for field in dataclasses.fields(x):  # a solver, say: static ones are no leaves
+                if field.metadata.get("static", False):
+                    jax.tree.leaves(getattr(x, field.name, None), is_leaf=note)
         elif callable(x):
             code.add(x)
         return False
