@@ -82,8 +82,7 @@ class AbstractBelt(eqx.Module):
     @property
     def judged_speed(self) -> Any:
         """V [m/s] at the time `judged_at`, of its sign."""
-        time = jnp.asarray(self.judged_at, float)
-        return self.velocity(time, self.first_piece(time))
+        return _judged(self)
 
     @property
     @abstractmethod
@@ -116,7 +115,7 @@ class SteadyBelt(AbstractBelt):
 
     @property
     def judged_speed(self):
-        return self.speed
+        return self.speed if type(self) is SteadyBelt else _judged(self)
 
     @property
     def peak(self):
@@ -142,7 +141,8 @@ class _Turning:
 
     @property
     def judged_speed(self):
-        return self.peak  # without the rounding of a time, also where two ramps meet there
+        # without the rounding of a time, also where two ramps meet there
+        return self.peak if type(self) in CLASSES.values() else _judged(self)
 
     def since_reversal(self, time):
         return kinds.since_reversal(time, self.frequency, self.phase / TURN, jnp)
@@ -246,3 +246,10 @@ class TrapezoidBelt(_Turning, AbstractBelt):
 
 CLASSES = {belt.kind: belt for belt in (SteadyBelt, WipingBelt, TrapezoidBelt)}
 """Kind -> class of the belts that files can ask for."""
+
+
+def _judged(belt: Any) -> Any:
+    """Return V [m/s] at the time `judged_at`, as a belt says it: one made of a belt of this package
+    may move in another way, or be judged at another time."""
+    time = jnp.asarray(belt.judged_at, float)
+    return belt.velocity(time, belt.first_piece(time))
