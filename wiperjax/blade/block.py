@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from ..contact import fits
 from ..contact.belts import AbstractBelt
 from ..contact.friction import AbstractFriction
 from ..contact.on_belt import OnBelt
@@ -89,8 +90,10 @@ def block_of(wiper: Wiper) -> Block:
 
     so m, c_b, k_b, the load N, the wiper's own friction law and the centre x - s mu N/k_b make a
     block with that steady slip and that linearisation. NaN where there is no steady slip. The load
-    is that of one branch: on a belt that reverses, the block stays on the branch of V > 0.
+    is that of one branch: on a belt that reverses, the block stays on the branch of V > 0. Raises
+    ValueError for a belt or a law that is none.
     """
+    fits.check_partner(wiper, jnp.zeros(()))  # a belt of one's own is asked for its speed below
     speed, slip = wiper.belt.judged_speed, judged_slip(wiper)
     law, sign = wiper.law, jnp.sign(speed)
     mu, tau = law.coefficient(jnp.abs(speed)), jnp.tan(slip.phi)

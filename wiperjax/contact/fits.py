@@ -39,7 +39,7 @@ def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple
     n, kind = len(position), type(system).__name__
     t = jnp.zeros(shape)
     q, v = (tuple(x + t for x in part) for part in (position, velocity))
-    _check_partner(system, t)
+    check_partner(system, t)
     if _is_ours(system):
         return
     _check_fields(system)
@@ -91,7 +91,7 @@ def turns(system: AbstractSystem) -> bool:
     """Whether V passes through zero where one of the first `PIECES` of its motion from t = 0 on
     ends. Raises ValueError, as `check`, for a belt that does not answer."""
     t = jnp.zeros(())
-    _check_partner(system, t)
+    check_partner(system, t)
 
     def turned(piece):
         return jnp.logical_and(system.reverses(piece), jnp.isfinite(system.break_time(piece)))
@@ -99,7 +99,7 @@ def turns(system: AbstractSystem) -> bool:
     return bool(jnp.any(jax.vmap(turned)(system.first_piece(t) + jnp.arange(PIECES))))
 
 
-def _check_partner(system: AbstractSystem, t) -> None:
+def check_partner(system: AbstractSystem, t) -> None:
     """Raises ValueError unless law and belt of a system are such, and its pieces are numbers."""
     shape, owner = jnp.shape(t), system
     if (law := system.law) is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from ..numerics.elementary import exp, larger
 from ..vocabulary import checks, declared, kinds
 from ..vocabulary.kinds import FRICTIONS
+from ..vocabulary.ranges import FINITE
 from .card import card, kind_parameters
 
 
@@ -103,6 +104,7 @@ def check_rest(law: AbstractFriction) -> None:
     if any(map(checks.is_traced, found)):
         return
     slips, holds = map(np.asarray, found)
+    checks.numbers(what, slips, FINITE)
     if np.any(slips > holds * (1 + 1e-9)):
         most, was = (checks.digits(x.max()) for x in (holds, slips))
         raise ValueError(f"{what} must not be larger in slip than at rest ({most}), was {was}")
