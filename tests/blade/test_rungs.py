@@ -159,6 +159,7 @@ def test_block_loses_stability_where_the_lip_does(degrees, hopf):
     assert high == pytest.approx(hopf, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_a_block_on_a_belt_of_ones_own_that_runs_back():
     """It was made for a belt that runs as fast the other way."""
     own, known = (

@@ -415,6 +415,7 @@ def test_no_number_of_periods_is_in_step_with_the_samples_of_a_look(up):
         assert len(falls(swings)) > 14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [248, 256, 264])
 def test_samples_in_step_with_the_periods_tell_no_other_cycle(periods):
     """The quarter of ``settle`` that is looked at held about as many periods as samples: a cycle
@@ -437,6 +438,7 @@ class Leaning(Ring):
         return (0.8 - q[0] - 0.1 * v[0] - 50 * jnp.maximum(depth, 0.0),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", [0.0, 1.5 * np.pi, 1.75 * np.pi])
 def test_a_wall_that_is_felt_at_some_phase_only_is_seen(phase):
     """All states that were asked had the phase 0 of the clock. Where the wall is not felt there, a
