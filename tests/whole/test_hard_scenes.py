@@ -89,6 +89,7 @@ def test_wiper_scene_against_the_reference(name):
     assert Result(int(solution.result)) == code
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [1e-9, -1e-9])
 def test_grazing_from_both_sides(depth):
     """q = 1 + (1 + depth) cos t dips by `depth` below the stop at t = pi."""
@@ -102,6 +103,7 @@ def test_grazing_from_both_sides(depth):
         assert first[0] == pytest.approx(math.pi - math.sqrt(2 * depth), abs=2e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [1e-9, -1e-9])
 def test_tangent_capture(depth):
     """Slip speed 1 - depth - sin t touches zero at pi / 2 and goes on: no friction, no stick."""
