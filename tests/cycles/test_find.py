@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+import own_systems
 import pytest
 from systems import Block, Ring
 
@@ -339,7 +340,7 @@ def test_squeal_by_a_law_with_corners_is_found_and_followed():
     assert branch.ends == ("the end of the range",) * 2
 
 
-class Shaken(wiperjax.AbstractBelt):
+class Shaken(own_systems.OnePiece):
     """A steady belt, shaken a little."""
 
     speed: float = 0.3
@@ -347,15 +348,6 @@ class Shaken(wiperjax.AbstractBelt):
 
     def velocity(self, t, piece):
         return self.speed * (1 + 0.02 * jnp.sin(2 * math.pi * self.frequency * t))
-
-    def break_time(self, piece):
-        return jnp.inf
-
-    def first_piece(self, time):
-        return 0
-
-    def reverses(self, piece):
-        return False
 
     @property
     def peak(self):

@@ -322,11 +322,8 @@ class Unsaid(wiperjax.TrapezoidBelt):
     wiping_frequency = wiperjax.AbstractBelt.wiping_frequency
 
 
-class RunsBack(wiperjax.AbstractBelt):
-    """A belt that is no `SteadyBelt`, and moves at -0.3 m/s."""
-
-    def velocity(self, time, piece):
-        return -0.3
+class OnePiece(wiperjax.AbstractBelt):
+    """A belt that is no `SteadyBelt`, of one piece, that never turns."""
 
     def break_time(self, piece):
         return jnp.inf
@@ -336,6 +333,13 @@ class RunsBack(wiperjax.AbstractBelt):
 
     def reverses(self, piece):
         return False
+
+
+class RunsBack(OnePiece):
+    """A belt that moves at -0.3 m/s."""
+
+    def velocity(self, time, piece):
+        return -0.3
 
     @property
     def peak(self):
