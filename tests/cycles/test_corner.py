@@ -271,7 +271,7 @@ def test_a_branch_that_turns_where_another_crosses_has_one_point_where_it_turns(
 def test_a_fold_may_be_the_doubling_at_which_a_branch_ends(begun, special, end, monkeypatch):
     """Where no branch point was told beside it the walk went on, over cycles it had passed."""
     monkeypatch.setattr(walk.Walk, "_cut", lambda self, here, ahead, length: (length, ahead))
-    monkeypatch.setattr(walk.Walk, "_append", lambda self, step: self.steps.append(step))
+    monkeypatch.setattr(walk.Walk, "_append", lambda self, step: self.points.append(step))
     monkeypatch.setattr(walk.Walk, "_note_vanishing", lambda self, here, ahead: None)
 
     def step(apart):
@@ -280,11 +280,11 @@ def test_a_fold_may_be_the_doubling_at_which_a_branch_ends(begun, special, end, 
         return SimpleNamespace(cycle=cycle, point=SimpleNamespace(parameter=1.0))
 
     here, fold, ahead = step(begun), step(0.02 * begun), step(-begun)
-    one_way = walk.Walk(None, 0.0, 2.0, 0.1, 9)
-    one_way.steps.append(here)
-    one_way._take(here, ahead, 0.1, [(0.05, "fold", "", fold)])
+    one_way = walk.Walk(None, 0.0, 2.0, 0.1, 9, 1.0)
+    one_way.points.append(here)
+    one_way._take(here, ahead, [(0.05, "fold", "", fold)], 0.1)
     assert one_way.special == [(*special, 1.0, 1)] and one_way.end.startswith(end)
-    assert one_way.steps[-1] is (fold if end else ahead)
+    assert one_way.points[-1] is (fold if end else ahead)
 
 
 @pytest.mark.slow
@@ -342,20 +342,20 @@ def test_a_fold_at_the_very_end_of_a_step_is_no_period_doubling(monkeypatch):
     """Whatever lay there was called one."""
     nothing: Any = None
     step: Any = SimpleNamespace(sense=1.0, cycle=None, point=SimpleNamespace(parameter=0.2))
-    way = walk.Walk(nothing, 0.0, 1.0, 0.1, 10)
-    way.steps.append(step)
+    way = walk.Walk(nothing, 0.0, 1.0, 0.1, 10, 1.0)
+    way.points.append(step)
     monkeypatch.setattr(walk, "doubled", lambda cycle: False)
     monkeypatch.setattr(way, "_cut", lambda here, ahead, length: (length, ahead))
-    monkeypatch.setattr(way, "_append", way.steps.append)
-    way._take(step, step, 0.1, [(0.1, "fold", "the branch turns back", step)])
+    monkeypatch.setattr(way, "_append", way.points.append)
+    way._take(step, step, [(0.1, "fold", "the branch turns back", step)], 0.1)
     assert [(special.kind, special.index) for special in way.special] == [("fold", 1)]
-    assert len(way.steps) == 2
+    assert len(way.points) == 2
 
 
 def test_a_fold_of_cycles_whose_halves_are_merely_alike_ends_no_branch(monkeypatch):
     """A drive whose every second push is a little stronger: its fold was called a doubling."""
     monkeypatch.setattr(walk.Walk, "_cut", lambda self, here, ahead, length: (length, ahead))
-    monkeypatch.setattr(walk.Walk, "_append", lambda self, step: self.steps.append(step))
+    monkeypatch.setattr(walk.Walk, "_append", lambda self, step: self.points.append(step))
     monkeypatch.setattr(walk.Walk, "_note_vanishing", lambda self, here, ahead: None)
     nothing: Any = None
 
@@ -364,9 +364,9 @@ def test_a_fold_of_cycles_whose_halves_are_merely_alike_ends_no_branch(monkeypat
         cycles = [SimpleNamespace(motion=SimpleNamespace(samples=s)) for s in states]
         point = SimpleNamespace(parameter=1.0)
         first, *rest = (SimpleNamespace(cycle=cycle, point=point) for cycle in cycles)
-        way = walk.Walk(nothing, 0.0, 2.0, 0.1, 9)
-        way.steps.append(first)
-        way._take(rest[0], rest[2], 0.1, [(0.05, "fold", "", rest[1])])
+        way = walk.Walk(nothing, 0.0, 2.0, 0.1, 9, 1.0)
+        way.points.append(first)
+        way._take(rest[0], rest[2], [(0.05, "fold", "", rest[1])], 0.1)
         return [special.kind for special in way.special], way.end
 
     assert take(0.5, 0.03, 0.02, 0.01) == (["fold"], "")

@@ -361,8 +361,8 @@ def test_hopf_curve_of_two_coordinates_has_an_imaginary_pair():
     for sense in (1.0, -1.0):
         walk = Walk(0.1, 100)
         walk.run(replace(first, tangent=sense * first.tangent))
-        assert walk.end == CurveEnd.RANGE
-        spots += walk.spots
+        assert walk.code == CurveEnd.RANGE
+        spots += walk.points
     assert np.ptp([spot.place[1] for spot in spots]) == pytest.approx(0.9, abs=1e-6)
     for spot in spots:
         values = np.linalg.eigvals(system.matrix(*spot.place))
@@ -402,7 +402,7 @@ def walked(angle, longest):
     assert first is not None
     walk = Walk(longest, 500)
     walk.run(first)
-    assert walk.end == CurveEnd.CLOSED
+    assert walk.code == CurveEnd.CLOSED
     return walk
 
 
@@ -410,8 +410,8 @@ def test_closed_curve_ends_before_a_special_point_beyond_its_start():
     """Where the last step passes the start and a point behind it, that is not noted once more."""
     for angle in np.linspace(-0.1, -0.01, 10):
         walk = walked(angle, 0.1)
-        assert [mark.kind for mark in walk.marks] == ["turn_a", "turn_b"] * 2
-        around = np.array([spot.place for spot in walk.spots]) - 0.5
+        assert [mark.kind for mark in walk.special] == ["turn_a", "turn_b"] * 2
+        around = np.array([spot.place for spot in walk.points]) - 0.5
         turned = np.unwrap(np.arctan2(*around.T[::-1])) - angle
         assert (np.diff(turned) > 0).all() and turned[-1] == pytest.approx(2 * np.pi)
 
@@ -420,10 +420,10 @@ def test_a_special_point_right_behind_a_spot_is_noted():
     """A step ended 2e-6 before it, and the next took what small value was there for one that had
     been noted."""
     walk = walked(0.274, 0.05)
-    turns = [index for index, spot in enumerate(walk.spots) if abs(spot.tangent[0]) < 1e-5]
+    turns = [index for index, spot in enumerate(walk.points) if abs(spot.tangent[0]) < 1e-5]
     assert turns[0] + 1 == turns[1]  # the spot, and what lies right behind it
-    assert [mark.kind for mark in walk.marks] == ["turn_b", "turn_a"] * 2
-    assert walk.marks[1].index == turns[1]
+    assert [mark.kind for mark in walk.special] == ["turn_b", "turn_a"] * 2
+    assert walk.special[1].index == turns[1]
 
 
 class Kinked(Ring):
@@ -457,11 +457,11 @@ def test_a_hopf_curve_passes_two_corners_within_a_step():
     assert first is not None
     walk = Walk(0.3, 100)
     walk.run(first)
-    assert walk.end == CurveEnd.RANGE
-    assert [mark.kind for mark in walk.marks] == ["shoulder", "shoulder"]
-    pushes = [walk.spots[mark.index].place[1] for mark in walk.marks]
+    assert walk.code == CurveEnd.RANGE
+    assert [mark.kind for mark in walk.special] == ["shoulder", "shoulder"]
+    pushes = [walk.points[mark.index].place[1] for mark in walk.special]
     assert pushes == pytest.approx([0.3, 0.36], abs=1e-7)
-    last = walk.spots[-1]
+    last = walk.points[-1]
     assert last.facts.state[0] == pytest.approx((1 + 0.3 + 0.33) / 3, abs=1e-9)
 
 

@@ -13,6 +13,7 @@ from ..cycle import same_word
 from ..orbit import words
 from ..return_map import Shooting
 from ..shooting import Lost
+from ..walk import GENTLE
 from .bifurcations import change
 from .step import LOCATED, BranchStep, ahead_of, centred, direction, near, place
 
@@ -20,7 +21,6 @@ LOOKED = (1e-5, 1e-4, 1e-3, 1e-2)  # how far ahead the other side of a corner is
 JOINED = 3e-3  # how near to its corner a branch begins; further away it is followed back
 CLOSER = 0.1  # of that, and of a step: where cycles of many hits lie close together
 SHORT = 1e-2  # of the longest step: where this one fails, the branch does not go on smoothly
-GENTLE = 0.8  # cosine of the largest turn within a step
 
 
 def smooth(shooting: Shooting, here: BranchStep, ahead: BranchStep | None) -> bool:

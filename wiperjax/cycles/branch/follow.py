@@ -17,6 +17,7 @@ from ...systems import numbers
 from ...vocabulary import checks
 from ...vocabulary.ranges import FINITE, Range
 from ..cycle import Cycle, shooting_of
+from ..walk import both_ways
 from .bifurcations import Special
 from .step import first_step, place
 from .walk import Walk
@@ -81,26 +82,22 @@ def follow(
     first = first_step(shooting, cycle)
     if first is None:
         raise ValueError("cycle could not be closed again from its own state")
-    walks = []
-    for sense in (-1.0, 1.0):
-        walk = Walk(shooting, low, high, step, most)
-        walk.run(first, sense)
-        walks.append(walk)
-        if walk.closed:  # the other way round is the same
-            break
-    back, ahead = walks[0], walks[-1]
-    size = len(back.steps) - 1
-    steps = [*reversed(back.steps), *(ahead.steps[1:] if ahead is not back else [])]
-    special = [s._replace(index=max(0, size - s.index)) for s in reversed(back.special)]
-    special += [s._replace(index=size + s.index) for s in ahead.special if ahead is not back]
+
+    def walked(sense: float) -> Walk:
+        walk = Walk(shooting, low, high, step, most, sense)
+        walk.run(first)
+        return walk
+
+    found = both_ways(walked)
+    steps, begin = found.points, found.begin
     far = [np.linalg.norm(place(shooting, a) - place(shooting, b)) for a, b in pairwise(steps)]
     arclength = np.concatenate([[0.0], np.cumsum(far)])
     return Branch(
         cycles=[s.cycle for s in steps],
         parameters=np.array([s.point.parameter for s in steps]),
-        arclength=arclength - arclength[size],
-        special=special,
-        ends=(back.end, ahead.end),
+        arclength=arclength - arclength[begin],
+        special=found.special,
+        ends=(found.back.end, found.ahead.end),
         over=over,
         bounds=(low, high),
     )

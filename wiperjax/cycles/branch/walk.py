@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...vocabulary.codes import CurveEnd
 from ..cycle import same_word
 from ..return_map import Shooting
-from ..shooting import Lost
+from ..walk import ROOM, AbstractWalk
 from .bifurcations import (
     TESTS,
     Located,
@@ -33,76 +34,53 @@ from .step import (
     with_parameter,
 )
 
-STRAIGHT = 0.98  # cosine of a turn after which steps grow
 BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
 SAME = 1e-3  # of a chord: how near to each other two cycles are one
 ROUNDING = 1e-8  # of a test function: less has no sign
-VANISHED = 0.01  # of the largest amplitude: the cycle shrinks onto steady slip
 
 
-class Walk:
-    """One direction of a branch: steps (the first one too), special points, why it ended."""
+class Walk(AbstractWalk[BranchStep]):
+    """One direction of a branch, ``sense`` times that of the parameter at its first point."""
 
-    def __init__(self, shooting: Shooting, low: float, high: float, step: float, most: int):
-        self.shooting = shooting
-        self.low, self.high, self.longest, self.most = low, high, step, most
-        self.steps: list[BranchStep] = []
-        self.special: list[Special] = []
-        self.end = ""
-        self.closed = False  # back where it began
-        self.largest = 0.0  # swing on the way
-        self.sense = 1.0
+    vanished = 0.01
 
-    def run(self, first: BranchStep, sense: float) -> None:
-        """Walk from ``first`` to where the parameter first goes as ``sense`` says."""
-        self.sense = sense
-        turned = 1.0 if first.sense * sense >= 0 else -1.0
-        first = replace(first, tangent=turned * first.tangent, sense=turned * first.sense)
-        self._append(first)
-        length = 0.3 * self.longest
-        while not self.end:
-            try:
-                length = self._onward(length)
-            except Lost as lost:
-                self.end = str(lost)
+    def __init__(
+        self, shooting: Shooting, low: float, high: float, longest: float, most: int, sense: float
+    ):
+        super().__init__(longest, most)
+        self.shooting, self.low, self.high, self.sense = shooting, low, high, sense
 
-    def _onward(self, length: float) -> float:
-        """Go on by ``length``, or find out why not. Returns the length to go on with."""
-        here = centred(self.shooting, self.steps[-1])
-        length = min(length, self._room(here))
-        ahead = ahead_of(self.shooting, here, length)
-        found = self._smoothly(here, ahead, length)
-        if ahead is not None and found is not None:
-            self._take(here, ahead, length, found)
-            turn = direction(self.shooting, here) @ direction(self.shooting, ahead)
-            return min(self.longest, length * (1.4 if turn > STRAIGHT else 1.0))
-        if length > SHORT * self.longest:
-            return 0.5 * length
-        return self._round(here, length)
+    def run(self, first: BranchStep) -> None:
+        turned = 1.0 if first.sense * self.sense >= 0 else -1.0
+        tangent, sense = turned * first.tangent, turned * first.sense
+        super().run(replace(first, tangent=tangent, sense=sense))
 
-    def _append(self, step: BranchStep) -> None:
-        self.steps.append(step)
-        self.largest = max(self.largest, swing(self.shooting, step.cycle))
-        if len(self.steps) > self.most and not self.end:
-            self.end = f"{self.most} points: a longer step reaches farther"
+    def _amplitude(self, point):
+        return swing(self.shooting, point.cycle)
 
-    def _room(self, here: BranchStep) -> float:
-        """Longest step: no longer than a part of the amplitude, where that vanishes."""
+    def _centred(self, point):
+        return centred(self.shooting, point)
+
+    def _room(self, here):
         if self.shooting.clock is not None:
             return self.longest
-        return min(self.longest, 0.3 * swing(self.shooting, here.cycle))
+        return ROOM * swing(self.shooting, here.cycle)
 
-    def _smoothly(
-        self, here: BranchStep, ahead: BranchStep | None, length: float
-    ) -> Located | None:
-        """Return the special points on the way if the branch goes smoothly to ``ahead``."""
+    def _shortest(self, here):
+        return SHORT * self.longest
+
+    def _turn(self, here, ahead):
+        return float(direction(self.shooting, here) @ direction(self.shooting, ahead))
+
+    def _ahead(self, here, length):
+        ahead = ahead_of(self.shooting, here, length)
         if ahead is None or not smooth(self.shooting, here, ahead):
             return None
         found = self._located(here, ahead, length)
         crossed = any(kind == "branch_point" for _, kind, _, _ in found)
         if here.index * ahead.index < 0 and not crossed:
             return None  # on another arm of the branch
-        return found
+        return ahead, found
 
     def _located(self, here: BranchStep, ahead: BranchStep, length: float) -> Located:
         """Return the special points between two steps of one word, in order."""
@@ -128,11 +106,11 @@ class Walk:
         multipliers pass -1, and come back, may be narrower than a step.
         """
         ends = [(0.0, here), (length, ahead)]
-        if len(self.steps) < 2 or not same_word(self.steps[-2].cycle, here.cycle):
+        if len(self.points) < 2 or not same_word(self.points[-2].cycle, here.cycle):
             return ends
-        spots = [place(self.shooting, step) for step in (self.steps[-2], here, ahead)]
+        spots = [place(self.shooting, step) for step in (self.points[-2], here, ahead)]
         back, on = (float(np.linalg.norm(b - a)) for a, b in pairwise(spots))
-        before, one, two = (test(step) for step in (self.steps[-2], here, ahead))
+        before, one, two = (test(step) for step in (self.points[-2], here, ahead))
         if not (min(back, on) > 0 and np.isfinite(before) and one * two > 0):
             return ends
         bend, slope, _ = np.polyfit([-back / on, 0.0, 1.0], [before, one, two], 2)
@@ -145,15 +123,14 @@ class Walk:
             return ends
         return [ends[0], (at, middle), ends[1]]
 
-    def _take(self, here: BranchStep, ahead: BranchStep, length: float, found: Located) -> None:
-        """Append the way to ``ahead``, up to where it ends."""
+    def _take(self, here, ahead, found: Located, length) -> None:
         for number, (distance, kind, _, step) in enumerate(found):
             alike = kind in ("fold", "branch_point") and doubled(step.cycle)
-            if alike and exchanged(self.steps[0].cycle, here.cycle, ahead.cycle):
+            if alike and exchanged(self.points[0].cycle, here.cycle, ahead.cycle):
                 length, ahead = distance, step  # beyond, they are the same again
                 detail = "the cycle is one of half its period, twice"
                 found = [*found[:number], (distance, "period_doubling", detail, step)]
-                self.end = "a period doubling: half of the cycle is one"
+                self._stop("a period doubling: half of the cycle is one")
                 break
         cut, last = self._cut(here, ahead, length)
         for distance, kind, detail, step in found:
@@ -164,9 +141,9 @@ class Walk:
                     "; the parameter turns back: a walk along symmetric cycles has left them, "
                     "or one along asymmetric cycles meets its mirror image"
                 )
-            self.special.append(Special(kind, detail, step.point.parameter, len(self.steps)))
+            self.special.append(Special(kind, detail, step.point.parameter, len(self.points)))
             self._append(step)
-        if last is not None and last is not self.steps[-1]:
+        if last is not None and last is not self.points[-1]:
             self._append(last)
             self._note_vanishing(here, last)
 
@@ -176,7 +153,7 @@ class Walk:
         """Return how far the way to ``ahead`` counts, and the step there if it has one."""
         parameter, ends = ahead.point.parameter, ((0.0, here), (length, ahead))
         if not self.low <= parameter <= self.high:
-            self.end = "the end of the range"
+            self._stop("the end of the range", CurveEnd.RANGE)
             border = self.low if parameter < self.low else self.high
             found = between(self.shooting, here, ends, lambda step: step.point.parameter - border)
             if found is None:
@@ -187,11 +164,11 @@ class Walk:
             return length, ahead
         spot, last = (place(self.shooting, step) for step in (ahead, here))
         if (spot - last) @ chord < 0:
-            self.end = "the walk came back on itself: a smaller step may go on"
+            self._stop("the walk came back on itself: a smaller step may go on")
             return 0.0, None
-        self.end, self.closed = "the branch is closed", True
-        start = place(self.shooting, self.steps[0])
-        onward = place(self.shooting, self.steps[1]) - start
+        self._stop("the branch is closed", CurveEnd.CLOSED)
+        start = place(self.shooting, self.points[0])
+        onward = place(self.shooting, self.points[1]) - start
         found = between(
             self.shooting,
             here,
@@ -206,14 +183,14 @@ class Walk:
         It does if they have its word and determinants of its sign (none of them lies on the other
         arm of a fold), and the cycle next to them that has its parameter is the same.
         """
-        spots = np.array([place(self.shooting, step) for step in self.steps])
+        spots = np.array([place(self.shooting, step) for step in self.points])
         spot, chords = place(self.shooting, ahead), np.diff(spots, axis=0)
         square = np.maximum(np.sum(chords**2, axis=1), 1e-30)  # a special point may be met twice
         part = np.sum((spot - spots[:-1]) * chords, axis=1) / square
         aside = np.linalg.norm(spot - spots[:-1] - part[:, None] * chords, axis=1)
         beside = (part >= 0) & (part <= 1) & (aside < BESIDE * np.sqrt(square))
         for k in np.flatnonzero(beside):
-            ends = self.steps[k : k + 2]
+            ends = self.points[k : k + 2]
             if not all(
                 same_word(e.cycle, ahead.cycle) and e.determinant * ahead.determinant >= 0
                 for e in ends
@@ -224,26 +201,23 @@ class Walk:
                 return chords[k]
         return None
 
-    def _round(self, here: BranchStep, length: float) -> float:
-        """Close in on a corner or a sharp turn, or take the branch up behind a corner.
-
-        Returns the length to go on with.
-        """
+    def _stuck(self, here, length):
+        """Close in on a corner or a sharp turn, or take the branch up behind a corner."""
         edge = edge_of(self.shooting, here, length)
         if edge is not here:
             reach = float((edge.point.unknowns - here.point.unknowns) @ here.tangent)
-            self._take(here, edge, reach, self._located(here, edge, reach))
+            self._take(here, edge, self._located(here, edge, reach), reach)
             return reach
         way = beyond(self.shooting, here, self.longest)
         if isinstance(way, str):
-            self.end = way
+            self._stop(way)
         elif self._met(way[0]) is not None:
-            self.end = "no cycle beyond"
+            self._stop("no cycle beyond")
         else:
             self._name_corner(here, way[0])
             for step in way:
                 if not self.low <= step.point.parameter <= self.high:
-                    self.end = "the end of the range"
+                    self._stop("the end of the range", CurveEnd.RANGE)
                     break
                 self._append(step)
         return 0.1 * self.longest
@@ -257,7 +231,7 @@ class Walk:
         detail = change(before.cycle, after.cycle.word)
         if jumped(self.shooting, edge, other):
             detail += "; cycles between may have been passed over"
-        index = len(self.steps) - 1 if onward else len(self.steps)
+        index = len(self.points) - 1 if onward else len(self.points)
         self.special.append(Special(name, detail, edge.point.parameter, index))
 
     def _note_vanishing(self, here: BranchStep, ahead: BranchStep) -> None:
@@ -266,15 +240,13 @@ class Walk:
         There det(1 - return map) vanishes as amplitude^2 does. It keeps its value along cycles that
         only become small with the parameter, as those of stick do with the belt's speed.
         """
-        if self.shooting.clock is not None:
+        far = self._vanishing(here, ahead) if self.shooting.clock is None else None
+        if far is None:
             return
-        one, two = (swing(self.shooting, step.cycle) for step in (here, ahead))
-        if two >= one or two > VANISHED * self.largest:
-            return
+        one, two = self._amplitude(here), self._amplitude(ahead)
         if abs(ahead.determinant) * one > abs(here.determinant) * two:
             return
         a, b = here.point.parameter, ahead.point.parameter
-        at = b - two**2 * (b - a) / (two**2 - one**2)
         detail = "the cycle shrinks onto steady slip"
-        self.special.append(Special("hopf", detail, at, len(self.steps) - 1))
-        self.end = "a Hopf point"
+        self.special.append(Special("hopf", detail, b + far * (b - a), len(self.points) - 1))
+        self._stop("a Hopf point")

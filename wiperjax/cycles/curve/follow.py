@@ -18,6 +18,7 @@ from ..chart import chart
 from ..cycle import Cycle, same_word, typical
 from ..return_map import Shooting
 from ..shooting import Lost, at_state
+from ..walk import both_ways
 from .equations import Equations, Facts, solve
 from .fold import Fold
 from .hopf import Hopf
@@ -165,27 +166,23 @@ def _curve(
         return Curve(
             special.kind, plane.system, plane.names, place[None], [facts], [], (ends, ends)
         )
-    walks = []
-    for sense in (-1.0, 1.0):
+
+    def walked(sense: float) -> Walk:
         walk = Walk(step, most)
         walk.run(replace(first, tangent=sense * first.tangent))
-        walks.append(walk)
-        if walk.end == CurveEnd.CLOSED:  # the other way round is the same
-            break
-    back, ahead = walks[0], walks[-1]
-    size = len(back.spots) - 1
-    spots = [*reversed(back.spots), *(ahead.spots[1:] if ahead is not back else [])]
-    marks = [mark._replace(index=size - mark.index) for mark in reversed(back.marks)]
-    marks += [mark._replace(index=size + mark.index) for mark in ahead.marks if ahead is not back]
-    spots = [spot.meant for spot in spots]
+        return walk
+
+    found = both_ways(walked)
+    spots = [spot.meant for spot in found.points]
+    ends = tuple((walk.code, walk.end) for walk in (found.back, found.ahead))
     return Curve(
         special.kind,
         plane.system,
         plane.names,
         np.array([spot.place for spot in spots]),
         [spot.facts for spot in spots],
-        marks,
-        ((back.end, back.detail), (ahead.end, ahead.detail)),  # type: ignore[arg-type]
+        found.special,
+        ends,  # type: ignore[arg-type]
     )
 
 

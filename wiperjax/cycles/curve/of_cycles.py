@@ -15,6 +15,7 @@ from ..cycle import Cycle, cycle_at, same_word
 from ..orbit import words
 from ..return_map import Point, Shooting
 from ..shooting import Arc, Lost
+from ..walk import ROOM
 from .equations import Equations, Facts, Spot
 
 
@@ -66,7 +67,7 @@ class OfCycles(Equations):
         assert cycle.state is not None
         size = 1.0
         if self.shooting.clock is None:  # no longer than a part of the amplitude, which may vanish
-            size = 0.3 * swing(self.shooting, cycle)
+            size = ROOM * swing(self.shooting, cycle)
         return Facts(cycle.state, cycle.amplitude, cycle.period, test, cycle, size)
 
     def moved(self, facts: Facts, place: np.ndarray):

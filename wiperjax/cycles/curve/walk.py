@@ -1,7 +1,4 @@
-"""The walk along a curve in two parameters in one direction: steps, special points, why it ended.
-
-Pseudo-arclength: predict along the tangent, correct at that distance, shorter where that fails.
-"""
+"""The walk along a curve in two parameters in one direction: its special points, and its ends."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,13 +9,11 @@ import numpy as np
 from ...vocabulary.codes import CurveEnd
 from ..roots import root_between
 from ..shooting import Lost
+from ..walk import GENTLE, AbstractWalk
 from .equations import CLOSED, Spot, Test, solve
 
-GENTLE = 0.8  # cosine of the largest turn within a step
-STRAIGHT = 0.98  # of a turn after which steps grow
-SHORT = 1e-3  # of the longest step: where this one fails, the curve is given up
+SHORT = 2e-3  # of the longest step: where this one fails, the curve is given up
 LOCATED = 1e-8  # of a step's unit: how closely a special point is closed in
-VANISHED = 0.02  # of the largest amplitude: a fold shrinks onto steady slip
 FLAT = 1e-6  # of a unit tangent: a parameter that stays the same
 STILL = 1e-4  # of a unit tangent: neither parameter changes
 
@@ -31,78 +26,77 @@ class Mark(NamedTuple):
     index: int  # of the curve's point there
 
 
-class Walk:
-    """One direction of a curve: its spots (the first one too), special points, why it ended."""
+class Walk(AbstractWalk[Spot]):
+    """One direction of a curve."""
+
+    vanished = 0.02
 
     def __init__(self, longest: float, most: int):
-        self.longest, self.most = longest, most
-        self.spots: list[Spot] = []
-        self.marks: list[Mark] = []
-        self.end: CurveEnd | None = None
-        self.detail = ""
-        self.largest = 0.0  # amplitude on the way
+        super().__init__(longest, most)
+        self.gone = 0.0  # way so far
 
-    def run(self, first: Spot) -> None:
-        """Walk from ``first`` along its tangent."""
-        self.spots, self.largest = [first], first.facts.amplitude
-        length, gone = 0.3 * self.longest, 0.0
-        while self.end is None:
-            here = centred(self.spots[-1])
-            if here is None:
-                self._stop(CurveEnd.FAILED, "the solution was lost in its own coordinates")
-                return
-            length = min(length, self.longest, here.facts.size)
-            ahead = ahead_of(here, length)
-            if ahead is None:
-                length *= 0.5
-                if length < SHORT * min(self.longest, here.facts.size):
-                    self._stop(*here.equations.stuck(here))
-                continue
-            gone += length
-            self._take(here, ahead, length, gone > 3 * self.longest)
-            straight = turn(here, ahead) > STRAIGHT
-            length *= 1.4 if straight else 1.0
-            if len(self.spots) > self.most and self.end is None:
-                self._stop(CurveEnd.POINTS, f"{self.most} points: a longer step reaches farther")
+    def _amplitude(self, point):
+        return point.facts.amplitude
 
-    def _stop(self, end: CurveEnd, detail: str) -> None:
-        self.end, self.detail = end, detail
+    def _centred(self, point):
+        found = centred(point)
+        if found is None:
+            raise Lost("the solution was lost in its own coordinates")
+        return found
 
-    def _take(self, here: Spot, ahead: Spot, length: float, far: bool) -> None:
-        """Append the way to ``ahead``, up to where it ends, with the special points on it."""
+    def _room(self, here):
+        return here.facts.size
+
+    def _shortest(self, here):
+        return SHORT * min(self.longest, here.facts.size)
+
+    def _turn(self, here, ahead):
+        return turn(here, ahead)
+
+    def _ahead(self, here, length):
+        ahead = ahead_of(here, length)
+        if ahead is None:
+            return None
         found = [*self._specials(here, ahead, length), *self._borders(here, ahead, length)]
-        if far and (passed := self._closing(here, ahead, length)):
+        if self.gone + length > 3 * self.longest and (passed := self._closing(here, ahead, length)):
             found.append(passed)
-        for _, test, spot in sorted(found, key=lambda item: item[0]):
+        return ahead, sorted(found, key=lambda item: item[0])
+
+    def _take(self, here, ahead, found, length):
+        self.gone += length
+        for _, test, spot in found:
             if test.end not in (CurveEnd.RANGE, CurveEnd.CLOSED):
-                self.marks.append(Mark(test.name, test.detail, len(self.spots)))
-            self.spots.append(spot)
+                self.special.append(Mark(test.name, test.detail, len(self.points)))
+            self._append(spot)
             if test.end is not None:
                 onward = spot.equations.beyond(spot, test)
                 if onward is None:
-                    self._stop(test.end, test.detail)
+                    self._stop(test.detail, test.end)
                 else:
-                    self.spots.append(onward)
+                    self._append(onward)
                 return
-        self.spots.append(ahead)
+        self._append(ahead)
         self._note_vanishing(here, ahead)
 
+    def _stuck(self, here, length):
+        end, detail = here.equations.stuck(here)
+        self._stop(detail, end)
+        return length
+
     def _note_vanishing(self, here: Spot, ahead: Spot) -> None:
-        """Note where the cycles of a fold shrink onto steady slip (amplitude^2 -> 0).
+        """Note where the cycles of a fold shrink onto steady slip.
 
         Cycles may be small, too, because a belt is slow or a scale is small: that is no such end.
         """
-        one, two = here.facts.amplitude, ahead.facts.amplitude
-        self.largest = max(self.largest, two)
-        if two >= one or two > VANISHED * self.largest or not here.equations.vanishes(here, ahead):
+        far = self._vanishing(here, ahead)
+        if far is None or not here.equations.vanishes(here, ahead):
             return
-        way = two**2 / (one**2 - two**2)
-        gone = ahead.unknowns + way * (ahead.unknowns - here.unknowns)
+        gone = ahead.unknowns + far * (ahead.unknowns - here.unknowns)
         end = replace(ahead, unknowns=gone, facts=ahead.facts._replace(amplitude=0.0))
         detail = "the cycles of the fold shrink onto steady slip"
-        self.marks.append(Mark("bautin", detail, len(self.spots)))
-        self.spots.append(end)
-        self._stop(CurveEnd.BAUTIN, detail)
+        self.special.append(Mark("bautin", detail, len(self.points)))
+        self._append(end)
+        self._stop(detail, CurveEnd.BAUTIN)
 
     def _specials(self, here: Spot, ahead: Spot, length: float):
         names = here.equations.plane.names
@@ -140,7 +134,7 @@ class Walk:
 
     def _closing(self, here: Spot, ahead: Spot, length: float):
         """The first spot, if the way to ``ahead`` passes it."""
-        first = self.spots[0]
+        first = self.points[0]
         a, b, c = (place_of(spot) for spot in (first, here, ahead))
         chord = c - b
         part = float((a - b) @ chord / (chord @ chord))
