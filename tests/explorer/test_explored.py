@@ -222,6 +222,22 @@ def test_frequencies_below_one_hertz_have_colours_of_their_own(whole):
     assert paint.legend.count("tick") >= 3 and "grey" not in paint.legend
 
 
+@pytest.mark.parametrize("scale", [4e-3, 1e-31])
+def test_numbers_below_a_bar_do_not_lie_over_each_other(whole, scale):
+    """Those beside zero did, where a scale is logarithmic on either side of it."""
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, {TONE})
+    plane["label"][:] = LABELS["squeal"]
+    sizes = scale * np.geomspace(1e-3, 1, plane[TONE].size) ** 1.5
+    signs = np.where(np.arange(sizes.size) % 2, 1, -1)
+    plane["velocity_mean"] = plane[TONE].copy(data=(signs * sizes).reshape(plane[TONE].shape))
+    legend = painted(plane, "velocity_mean").legend
+    marks = re.findall(r'left:([-.0-9]+)%">([^<]+)<', legend)
+    assert len(marks) >= 3 and "0" in [text for _, text in marks]
+    for (left, one), (right, other) in zip(marks, marks[1:], strict=False):
+        assert 480 * (float(right) - float(left)) / 100 > 3 * (len(one) + len(other))
+    assert float(marks[-1][0]) - float(marks[0][0]) > 50
+
+
 def test_cells_that_ended_early_have_no_numbers_and_say_so(whole):
     """They hold what was counted until they failed."""
     place = {"attack_angle": 0, "normal_load": 0, "belt_speed": 0}

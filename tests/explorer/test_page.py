@@ -181,3 +181,20 @@ def test_the_key_of_the_lip_says_what_its_thin_line_is():
     """It read as a second link of the lip."""
     key = MotionPanel("Cell").pictures["lip"].children[-1].text
     assert '<i class="line"></i>contact force' in key and "stick" in key
+
+
+def test_a_plane_that_cannot_be_shown_is_not_taken_for_the_one_before(window, monkeypatch):
+    """The cells before stayed under the new choices, and the motion's line came over the reason."""
+    page, _ = window
+    with monkeypatch.context() as few:
+        few.setattr("wiperjax.explorer.explored.MOST_PLANE", 10)
+        page.up.value = "normal_load"
+        page._look()
+        assert "cells cannot be shown" in page.map.legend.text
+        assert (
+            not len(page.map.plane.data["image"])
+            and not page.map.overlay.lines["boundary"].data["x"]
+        )
+        assert page.map.upright.axis_label.startswith("normal load")
+    page.up.value = "belt_speed"
+    assert len(page.map.plane.data["image"]) == 1 and "cannot" not in page.map.legend.text

@@ -5,7 +5,7 @@ import pytest
 from stub_sweep import evaluate, make_spec
 
 from wiperjax.explorer.box import box_spec
-from wiperjax.explorer.cells import start_of
+from wiperjax.explorer.cells import scene_of, start_of
 from wiperjax.explorer.explored import Explored, explored
 from wiperjax.maps import driver
 from wiperjax.specs.load import parse_sweep
@@ -114,3 +114,12 @@ def test_a_map_that_does_not_say_which_start_it_is_of_is_shown_only():
     both = whole({"names": ["up", "down"]}).ds
     for ds in (both.isel(start=0, drop=True), both.assign_coords(start=["up", "sideways"])):
         assert "starts" in explored(ds).unable
+
+
+def test_the_scene_of_a_cell_says_which_start_it_is_of():
+    """Held beside each other two motions of one cell, a squeal and a quiet one, read alike."""
+    both = whole({"names": ["up", "down"], "kick": 1e-3})
+    for start, says in ((None, "up"), ("up", "up"), ("down", "down")):
+        assert scene_of(both, PLACE, start)["title"].endswith(f"m/s, start: {says}")
+    nine = whole({"random": 9, "seed": 2, "x": [1e-3, 2e-3], "vx": [0.0, 1.0]})
+    assert scene_of(nine, PLACE, 4)["title"].endswith(", start: 4")

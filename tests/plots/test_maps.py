@@ -656,6 +656,13 @@ def test_unfinished_sweep_is_drawn_with_its_holes(small_map, tmp_path, monkeypat
     assert "unfinished sweep: 216 of 459 cells" in plots.class_map(partial)[0].figure.get_suptitle()
 
 
+def test_a_regime_has_its_colour_in_maps_too():
+    """Stick was sand there, beside a motion in which it is dark blue."""
+    ended = cf.flags({name: code for code, name in enumerate(palette.REGIMES)})
+    found = categories.colours_of(xr.DataArray([0], dims="x", attrs=ended))
+    assert found == palette.REGIMES
+
+
 @pytest.mark.parametrize("sight", SIGHT)
 @pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS", "SPARE"])
 def test_colours_are_told_apart_by_everybody(name, sight):

@@ -45,6 +45,8 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
     run = {"duration": duration, "transient": settings.transient, "sample_interval": interval}
     run |= {name: getattr(settings, name) for name in AS_SWEPT}
     where = ", ".join(value_text(ds[name], number) for name, number in place.items())
+    if spec.starts is not None:  # two motions of one cell would bear one name
+        where += f", start: {begun(explored, place, start)}"
     return {
         "title": where[:400],
         **{name: document[name] for name in ("system", "model") if name in document},

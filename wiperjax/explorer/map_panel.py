@@ -19,7 +19,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from ..plots.style.axes import axis_numbers, is_geometric, shown
 from ..plots.style.palette import UNKNOWN
-from .explored import Explored
+from .explored import Explored, escaped
 from .overlay import Overlay
 from .scale import painted
 from .style import titled
@@ -43,8 +43,8 @@ const spot = (i, j) => {
   return `${names.tags[3]} ${a.x[i]}${up}: ${word}`;
 };
 const i = Math.round(cb_obj.x), j = Math.round(cb_obj.y);
-if (i >= 0 && j >= 0 && i < a.x.length && j < a.y.length) readout.text = spot(i, j);
-else readout.text = '';
+const there = p.values.length && i >= 0 && j >= 0 && i < a.x.length && j < a.y.length;
+readout.text = there ? spot(i, j) : '';
 """
 KEYS = """
 const steps = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]};
@@ -131,6 +131,16 @@ class MapPanel:
         label = f"{explored.variables[variable]}{f' ({paint.unit})' if paint.unit else ''}"
         _change(self.overlay.axis, axis_label=label)
         _change(self.legend, text=paint.legend + keys)
+
+    def refuse(self, explored: Explored, x: str, y: str, why: str) -> None:
+        """Shows no cells over two axes, and `why`: else those of the plane before are taken for
+        these, under the axes of that one.
+        """
+        named = {name: explored.axis_words(name) for name in (x, y)}
+        self.plane.data = {column: [] for column in self.plane.data}
+        self._show_axes(explored.ds, x, y, named)
+        self.overlay.clear()
+        _change(self.legend, text=f'<p class="fault">{escaped(why)}</p>')
 
     def frame(self, cell: tuple[int, int] | None) -> None:
         """Frames the cell that is held, if it lies in this plane."""

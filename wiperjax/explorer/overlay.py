@@ -55,6 +55,12 @@ class Overlay:
         self._hatch(plane, variable)
         return keys
 
+    def clear(self) -> None:
+        """Shows nothing."""
+        for one in (*self.lines.values(), *self.hatched.values()):
+            _fill(one, **{column: [] for column in one.data})
+        self._growth, self.axis.visible = np.zeros((1, 0)), False
+
     def parts(self) -> list[tuple[Any, tuple[str, ...]]]:
         """What `show` changes: models and properties."""
         sources = [*self.lines.values(), *self.hatched.values()]

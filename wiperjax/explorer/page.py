@@ -185,9 +185,9 @@ class Page:
         try:
             plane = self.explored.plane(self.x, self.y, self.at, self.begin(), {variable})
         except (ValueError, OSError, StoreError) as error:
-            self.say(str(error), fault=True)
-            return
-        self.map.show(self.explored, plane, self.x, self.y, variable)
+            self.map.refuse(self.explored, self.x, self.y, str(error))
+        else:
+            self.map.show(self.explored, plane, self.x, self.y, variable)
         self._frame()
 
     def _frame(self) -> None:

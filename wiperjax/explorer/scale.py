@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 from matplotlib import colormaps
-from matplotlib.colors import LogNorm, Normalize, to_hex
+from matplotlib.colors import LogNorm, Normalize, SymLogNorm, to_hex
 from matplotlib.ticker import LogLocator, MaxNLocator, SymmetricalLogLocator
 
 from ..plots.maps.categories import category_keys, colours_of
@@ -19,6 +19,7 @@ from .explored import escaped, plain
 SHADES = 250
 NOTHING = 255  # the shade of a cell without a value
 MOST_TICKS = 8  # of a bar of colours
+BAR, LETTER = 480, 6.5  # widths in pixels: of a bar, and of a letter below it
 STRIPES = {"////": (135,), "\\\\\\\\": (45,), "xxxx": (45, 135)}  # pattern -> across which angles
 
 
@@ -128,9 +129,13 @@ def _bar(norm: Any, palette: list[str], unit: str) -> str:
     elif type(norm) is Normalize:
         ticks = MaxNLocator(6).tick_values(low, high)
     else:
-        ticks = SymmetricalLogLocator(base=10, linthresh=norm.linthresh).tick_values(low, high)
+        locator = SymmetricalLogLocator(base=10, linthresh=norm.linthresh)
+        locator.set_params(numticks=1000)  # it counts decades up to 1, whatever the largest is
+        ticks = locator.tick_values(low, high)
     ticks = np.asarray([tick for tick in ticks if low <= tick <= high])
-    ticks = ticks[:: max(1, -(-len(ticks) // MOST_TICKS))]
+    if type(norm) is not SymLogNorm:  # of which the zero might go
+        ticks = ticks[:: max(1, -(-len(ticks) // MOST_TICKS))]
+    ticks = _apart(norm, ticks)
     stops = ",".join(palette[::12] + palette[-1:])
     marks = "".join(
         f'<span class="tick" style="left:{100 * float(norm(tick)):.1f}%">{text}</span>'
@@ -139,3 +144,15 @@ def _bar(norm: Any, palette: list[str], unit: str) -> str:
     words = f'<p class="note">{escaped(unit)}</p>' if unit else ""
     shades = f'<div class="shades" style="background:linear-gradient(90deg,{stops})"></div>'
     return f'<div class="bar">{shades}{marks}</div>{words}'
+
+
+def _apart(norm: Any, ticks: np.ndarray) -> np.ndarray:
+    """Ticks whose numbers do not lie over each other: zero, then from the ends of a bar inwards."""
+    widths = {t: LETTER * len(n) for t, n in zip(ticks, axis_numbers(ticks), strict=True)}
+    kept: list[float] = []
+    for tick in sorted(ticks, key=lambda t: (t != 0, -abs(float(norm(t)) - 0.5))):
+        far = [BAR * abs(float(norm(tick)) - float(norm(one))) for one in kept]
+        needs = [0.5 * (widths[tick] + widths[one]) + LETTER for one in kept]
+        if all(a >= b for a, b in zip(far, needs, strict=True)):
+            kept.append(tick)
+    return np.sort(kept)

@@ -23,6 +23,7 @@ from ..style.palette import (
     HATCHES,
     MECHANISMS,
     MOTIONS,
+    REGIMES,
     SPARE,
     UNKNOWN,
     readable,
@@ -31,7 +32,7 @@ from .borders import PREFIX, border_legend, draw_borders
 from .planes import At, check_dim, choose_plane, cut, map_dims
 from .stability import NOTE, boundary_legend, stability_boundary
 
-COLOURS = MOTIONS | MECHANISMS | CLASSES
+COLOURS = REGIMES | MOTIONS | MECHANISMS | CLASSES
 MOST_HATCHED = 20_000  # pieces; beyond, cells are finer than the pattern, and colour must do
 
 
