@@ -102,7 +102,12 @@ def limits(p: Parameter) -> str:
     """Range of a parameter with its unit in files."""
     unit = "" if p.unit == "1" else p.edge_unit
     must = dataclasses.replace(p.range, unit=unit).must.removeprefix("must ").removeprefix("lie ")
-    return must.removeprefix("be ")
+    must = must.removeprefix("be ")
+    if p.smallest:
+        must += f", {p.smallest:g} or more in size"
+    if p.never_small:
+        must += ", not all 1.57 or less, which would be radians"
+    return must
 
 
 def table(model: type[Table], keys: tuple[str, ...] = (), meant: dict[str, str] | None = None):

@@ -164,10 +164,13 @@ def resample(values: np.ndarray, interval: float) -> np.ndarray:
     """Samples at `RATE` of a signal sampled every `interval` (s), band-limited (polyphase filter).
 
     Its length in time is that of the signal to within one sample. Raises: `ValueError` for what is
-    no signal, or no interval.
+    no signal, or no interval, or shorter than two samples of sound, of which the filter makes NaN.
     """
     values = checks.array("values", values, FINITE)
     interval = checks.number("interval", interval, POSITIVE)
+    if (lasts := (values.size - 1) * interval) < 1 / RATE:
+        least = f"must last {1 / RATE:.2g} s at least, two samples of sound"
+        raise ValueError(f"what is heard {least}, but lasted {max(lasts, 0.0):.3g} s")
     while RATE * interval < 1 / 8 and values.size > 1:  # ratios of small numbers: halves first
         values = scipy.signal.resample_poly(values, 1, 2, padtype="line")
         interval *= 2

@@ -41,6 +41,7 @@ from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
 from wiperjax.vocabulary.codes import LABELS, Event, Result
+from wiperjax.vocabulary.ranges import FEWEST_SETTLED
 
 
 @pytest.fixture(scope="module")
@@ -285,6 +286,19 @@ def test_the_scene_of_a_cell_is_a_scene_file_of_its_parameters(whole):
     assert {name: float(value) for name, value in cell.items()} == pytest.approx(stated, rel=1e-15)
     assert parse_scene(scene).run.solver == whole.spec.settings.solver
     assert parse_scene(scene).transient == whole.spec.run.transient  # judged as in the map
+
+
+@pytest.mark.parametrize(("transient", "window"), [(1.0, 1e-3), (100.0, 5e-3), (0.2, 0.2)])
+def test_the_scene_of_a_cell_has_the_samples_that_a_short_window_is_judged_by(
+    whole, transient, window
+):
+    data = whole.spec.document()
+    run = data["run"] | {"transient": transient, "window": window}
+    short = SimpleNamespace(spec=parse_sweep(data | {"run": run}), ds=whole.ds)
+    place = {"attack_angle": 1, "normal_load": 4, "belt_speed": 7}
+    run = parse_scene(scene_of(short, place)).run
+    assert window / run.sample_interval > FEWEST_SETTLED
+    assert run.sample_interval <= 2e-5 * max(1.0, transient / 20.0) * (1 + 1e-3)  # as it ever was
 
 
 def test_a_box_is_finer_and_lies_where_it_was_dragged(whole):

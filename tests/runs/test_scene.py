@@ -438,6 +438,8 @@ def test_a_transient_leaves_what_a_run_is_judged_by():
     must = r"run.transient: must leave 64 samples, 0.0128 s, of run.duration, was 0.19"
     with pytest.raises(ValueError, match=must):
         wiperjax.run_scene(scene)
+    last = parse_scene({"run": {"duration": 0.3, "transient": 0.2904}})  # 64, but for rounding
+    assert last.transient == 0.2904
 
 
 def test_what_is_cut_short_is_not_judged_by_its_last_moment():

@@ -72,6 +72,9 @@ def test_the_page_of_keys_is_that_of_the_tables():
     keys = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(keys)
     assert (DOCS / "keys.md").read_text() == keys.page(), "run python docs/keys.py"
+    # what lies inside a range and is refused all the same is said, too
+    assert keys.limits(PARAMETERS["belt_speed"]).endswith("m/s, 1e-06 or more in size")
+    assert keys.limits(PARAMETERS["shoulder_angle"]).endswith("which would be radians")
 
 
 def test_help_names_the_unit_of_every_parameter_of_the_blade():

@@ -163,6 +163,14 @@ def test_a_finely_sampled_run_sounds_as_long_as_it_is(interval):
     assert len(sound.resample(samples, interval)) == pytest.approx(2e-3 * sound.RATE, abs=1)
 
 
+@pytest.mark.parametrize("lasts", [1e-9, 1e-6, 2e-5])
+def test_what_is_shorter_than_two_samples_of_sound_is_refused(lasts):
+    with pytest.raises(ValueError, match="must last 2.1e-05 s at least, two samples of sound, but"):
+        sound.sound(tone(700.0, seconds=lasts, step=lasts / 2000))
+    heard = sound.sound(tone(700.0, seconds=2.1e-5, step=2.1e-5 / 2000))
+    assert heard.samples.size and np.isfinite(heard.samples).all()
+
+
 def test_whole_numbers_are_read_as_they_are():
     wave = np.round(20_000 * np.sin(2 * np.pi * 700.0 * 2e-5 * np.arange(2000))).astype(np.int16)
     np.testing.assert_array_equal(sound.resample(wave, 2e-5), sound.resample(1.0 * wave, 2e-5))

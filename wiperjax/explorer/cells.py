@@ -14,6 +14,7 @@ from ..runs.scene import run_scene
 from ..specs.load import parse_scene
 from ..specs.tables import Start
 from ..vocabulary.kinds import BELTS, WAYS, WIPER
+from ..vocabulary.ranges import FEWEST_SETTLED
 from .explored import Explored
 
 RATE = 50_000  # samples a second of a blade: what is heard, and every corner of a squeal
@@ -36,6 +37,7 @@ def scene_of(explored: Explored, place: dict[str, int], start: Any = None) -> di
     duration = settings.transient + settings.window
     rate = RATE if spec.system == WIPER else A_PERIOD * spec.classes.squeal_band[1]
     interval = min(max(1 / rate, duration / MOST_SAMPLES), duration / FEWEST_SAMPLES)
+    interval = min(interval, settings.window / (FEWEST_SETTLED + 1))  # a scene is judged by these
     document = spec.document()
     tables = {name: dict(document.get(name, {})) for name in ("blade", "parameters", "belt")}
     keys = {name: key for key, name in BELTS.get(spec.belt_kind or "", {}).items()}

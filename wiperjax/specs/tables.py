@@ -203,7 +203,7 @@ class SceneRun(Table):
             must = f"must be below run.duration, {self.duration:g} s"
             raise Fault("transient", f"{must}, was {self.transient:g}")
         least = FEWEST_SETTLED * (self.sample_interval or self.duration / SAMPLES)
-        if self.duration - self.transient < least:
+        if self.duration - self.transient < least * (1 - 1e-9):
             must = f"must leave {FEWEST_SETTLED} samples, {least:g} s, of run.duration"
             raise Fault("transient", f"{must}, was {self.transient:g}")
         return self
