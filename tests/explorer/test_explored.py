@@ -222,6 +222,15 @@ def test_frequencies_below_one_hertz_have_colours_of_their_own(whole):
     assert paint.legend.count("tick") >= 3 and "grey" not in paint.legend
 
 
+def test_what_stands_still_has_the_lowest_colour(whole):
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, {"velocity_rms"})
+    plane = plane.load()
+    plane["label"][:], plane["velocity_rms"][:] = LABELS["squeal"], 0.3
+    plane["velocity_rms"][0], plane["velocity_rms"][0, 0] = 0.0, 1e-9
+    paint = painted(plane, "velocity_rms")
+    assert (paint.shades[0] == 0).all() and "no number" not in paint.legend
+
+
 def test_cells_that_ended_early_have_no_numbers_and_say_so(whole):
     """They hold what was counted until they failed."""
     place = {"attack_angle": 0, "normal_load": 0, "belt_speed": 0}

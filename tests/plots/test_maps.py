@@ -517,6 +517,20 @@ def test_speeds_of_an_overview_have_the_colours_of_what_is_heard(small_map):
     assert ax.collections[0].get_clim() == pytest.approx((0.2, 0.5))
 
 
+def test_what_stands_still_is_not_drawn_as_a_cell_without_a_number(small_map):
+    """Cells that stuck all the time, of a speed of exactly zero, were grey among black ones."""
+    speed = small_map["velocity_rms"].copy(data=np.full(small_map["label"].shape, 0.3))
+    speed[:, :, :3], speed[:, :, 1] = 1e-9, 0.0
+    squeal = xr.full_like(small_map["label"], codes.LABELS["squeal"])
+    figure = plots.map_overview(small_map.assign(velocity_rms=speed, label=squeal))
+    (ax,) = (ax for ax in figure.axes if ax.get_title().startswith("tip velocity"))
+    mesh = ax.collections[0]
+    drawn = mesh.to_rgba(mesh.get_array())
+    assert "grey" not in ax.get_title() and not np.ma.getmaskarray(mesh.get_array()).any()
+    np.testing.assert_array_equal(drawn[1], drawn[0])
+    assert mesh.colorbar.extend == "min"
+
+
 def test_a_grey_cell_is_called_what_it_is(small_map):
     """Ten of eighteen grey cells had failed below the words 'grey: quiet'."""
     broken, at = small_map.copy(deep=True), {"normal_load": 17.5}
