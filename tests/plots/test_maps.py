@@ -508,6 +508,17 @@ def test_cells_that_have_not_settled_are_told_from_the_others(small_map):
     assert tuple(place) == (small_map["belt_speed"][4], small_map.sel(at)["velocity_rms"][4])
 
 
+def test_what_is_not_computed_yet_is_none_of_the_cells_that_may_settle(small_map):
+    part = small_map.copy(deep=True)
+    part["settled"] = xr.zeros_like(part["label"]).drop_attrs()
+    part["label"][:] = codes.LABELS["squeal"]
+    part["label"][8:], part["settled"][8:] = codes.NOT_COMPUTED, codes.NOT_COMPUTED
+    figure = plots.map_overview(part)
+    said = "\n".join(lower.get_supxlabel() for lower in figure.subfigs)
+    done = int((part["label"] != codes.NOT_COMPUTED).sum())
+    assert 0 < done < part["label"].size and f"{done} of {done} cells have not settled" in said
+
+
 def test_speeds_of_an_overview_have_the_colours_of_what_is_heard(small_map):
     """What quiet cells leave is rounding noise; over three decades 0.2 and 0.5 m/s look alike."""
     heard = small_map["label"] != codes.LABELS["quiet"]
