@@ -842,3 +842,14 @@ def test_a_window_with_one_slip_in_it_is_too_short(capsys):
     times = {"duration": 0.3, "transient": 0.2, "sample_interval": 5e-5}
     tables.print_class(run_scene({"blade": blade, "belt": belt, "run": times}))
     assert "frequency   not known: window too short (run.duration)" in capsys.readouterr().out
+
+
+def test_ctrl_c_outside_of_a_long_command_is_said(monkeypatch, capsys, tmp_path):
+    """The typer of today makes a status of it, and nothing was said."""
+
+    def stopped(path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("wiperjax.cli.compute.check_source", stopped)
+    words = ["verify", str(tmp_path / "map.h5")]
+    assert failed(capsys, main(words), 130) == "wiperjax: interrupted"

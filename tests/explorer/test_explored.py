@@ -239,6 +239,15 @@ def test_numbers_below_a_bar_do_not_lie_over_each_other(whole, scale):
     assert float(marks[-1][0]) - float(marks[0][0]) > 50
 
 
+def test_what_stands_still_has_the_lowest_colour(whole):
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, {"velocity_rms"})
+    plane = plane.load()
+    plane["label"][:], plane["velocity_rms"][:] = LABELS["squeal"], 0.3
+    plane["velocity_rms"][0], plane["velocity_rms"][0, 0] = 0.0, 1e-9
+    paint = painted(plane, "velocity_rms")
+    assert (paint.shades[0] == 0).all() and "no number" not in paint.legend
+
+
 def test_cells_that_ended_early_have_no_numbers_and_say_so(whole):
     """They hold what was counted until they failed."""
     place = {"attack_angle": 0, "normal_load": 0, "belt_speed": 0}

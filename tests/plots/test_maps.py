@@ -508,6 +508,17 @@ def test_cells_that_have_not_settled_are_told_from_the_others(small_map):
     assert tuple(place) == (small_map["belt_speed"][4], small_map.sel(at)["velocity_rms"][4])
 
 
+def test_what_is_not_computed_yet_is_none_of_the_cells_that_may_settle(small_map):
+    part = small_map.copy(deep=True)
+    part["settled"] = xr.zeros_like(part["label"]).drop_attrs()
+    part["label"][:] = codes.LABELS["squeal"]
+    part["label"][8:], part["settled"][8:] = codes.NOT_COMPUTED, codes.NOT_COMPUTED
+    figure = plots.map_overview(part)
+    said = "\n".join(lower.get_supxlabel() for lower in figure.subfigs)
+    done = int((part["label"] != codes.NOT_COMPUTED).sum())
+    assert 0 < done < part["label"].size and f"{done} of {done} cells have not settled" in said
+
+
 def test_speeds_of_an_overview_have_the_colours_of_what_is_heard(small_map):
     """What quiet cells leave is rounding noise; over three decades 0.2 and 0.5 m/s look alike."""
     heard = small_map["label"] != codes.LABELS["quiet"]
@@ -515,6 +526,20 @@ def test_speeds_of_an_overview_have_the_colours_of_what_is_heard(small_map):
     figure = plots.map_overview(small_map.assign(velocity_rms=speed))
     (ax,) = (ax for ax in figure.axes if ax.get_title().startswith("tip velocity"))
     assert ax.collections[0].get_clim() == pytest.approx((0.2, 0.5))
+
+
+def test_what_stands_still_is_not_drawn_as_a_cell_without_a_number(small_map):
+    """Cells that stuck all the time, of a speed of exactly zero, were grey among black ones."""
+    speed = small_map["velocity_rms"].copy(data=np.full(small_map["label"].shape, 0.3))
+    speed[:, :, :3], speed[:, :, 1] = 1e-9, 0.0
+    squeal = xr.full_like(small_map["label"], codes.LABELS["squeal"])
+    figure = plots.map_overview(small_map.assign(velocity_rms=speed, label=squeal))
+    (ax,) = (ax for ax in figure.axes if ax.get_title().startswith("tip velocity"))
+    mesh = ax.collections[0]
+    drawn = mesh.to_rgba(mesh.get_array())
+    assert "grey" not in ax.get_title() and not np.ma.getmaskarray(mesh.get_array()).any()
+    np.testing.assert_array_equal(drawn[1], drawn[0])
+    assert mesh.colorbar.extend == "min"
 
 
 def test_a_grey_cell_is_called_what_it_is(small_map):

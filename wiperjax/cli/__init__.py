@@ -22,7 +22,7 @@ from .explore import explore
 from .export import export
 from .modes import modes
 from .motion import follow, ladder, simulate
-from .options import INTERRUPTED
+from .options import INTERRUPTED, Said
 from .refine import refine
 from .show import LISTEN_HELP, PLOT_HELP, info, listen, plot
 
@@ -62,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     try:
         status = app(words, prog_name="wiperjax", standalone_mode=False)
+        if status == INTERRUPTED and not isinstance(status, Said):  # typer has caught the Ctrl-C
+            return _complain("interrupted", INTERRUPTED)
         return status if isinstance(status, int) else 0
     except (KeyboardInterrupt, typer.Abort):  # outside of a long command
         return _complain("interrupted", INTERRUPTED)

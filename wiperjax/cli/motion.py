@@ -12,6 +12,7 @@ from .options import (
     PICTURE_SUFFIXES,
     Force,
     Model,
+    Said,
     beside,
     check_target,
     command_line,
@@ -43,7 +44,7 @@ def simulate(
             dataset = run_scene(spec)
     except KeyboardInterrupt:
         print("wiperjax: interrupted, nothing was written", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
+        raise typer.Exit(Said(INTERRUPTED)) from None
     write_dataset(dataset.assign_attrs(command=command_line()), output, force)
     print(f"run      {output}: {', '.join(f'{n} {name}' for name, n in dataset.sizes.items())}")
     print_end(dataset)

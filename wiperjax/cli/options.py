@@ -17,6 +17,10 @@ SOUND_SUFFIXES = (".wav",)
 INTERRUPTED = 130  # what a shell reports for a command ended by Ctrl-C
 
 
+class Said(int):
+    """An exit status whose reason has been said."""
+
+
 def interrupted(stopped: KeyboardInterrupt, kept: Path, words: Sequence[str]) -> typer.Exit:
     """Says that a computation was stopped and, if anything is `kept`, by what `words` it goes on;
     returns what is to be raised.
@@ -25,7 +29,7 @@ def interrupted(stopped: KeyboardInterrupt, kept: Path, words: Sequence[str]) ->
     if not str(stopped) and kept.exists():  # stopped beside the blocks, which say so themselves
         said += f": what is finished is kept in {kept}; go on with\n  {shlex.join(words)}"
     print(f"wiperjax: {said}", file=sys.stderr)
-    return typer.Exit(INTERRUPTED)
+    return typer.Exit(Said(INTERRUPTED))
 
 
 Model = Annotated[

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm, Normalize, SymLogNorm, to_hex
 from matplotlib.ticker import LogLocator, MaxNLocator, SymmetricalLogLocator
 
 from ..plots.maps.categories import category_keys, colours_of
-from ..plots.maps.numbers import TONE, suited, told, tones, why_untold
+from ..plots.maps.numbers import TONE, on_scale, suited, told, tones, why_untold
 from ..plots.style.axes import LogMarks, axis_numbers, shown
 from ..plots.style.palette import HATCHES, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
@@ -83,9 +83,10 @@ def _keys(keys: list[str]) -> str:
 
 def _numbers(plane: xr.Dataset, variable: str) -> Painted:
     values, unit = shown(told(plane, variable))
-    norm, cmap = _scale(variable, np.ma.masked_invalid(values))
+    seen = np.ma.masked_invalid(values)
+    norm, cmap = _scale(variable, seen)
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.ma.filled(np.ma.asarray(norm(np.ma.masked_invalid(values)), float), np.nan)
+        share = np.ma.filled(np.ma.asarray(norm(on_scale(seen, norm)), float), np.nan)
     known = np.isfinite(share)
     shades = np.full(values.shape, NOTHING, np.uint8)
     shades[known] = np.clip(share[known] * SHADES, 0, SHADES - 1).astype(np.uint8)

@@ -121,7 +121,15 @@ def beside(parameters: Mapping[str, Any]) -> dict[str, Any]:
 def _belt_velocity(belt: AbstractBelt, times: np.ndarray) -> np.ndarray:
     """Return V [m/s] at each of ``times``; it is continuous, so a corner may count to any piece."""
     one = jax.vmap(lambda t: belt.velocity(t, belt.first_piece(t)) + 0.0 * t)  # as the engine asks
-    return np.asarray(one(jnp.asarray(times)))
+    return np.asarray(one(_few_lengths(times)))[: len(times)]
+
+
+def _few_lengths(samples: np.ndarray) -> jax.Array:
+    """Return samples, the last one again and again behind them: jax keeps a program of each length
+    that it meets, for as long as the process lives.
+    """
+    more = (1 << len(samples).bit_length()) - len(samples)
+    return jnp.asarray(np.pad(samples, (0, more), mode="edge"))
 
 
 def _worked_out(system: AbstractSystem, samples: Any, times: np.ndarray) -> dict[str, Any]:
@@ -139,9 +147,10 @@ def _worked_out(system: AbstractSystem, samples: Any, times: np.ndarray) -> dict
         values = {"output": now.output, "slip_speed": now.slip_speed}
         return {name: now.gap(t, q) if name == "gap" else values[name](t, q, v) for name in names}
 
-    found = jax.vmap(at)(*jax.tree.map(jnp.asarray, (times, samples.position, samples.velocity)))
+    found = jax.vmap(at)(*jax.tree.map(_few_lengths, (times, samples.position, samples.velocity)))
+    found = {name: np.asarray(values, float)[: len(times)] for name, values in found.items()}
     attrs = {name: dict(zip(("long_name", "units"), known[name], strict=True)) for name in names}
-    return {name: ("time", np.asarray(found[name], float), attrs[name]) for name in names}
+    return {name: ("time", found[name], attrs[name]) for name in names}
 
 
 def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, tuple[Any, str | None]]:

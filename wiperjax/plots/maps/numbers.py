@@ -43,6 +43,15 @@ def tones(values: np.ma.MaskedArray) -> LogNorm:
     return LogNorm(max(min(low, 0.9 * top), 1e-3 * top), max(top, 1.1 * low))
 
 
+def on_scale(values: np.ma.MaskedArray, norm: Normalize | None) -> np.ma.MaskedArray:
+    """Numbers as a scale can show them: to a logarithmic one zero, and all below it, is no number,
+    and is given one below its lowest.
+    """
+    if not isinstance(norm, LogNorm) or norm.vmin is None:
+        return values
+    return np.ma.where(values <= 0, 0.5 * norm.vmin, values)
+
+
 def suited(
     values: np.ma.MaskedArray, signed: bool, cmap: str = "viridis"
 ) -> tuple[Normalize | None, str]:

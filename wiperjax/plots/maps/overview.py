@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from ...noise.class_counts import unsettled_count
+from ...noise.class_counts import class_table, unsettled_count
 from ...vocabulary.codes import LABELS
 from ..curves import curve_legend
 from ..style.axes import legend_below, page
@@ -65,6 +65,7 @@ def map_overview(
     class_bars(*cut(ds, free, at), axes[3])
     words = f"{footnote(ds)}\n{NOTE}" if boundary else footnote(ds)
     if loose := unsettled_count(ds):
-        words += f"\n{loose:,} of {ds['label'].size:,} cells have not settled in their window"
+        known = sum(count for _, count, _ in class_table(ds))  # without those not computed yet
+        words += f"\n{loose:,} of {known:,} cells have not settled in their window"
     lower.supxlabel(words, fontsize="small", color="#555555")
     return figure

@@ -27,7 +27,7 @@ from ..style.axes import (
 )
 from ..style.caption import set_caption, start_text, wrapped
 from ..style.palette import UNKNOWN
-from .numbers import TONE, suited, told, tones, why_untold
+from .numbers import TONE, on_scale, suited, told, tones, why_untold
 from .stability import stability_boundary
 
 PANEL = 36  # letters across a picture among others
@@ -170,6 +170,7 @@ def value_map(
     values = np.ma.masked_invalid(numbers)
     if norm is None:
         norm, cmap = suited(values, derivative(name) is not None, cmap)
+    values = on_scale(values, norm)
     ax.set_facecolor(UNKNOWN)
     mesh = ax.pcolormesh(
         edges(shown(ds[x])[0]), edges(shown(ds[y])[0]), values, norm=norm, cmap=cmap,
