@@ -96,3 +96,15 @@ def test_backwards_without_reverse_is_refused_by_its_name():
 
     with pytest.raises(ValueError, match=r"^reverse must be True where .* but was False"):
         jax.eval_shape(jax.grad(speed), 9.81)
+
+
+def test_steps_that_are_traced_are_refused_by_their_name():
+    """JAX named a tracer, and no argument."""
+
+    def speed(gravity, most_steps):
+        start = ((1.0,), (0.0,))
+        options = {"initial_state": start, "reverse": True, "max_steps": most_steps}
+        return wiperjax.solve(Ball(gravity), 1.0, **options).final_velocity[0]
+
+    with pytest.raises(ValueError, match=r"^max_steps must be known with reverse=True"):
+        jax.eval_shape(jax.grad(speed), 9.81, 1000)

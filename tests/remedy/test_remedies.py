@@ -59,6 +59,20 @@ def test_the_way_down_is_down_where_the_measure_is_negative():
     assert path.steps["load"].attrs["units"] == "N" and "units" not in path.steps["maximum"].attrs
 
 
+@pytest.mark.slow
+def test_the_first_trace_of_a_bounce_is_in_no_derivative():
+    """The share of stick changed by exactly 0.0; at restitution 1e-4 it is 6.8e-6 less."""
+    angle = math.radians(-35.0)
+    blade = wiperjax.Wiper(attack_angle=angle, support_stiffness=8000.0, restitution=0.0)
+    cycle = find_cycle(blade, settle=0.2)
+    assert cycle.flight_fraction > 0.01
+    found = remedy.sensitivities(cycle, ["restitution", "normal_load"], "stick_fraction")
+    assert np.isnan(found.derivative[0]) and float(found.derivative[1]) > 1e-3
+    bounds = {"restitution": (0.0, 0.5), "normal_load": (10.0, 20.0)}
+    steps = remedy.descend(cycle, bounds, measure="stick_fraction", most=1).steps
+    assert steps.restitution[-1] == 0 and steps.normal_load[-1] < 15
+
+
 @pytest.fixture(scope="module")
 def beside_an_edge():
     """A blade, and what makes it stable: some of it beside an edge where branches are born."""

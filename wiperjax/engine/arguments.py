@@ -27,13 +27,15 @@ def check_system(system: Any) -> None:
     checks.instance("system", system, AbstractSystem, "a system such as Wiper()")
 
 
-def check_integration(solver, rtol, zeno_time, max_steps) -> None:
+def check_integration(solver, rtol, zeno_time, max_steps, reverse=False) -> None:
     """Raises ValueError for how a motion cannot be integrated; no solver leaves the choice open."""
     if solver is not None:
         check_solver(solver)
     checks.numbers("rtol", rtol, SETTINGS["rtol"], arrays=False)
     checks.numbers("zeno_time", zeno_time, NON_NEGATIVE, arrays=False)
     checks.numbers("max_steps", max_steps, COUNT, arrays=False)
+    if reverse and checks.is_traced(max_steps):  # there is room for so many
+        raise ValueError("max_steps must be known with reverse=True (static), but was traced")
 
 
 def longest_step(max_step) -> float | None:

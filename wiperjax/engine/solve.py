@@ -150,7 +150,7 @@ def solve(
     staged = is_staged()
     system = in_full(system) if staged else as_arguments(system)
     checks.numbers("duration", duration, POSITIVE, arrays=False)
-    check_integration(solver, rtol, zeno_time, max_steps)
+    check_integration(solver, rtol, zeno_time, max_steps, reverse)
     initial_state = checked_start(system, initial_state)
     check_tolerances(atol, len(initial_state[0]))
     check_observation(sample_times, max_events, max_step, observer, start, reverse)

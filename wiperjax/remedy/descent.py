@@ -72,6 +72,7 @@ def descend(
             end = f"{measure} is 0"
             break
         slope = sensitivities(cycle, bounds, measure)["buys"].values
+        slope = np.where(np.isnan(slope), 0.0, slope)  # what has no derivative stays as it is
         free = ~(((share <= 0) & (slope > 0)) | ((share >= 1) & (slope < 0)))
         downhill = np.where(free, -slope, 0.0)
         if np.linalg.norm(downhill) < 1e-6:

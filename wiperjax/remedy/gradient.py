@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -41,7 +42,9 @@ def sensitivities(
     ``derivative_units``), ``elasticity`` (change of the measure over its size, by relative change
     of the parameter) and, with bounds, ``buys``: change of the measure in per cent of its size for
     one per cent of the range between the bounds; ``measure``. Whichever sign the measure has, a
-    negative ``buys`` is a way down.
+    negative ``buys`` is a way down. Of a cycle with impacts all are NaN by a coefficient of
+    restitution that is 0: the bounces that a first trace of it brings take time, of which the cycle
+    knows nothing.
 
     Raises ValueError for a cycle that was not found, an unknown measure, a maximum at an impact, or
     a ``period`` given to `find_cycle` that is another where one of the numbers is.
@@ -66,10 +69,11 @@ def sensitivities(
     part = _top(cycle, partial(motion, next(iter(names)))) if measure == "maximum" else 1.0
     for name in names:
         m = motion(name)
+        unknown = _starts_to_bounce(system, name, m)
         moved = _moved(replace(shooting, over=name), where, m)
         if measure == "maximum":
             m = motion(name, part)
-        slopes.append(_slope(cycle, m, moved, measure))
+        slopes.append(math.nan if unknown else _slope(cycle, m, moved, measure))
     slope = np.array(slopes)
     relative = slope / (abs(value) or math.nan)
     at = np.array([numbers.value(system, name) for name in names])
@@ -114,6 +118,18 @@ def _family(cycle: Cycle, names) -> Shooting:
     if family.clock is not None:
         check_clock(family.system, family.clock, names, motion.samples[:: SAMPLES // STATES])
     return family
+
+
+def _starts_to_bounce(system, name: str, m: Arc) -> bool:
+    """Whether there are impacts in a motion, and a coefficient of restitution that is 0 grows with
+    the number ``name``: the bounces that come then are not in it."""
+
+    def bounce(system):
+        return jnp.asarray(system.bounce, float)
+
+    e, change = eqx.filter_jvp(bounce, (system,), (numbers.direction(system, name),))
+    grows = change is not None and float(change) != 0
+    return grows and float(e) == 0 and int(m.totals.impact_count) > 0
 
 
 def _moved(shooting: Shooting, where: Chart, m: Arc) -> np.ndarray:

@@ -131,6 +131,29 @@ def test_what_was_not_compared_does_not_agree():
     assert not other[0] and np.isnan(gaps["final_x", name])
 
 
+def test_how_well_a_cell_agrees_hangs_on_no_other_cell():
+    """It was a product of matrices: its last digits were others in a block of another size."""
+    rng = np.random.default_rng(0)
+    n, name = 61, "normal_load"
+    spec = SimpleNamespace(parameter_table=PARAMETERS, sensitivities=SimpleNamespace(step=1e-5))
+    places = 1.0 + 1e-5 * rng.random((1, 4, n))
+    columns = {key: np.ones(n) for key in ("result", "belt_speed_rms", "final_x")}
+
+    def gaps(cells):
+        scale, inside = {name: np.full(len(cells), 15.0)}, {name: np.ones(len(cells), bool)}
+        words = np.zeros((1, 4, len(cells)), int)
+        found = {"final_x": np.ascontiguousarray(places[:, :, cells])}
+        moved = differences.Moved(cells, scale, inside, found, words)
+        slopes = {"final_x": np.full((n, 1), 0.01)}
+        return validity.check(spec, moved, None, columns, slopes, np.zeros(n, int))[1]
+
+    several = gaps(np.arange(n))["final_x", name]
+    alone = [gaps(np.array([k]))["final_x", name][0] for k in range(n)]
+    np.testing.assert_array_equal(several, alone)
+    mixed = rng.permutation(n)
+    np.testing.assert_array_equal(gaps(mixed)["final_x", name], several[mixed])
+
+
 @pytest.mark.slow
 def test_what_does_not_hold_is_masked(columns):
     bad = columns["sensitivity_code"] != codes.VALIDITY["fine"]

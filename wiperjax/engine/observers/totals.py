@@ -3,7 +3,6 @@
 from functools import reduce
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
@@ -12,6 +11,7 @@ from ...contact.system import like
 from ...numerics.bernstein import largest
 from ...numerics.elementary import larger, smaller, within
 from ...numerics.types import Scalar
+from ...numerics.unknown import unknown
 from ...vocabulary import checks
 from ...vocabulary.codes import Event, Regime
 from ...vocabulary.ranges import FINITE
@@ -152,18 +152,6 @@ class RegimeTotals(AbstractObserver):
             + count((e.before == Regime.STICK) & (slip_sign(e.after) != 0)),
             impulse_max=jnp.where(hit, higher(record.impulse_max, e.impulse), record.impulse_max),
         )
-
-
-@jax.custom_jvp
-def unknown(value, where):
-    """Return ``value``; where so, its derivative is NaN."""
-    return value
-
-
-@unknown.defjvp
-def _not_a_number(given, tangents):
-    (value, where), (change, _) = given, tangents
-    return value, change * jnp.where(where, jnp.nan, 1.0).astype(change.dtype)
 
 
 def _powers(stretch) -> list[Scalar]:

@@ -100,8 +100,9 @@ def check(spec, moved: Moved, base, columns, slopes, word):
     for k, (name, scale) in enumerate(moved.scale.items()):
         unit = float(spec.parameter_table[name].to_si(1.0))
         for outcome in (name for name in DIFFERENTIABLE if name in slopes):
-            weights = list(STENCIL.values())
-            change = np.tensordot(weights, moved.found[outcome][k], 1) / spec.sensitivities.step
+            # term by term: the last digits of a product of matrices hang on the other cells
+            terms = zip(STENCIL.values(), moved.found[outcome][k], strict=True)
+            change = sum(weight * x for weight, x in terms) / spec.sensitivities.step
             slope = slopes[outcome][cells, k] / unit * scale
             least = FLOOR * _outcome_scale(outcome, columns, base)[cells]
             larger = np.maximum(np.maximum(np.abs(change), np.abs(slope)), least)
