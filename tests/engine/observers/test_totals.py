@@ -7,9 +7,10 @@ import pytest
 from systems import Block, times, trajectory
 
 import wiperjax
-from wiperjax import Regime, SteadyBelt, Wiper, WipingBelt
+from wiperjax import Event, Regime, SteadyBelt, Wiper, WipingBelt
+from wiperjax.engine.observers.base import Happening
 from wiperjax.engine.observers.told import told
-from wiperjax.engine.observers.totals import Totals, steepest
+from wiperjax.engine.observers.totals import RegimeTotals, Totals, steepest
 
 
 def test_what_is_told_of_a_cell_does_not_depend_on_its_block():
@@ -25,6 +26,20 @@ def test_what_is_told_of_a_cell_does_not_depend_on_its_block():
     for i in range(n):
         alone = told(jax.tree.map(lambda x, i=i: x[i : i + 1], record), window, np.array([True]))
         assert {name: x[0] for name, x in alone.items()} == {k: x[i] for k, x in whole.items()}
+
+
+def test_a_jam_that_nothing_is_gathered_in_front_of_leaves_derivatives():
+    """They were NaN behind a jam at the first instant, or before statistics begin."""
+    rule = RegimeTotals()
+
+    def work(time, slip_time):
+        record = rule.init(jnp.float64)._replace(friction_work=2 * time, slip_time=slip_time)
+        event = Happening(None, time, Event.JAM, Regime.SLIP_POS, Regime.STICK, 0.0, 0.0, 0.0)
+        return rule.event(record, event).friction_work
+
+    for slip_time, slope in ((0.0, 2.0), (1e-9, np.nan)):
+        change = jax.jvp(lambda t, s=slip_time: work(t, jnp.asarray(s)), (1.0,), (1.0,))[1]
+        np.testing.assert_array_equal(change, slope)
 
 
 @pytest.mark.slow

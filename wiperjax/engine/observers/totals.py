@@ -136,7 +136,8 @@ class RegimeTotals(AbstractObserver):
             return (on & condition).astype(jnp.int32)
 
         flown = self.flown(e).astype(record.flight_time.dtype)
-        jams = e.kind == Event.JAM  # forces in front of it have no bound
+        seen = record.stick_time + record.slip_time + record.flight_time > 0
+        jams = (e.kind == Event.JAM) & seen  # forces in front of it, if any, have no bound
         return record._replace(
             normal_force_integral=unknown(record.normal_force_integral, jams),
             normal_force_max=unknown(record.normal_force_max, jams),
