@@ -12,7 +12,7 @@ from matplotlib.animation import FuncAnimation
 from matplotlib.figure import Figure
 from PIL import Image
 
-from ..datasets.run_dataset import is_run
+from ..datasets.kinds import check_kind, holds
 from ..machine.files import StoreError, check_output, replacing
 from ..noise.classes import stored
 from ..store.levels import is_refined
@@ -152,7 +152,7 @@ def _with_curves(ds: xr.Dataset, kind: str, path: Any, curves: str | Path) -> xr
     """A map with the curves of another file."""
     checks.path("curves", curves)
     if kind != "map":
-        raise ValueError(f"curves are drawn over a map, and {path} is a {kind}")
+        raise ValueError(f"curves are drawn over a map, and {path} {holds(kind)}")
     sound(curves)
     with open_map(curves) as held:
         return with_curves(ds, held.load())
@@ -166,30 +166,20 @@ def _check(path: Any, output: Any, force: Any, dpi: Any, options: dict[str, Any]
 
 @contextlib.contextmanager
 def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset, str]]:
-    """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map`, `branch`,
-    `modes` or `run`.
+    """Dataset of a file or of the folder of an unfinished sweep, and its kind, of `PICTURES`.
 
     Of an unfinished sweep, which is read into memory, only with `raster` what is large.
 
-    Raises: `StoreError` if it is none of them, no cell is computed yet, or it is damaged.
+    Raises: `StoreError` if it is none of these, or damaged.
     """
     sound(path)  # else HDF5 may hang in what is damaged, or show what is wrong
     parts = Path(path).is_dir()
     with open_partial(path, wide=raster) if parts else open_map(path) as ds:
         _check_thresholds(path, ds)
-        if "label" in ds:
-            refined = Path(path).is_file() and is_refined(path)
-            yield with_borders(ds, borders(path)) if refined else ds, "map"
-        elif "special_kind" in ds:
-            yield ds.load(), "branch"
-        elif "real_part" in ds:
-            yield ds.load(), "modes"
-        elif is_run(ds):
-            yield ds.load(), "run"
-        elif "cells_done" in ds.attrs:
-            raise StoreError(f"{path}: no block of this sweep is computed yet")
-        else:
-            raise StoreError(f"{path}: is no map, run or branch; there is nothing to draw")
+        kind = check_kind(ds, PICTURES, "drawn", path)
+        if kind == "map" and is_refined(path):
+            ds = with_borders(ds, borders(path))
+        yield ds if kind == "map" else ds.load(), kind
 
 
 def _check_thresholds(path: Any, ds: xr.Dataset) -> None:

@@ -7,7 +7,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure, SubFigure
 
-from ...datasets.run_dataset import is_run, pitch
+from ...datasets.kinds import kind_of
+from ...datasets.run_dataset import pitch
 from ...noise.run_class import assess, why_no_frequency, words
 from ...noise.samples import sample_interval
 from ...vocabulary.codes import Result
@@ -70,7 +71,7 @@ def _kinds(ds: xr.Dataset) -> list[str]:
     kinds = {"belt": belt, "model": model, "friction": str(attrs.get("friction", ""))}
     said = {what: kind for what, kind in kinds.items() if kind.lower() not in UNSAID}
     kinds_said = [f"{kind.rpartition(':')[2]} {what}" for what, kind in said.items()]  # no path
-    scalars = [] if is_run(ds) else [c for c in ds.coords.values() if not c.ndim]
+    scalars = [] if kind_of(ds) == "run" else [c for c in ds.coords.values() if not c.ndim]
     return kinds_said + [f"{long_name(c)} {c.item()}" for c in scalars if not is_numeric(c)]
 
 
@@ -135,7 +136,7 @@ def noise_text(ds: xr.Dataset) -> str:
     """
     if "noise" in ds.attrs:
         return str(ds.attrs["noise"])
-    if not is_run(ds):
+    if kind_of(ds) != "run":
         return ""
     try:
         return _noise(ds)
