@@ -79,7 +79,7 @@ class Stubs:
             "maps.verify": {"verify": self.verify},
             "runs.scene": {"run_scene": self.simulate},
             "plots": {"plot_file": self.plot_file, "plot_all": self.plot_all},
-            "plots.files": {"usual_picture": lambda path: "overview"},
+            "plots.files": {"usual_of_file": lambda path: "overview"},
         }
         for name, contents in pieces.items():
             module = types.ModuleType(f"wiperjax.{name}")

@@ -143,9 +143,9 @@ def plot(
 
 def _picture_of(file: Path, picture: str | None, every: bool) -> Path:
     """The name of a picture where none is given: FILE-PICTURE.png; `--all` adds those itself."""
-    from ..plots.files import usual_picture
+    from ..plots.files import usual_of_file
 
-    name = "" if every else f"-{picture or usual_picture(file)}"
+    name = "" if every else f"-{picture or usual_of_file(file)}"
     return beside(file, f"{name}{'.gif' if picture == 'animation' else '.png'}")
 
 

@@ -1,6 +1,6 @@
 """Every picture by name: what it shows, what it is drawn from, and which options it takes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -195,10 +195,15 @@ def usual(ds: xr.Dataset, kind: str, path: str | Path) -> str:
     """
     if kind != "map":
         return next(iter(PICTURES[kind]))
-    long = len(planes.long_axes(ds))
-    if ds["label"].size == 1:
+    name = usual_of_map([ds.sizes[dim] for dim in planes.long_axes(ds) if dim != "start"])
+    if not name:
         raise ValueError(f"{path}: has one cell; a map needs an axis of two values to be drawn")
-    return "overview" if long > 1 else "line"
+    return name
+
+
+def usual_of_map(shape: Iterable[int]) -> str:
+    """The same of a map with so many values along its axes; empty for one cell."""
+    return ("", "line", "overview")[min(2, sum(count > 1 for count in shape))]
 
 
 def find(kind: str, name: str, path: str | Path) -> Picture:

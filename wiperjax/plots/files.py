@@ -56,7 +56,7 @@ def plot_file(
 
     - `path`: a map, a run, a branch, or the folder `MAP.h5.parts` of an unfinished sweep.
     - `output`: .png, .pdf, .svg; for an animation .gif, or .mp4 where ffmpeg is installed.
-    - `picture`: a name in `PICTURES`; if None the one that suits the file (`usual_picture`),
+    - `picture`: a name in `PICTURES`; if None the one that suits the file (`usual_of_file`),
         for the endings of an animation that.
     - `curves`: a branch file with curves in two axes of the map, drawn over its classes.
     - `force`: replace `output`.
@@ -83,10 +83,11 @@ def plot_file(
         if curves is not None and isinstance(drawn, Figure):
             check_drawn(ds, drawn, name)
         check_output(output, force, path)  # after what is wrong with the picture itself
-        _write(drawn, output, dpi, subject(name, ds))
+        shows = subject(name, ds.attrs.get("specification_digest", "no map"))
+        _write(drawn, output, dpi, shows)
 
 
-def usual_picture(path: str | Path) -> str:
+def usual_of_file(path: str | Path) -> str:
     """Name of the picture that suits a file. Raises: as `plot_file`."""
     with opened(path) as (ds, kind):
         return usual(ds, kind, path)
@@ -198,9 +199,9 @@ def _check_ending(output: Path, moving: bool) -> None:
     animation.check_writer(output)
 
 
-def subject(picture: str, ds: xr.Dataset) -> str:
+def subject(picture: str, digest: str) -> str:
     """What a picture shows: its name, and the digest of the sweep that the map was made from."""
-    return f"{picture} of {ds.attrs.get('specification_digest', 'no map')}"
+    return f"{picture} of {digest}"
 
 
 def subject_of(path: Path) -> str:
