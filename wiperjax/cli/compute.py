@@ -12,9 +12,9 @@ from typing import Annotated, Any
 import typer
 
 from ..machine.interrupt import heeded
+from ..vocabulary.pictures import STILLS
 from .options import (
     MAP_SUFFIXES,
-    STILL_SUFFIXES,
     Force,
     SweptModel,
     check_source,
@@ -197,7 +197,7 @@ def check_map_and_picture(
         from ..plots.files import subject, subject_of
 
         redraw = subject_of(drawing) == subject(usual_of_map(spec.shape), spec.digest())
-    check_target(drawing, STILL_SUFFIXES, redraw, file)
+    check_target(drawing, STILLS, redraw, file)
     return redraw
 
 

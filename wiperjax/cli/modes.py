@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from ..vocabulary.pictures import STILLS
 from .options import (
     MAP_SUFFIXES,
-    STILL_SUFFIXES,
     Force,
     Model,
     check_target,
@@ -50,7 +50,7 @@ def modes(
     drawn = over and found["growth_rate"].size > 1
     picture = output.with_suffix(".png") if output is not None and drawn else None
     if picture is not None:
-        check_target(picture, STILL_SUFFIXES, force, file)
+        check_target(picture, STILLS, force, file)
     (print_modes_over if over else print_modes)(found)
     if output is None:
         return

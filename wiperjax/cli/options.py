@@ -10,9 +10,9 @@ from typing import Annotated
 
 import typer
 
+from ..vocabulary.pictures import DPI, DPI_MOVING
+
 MAP_SUFFIXES = (".h5", ".hdf5", ".nc")
-STILL_SUFFIXES = (".png", ".pdf", ".svg")
-PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
 SOUND_SUFFIXES = (".wav",)
 INTERRUPTED = 130  # what a shell reports for a command ended by Ctrl-C
 
@@ -75,7 +75,7 @@ Curves = Annotated[
 ]
 Dpi = Annotated[
     int | None,
-    typer.Option(min=20, max=1200, help="Dots per inch.", show_default="150; of an animation 80"),
+    typer.Option(help="Dots per inch.", show_default=f"{DPI}; of an animation {DPI_MOVING}"),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 

@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from ..vocabulary.pictures import MOVING, STILLS
 from .modes import print_modes, print_modes_over
 from .options import (
-    PICTURE_SUFFIXES,
     SOUND_SUFFIXES,
-    STILL_SUFFIXES,
     Begin,
     Component,
     Curves,
@@ -102,8 +101,7 @@ def plot(
     ] = None,
     component: Component = None,
     seconds: Annotated[
-        float | None,
-        typer.Option(metavar="S", min=0.1, max=120, help="Animation: how long it plays (s)."),
+        float | None, typer.Option(metavar="S", help="Animation: how long it plays (s).")
     ] = None,
     x: Annotated[
         str | None, typer.Option("--x", metavar="AXIS", help="Map: the axis across.")
@@ -119,7 +117,7 @@ def plot(
     dpi: Dpi = None,
 ) -> None:
     if output is not None:  # whether it exists is said last: after what is wrong with the picture
-        check_target(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, True, file)
+        check_target(output, STILLS if every else (*STILLS, *MOVING), True, file)
     check_source(file)
     if every and picture is not None:
         raise ValueError("--all draws every picture and --picture one: give one of them")

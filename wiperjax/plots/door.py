@@ -22,18 +22,15 @@ from ..vocabulary.ranges import FINITE, POSITIVE, Range
 P = ParamSpec("P")
 R = TypeVar("R")
 
-SECONDS = Range(0.1, 120, unit="s")  # of an animation
-DPI = Range(20, 1200, whole=True)
-
 _NUMBERS = {
     "start": FINITE,
     "stop": FINITE,
-    "seconds": SECONDS,
+    "seconds": Range(0.1, 120, unit="s"),  # of an animation
     "window": POSITIVE,
     "highest": POSITIVE,
     "component": Range(0, whole=True),
     "panels": Range(1, 36, whole=True),
-    "dpi": DPI,
+    "dpi": Range(20, 1200, whole=True),
 }
 _TEXTS = ("x", "y", "along", "quantity", "name", "regime", "title", "picture")
 _FLAGS = ("legend", "marks", "normalised", "force")

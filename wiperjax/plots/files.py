@@ -19,14 +19,13 @@ from ..store.levels import is_refined
 from ..store.partial import open_partial
 from ..store.whole import borders, open_map, sound
 from ..vocabulary import checks
+from ..vocabulary.pictures import DPI, DPI_MOVING, MOVING, STILLS
 from .catalogue import PICTURES, Drawn, draw, find, lacks, usual
 from .curves import check_drawn, with_curves
 from .door import check_options
 from .maps.borders import with_borders
 from .runs import animation
 
-STILLS = (".png", ".pdf", ".svg")
-DPI, DPI_MOVING = 150, 80  # of a still picture, and of an animation
 SUBJECT = "Description"  # the key of a .png file that holds it
 
 
@@ -71,7 +70,7 @@ def plot_file(
     _check(path, output, force, dpi, options | {"picture": picture})
     output = Path(output)
     ending = output.suffix.lower()
-    if picture is None and ending in animation.WRITERS:
+    if picture is None and ending in MOVING:
         picture = "animation"
     with opened(path, raster=picture == "raster") as (ds, kind):
         name = picture or usual(ds, kind, path)
@@ -192,7 +191,7 @@ def _check_thresholds(path: Any, ds: xr.Dataset) -> None:
 
 
 def _check_ending(output: Path, moving: bool) -> None:
-    endings = animation.WRITERS if moving else STILLS
+    endings = MOVING if moving else STILLS
     if output.suffix.lower() not in endings:
         what = "an animation" if moving else "a still picture"
         raise ValueError(f"{output}: {what} must end in {' or '.join(endings)}")
