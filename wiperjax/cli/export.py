@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .options import Force, check_source, check_target
+from .options import Force, check_source, check_target, read
 from .tables import print_end
 
 
@@ -23,13 +23,7 @@ def export(
 
     check_target(output, tuple(FORMATS["run"]), force, file)  # modes have none of their own
     check_source(file)
-    from ..datasets.kinds import check_kind
-    from ..store.whole import open_map, sound
-
-    sound(file)
-    with open_map(file) as dataset:
-        kind = check_kind(dataset, FORMATS, "exported", file)
-        found = dataset.load()
+    found, kind = read(file, FORMATS, "exported")
     write(found, output, force)
     along, words = {"run": ("time", "samples"), "modes": ("mode", "modes")}[kind]
     print(f"export   {output}: {found.sizes[along]} {words}")

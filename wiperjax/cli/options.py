@@ -6,7 +6,7 @@ import shlex
 import sys
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -89,6 +89,19 @@ def check_source(path: Path) -> None:
     check_exists(path)
     with path.open("rb"):
         pass
+
+
+def read(path: Path, wanted: Collection[str], use: str) -> tuple[Any, str]:
+    """The dataset of a file, in memory, and its kind. Raises StoreError for a file that is damaged,
+    or not of a kind `wanted`, which alone can be `use`d.
+    """
+    from ..datasets.kinds import check_kind
+    from ..store.whole import open_map, sound
+
+    sound(path)
+    with open_map(path) as dataset:
+        kind = check_kind(dataset, wanted, use, path)
+        return dataset.load(), kind
 
 
 @contextlib.contextmanager

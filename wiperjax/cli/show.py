@@ -21,6 +21,7 @@ from .options import (
     check_source,
     check_target,
     cuts,
+    read,
 )
 from .refine import print_borders
 from .tables import (
@@ -179,23 +180,12 @@ def listen(
     output = output or beside(file, ".wav")
     check_target(output, SOUND_SUFFIXES, force, file)
     check_source(file)
-    from ..datasets.kinds import check_kind
     from ..sound import sound
-    from ..store.whole import open_map
-    from ..store.whole import sound as check_sums
 
-    check_sums(file)
-    with open_map(file) as dataset:
-        check_kind(dataset, ["run"], "heard ('wiperjax simulate')", file)
-        run = dataset.load()
-        heard = sound(
-            run,
-            quantity=quantity,
-            reference=reference,
-            start=start,
-            stop=stop,
-            seconds=seconds,
-        )
+    run, _ = read(file, ["run"], "heard ('wiperjax simulate')")
+    heard = sound(
+        run, quantity=quantity, reference=reference, start=start, stop=stop, seconds=seconds
+    )
     heard.write(output, force)
     print(f"sound    {output}: {heard.describe()}")
     print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
