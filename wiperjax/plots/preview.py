@@ -78,18 +78,17 @@ def preview(ds: xr.Dataset) -> Preview:
     """
     checks.instance("ds", ds, xr.Dataset, "a map or a run, such as open_map(...)")
     title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", "")) or "dataset"
-    of_kind = PREVIEWS.get(kind_of(ds))
-    said, png = of_kind(ds) if of_kind else (_sizes(ds, ds.sizes), b"")
-    return Preview(f"{title}: {said}", png)
+    said, drawn = PREVIEWS.get(kind_of(ds), lambda ds: (_sizes(ds, ds.sizes), bytes))(ds)
+    return Preview(f"{title}: {said}", _tried(drawn, b""))
 
 
-def _of_run(ds: xr.Dataset) -> tuple[str, bytes]:
+def _of_run(ds: xr.Dataset) -> tuple[str, Callable[[], bytes]]:
     noise = _tried(lambda: noise_text(ds), "")
     text = f"run of {float(ds['time'][-1]):.4g} s, {ds.sizes.get('event', 0):,} events"
-    return text + (f"; {noise}" if noise else ""), _tried(lambda: _run(ds), b"")
+    return text + (f"; {noise}" if noise else ""), lambda: _run(ds)
 
 
-def _of_map(ds: xr.Dataset) -> tuple[str, bytes]:
+def _of_map(ds: xr.Dataset) -> tuple[str, Callable[[], bytes]]:
     starts = ds.sizes.get("start", 1)
     ds = from_start(ds)
     size, sizes = ds["label"].size, _sizes(ds, map_dims(ds))
@@ -99,10 +98,10 @@ def _of_map(ds: xr.Dataset) -> tuple[str, bytes]:
     try:
         x, y = choose_plane(ds, None, None)
     except ValueError:
-        return text, _tried(lambda: _png(along_axis(ds)[0].figure), b"")
+        return text, lambda: _png(along_axis(ds)[0].figure)
     plane, where = cut(ds, (x, y))
     text += f"; shown at {where}" if where else ""
-    return text, _tried(lambda: _map(plane.load(), x, y), b"")
+    return text, lambda: _map(plane.load(), x, y)
 
 
 PREVIEWS = {"map": _of_map, "run": _of_run}

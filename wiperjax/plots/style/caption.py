@@ -9,7 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from ...datasets.kinds import kind_of
 from ...datasets.run_dataset import pitch
-from ...noise.run_class import assess, why_no_frequency, words
+from ...noise.run_class import assess, is_of_a_scene, why_no_frequency, words
 from ...noise.samples import sample_interval
 from ...vocabulary.codes import Result
 from ...vocabulary.columns import SYSTEM
@@ -146,7 +146,7 @@ def noise_text(ds: xr.Dataset) -> str:
 
 def _noise(ds: xr.Dataset) -> str:
     """`noise_text` of a run. Raises: `ValueError` where its samples do not tell it."""
-    if "belt_kind" not in ds.attrs or "event_time" not in ds:
+    if not is_of_a_scene(ds):
         if "belt_velocity" not in ds:
             return ""
         return f"{tone:.4g} Hz" if np.isfinite(tone := pitch(ds)) else ""
