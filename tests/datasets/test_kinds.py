@@ -29,7 +29,8 @@ def test_what_was_of_a_kind_is_of_none():
     modes = xr.Dataset({"shape_amplitude": shape})
     assert kind_of(modes) == "modes" and kind_of(modes.isel(mode=0)) == ""
     joined = xr.concat([run, run], "case")
-    for none in (run.isel(time=0), run[["time", "regime"]], joined, xr.Dataset()):
+    part = xr.Dataset({"velocity_rms": 0.1}, attrs={"cells_done": 5})  # of an unfinished map
+    for none in (run.isel(time=0), run[["time", "regime"]], joined, part, xr.Dataset()):
         assert kind_of(none) == ""
 
 

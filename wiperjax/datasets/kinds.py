@@ -18,7 +18,9 @@ def kind_of(ds: xr.Dataset) -> str:
     """Name in `PRODUCTS`; empty of what is none of them, or none any more: joined or cut so that
     regimes do not lie along time, say.
     """
-    names = {*map(str, ds.variables)} | ({"cells_done"} & ds.attrs.keys())
+    names = {*map(str, ds.variables)}
+    if str(ds.attrs.get("cells_done")) == "0":
+        names.add("cells_done")
     kind = next((kind for kind, made in PRODUCTS.items() if names.issuperset(made.told_by)), "")
     if kind == "modes" and set(ds["shape_amplitude"].dims) != {"axis", "mode"}:
         return ""

@@ -11,8 +11,8 @@ class Product(NamedTuple):
     Attributes:
         words: what a file of it holds.
         maker: what makes it from Python.
-        told_by: variables (of `begun` an attribute) that all of the kind have; of two kinds whose
-            variables a dataset has it is the first.
+        told_by: variables (of `begun` an attribute, which is 0) that all of the kind have; of two
+            kinds whose variables a dataset has it is the first.
     """
 
     words: str
