@@ -14,7 +14,8 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from .datasets.run_dataset import axis_of, check_run, contact_axis, is_run
+from .datasets.kinds import check_argument
+from .datasets.run_dataset import axis_of, contact_axis
 from .machine.files import check_output, replacing
 from .noise.samples import sample_interval
 from .vocabulary import checks
@@ -44,22 +45,15 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
     Raises: `ValueError` for what is neither, another ending, or (UFF) samples that are not evenly
         spaced; `StoreError` if it exists (without `force`) or cannot be written.
     """
-    checks.instance("run", run, xr.Dataset, "a run (wiperjax.simulate)")
     checks.path("path", path)
     checks.flag("force", force)
-    if not is_modes(run):
-        check_run(run)
-    ending, formats = Path(path).suffix.lower(), FORMATS if is_run(run) else MODE_FORMATS
+    formats = FORMATS[check_argument("run", run, FORMATS)]
+    ending = Path(path).suffix.lower()
     if ending not in formats:
         raise ValueError(f"{path}: must end in {' or '.join(formats)}")
     check_output(path, force)
     with replacing(path, force=force) as temporary:
         formats[ending](run, temporary)
-
-
-def is_modes(ds: xr.Dataset) -> bool:
-    """Whether a dataset holds the modes of one system."""
-    return "shape_amplitude" in ds and set(ds["shape_amplitude"].dims) == {"axis", "mode"}
 
 
 def exported(run: xr.Dataset, ending: str) -> bytes:
@@ -191,7 +185,8 @@ def _line(text: str, length: int = 80) -> str:
     return " ".join(text.encode("ascii", "replace").decode().split())[:length] or "NONE"
 
 
-FORMATS: dict[str, Callable[[xr.Dataset, Path], None]] = {
-    ".csv": _csv, ".mat": _mat, ".uff": _uff, ".unv": _uff,
-}  # fmt: skip
-MODE_FORMATS = {".uff": _uff_modes, ".unv": _uff_modes}
+FORMATS: dict[str, dict[str, Callable[[xr.Dataset, Path], None]]] = {
+    "run": {".csv": _csv, ".mat": _mat, ".uff": _uff, ".unv": _uff},
+    "modes": {".uff": _uff_modes, ".unv": _uff_modes},
+}
+"""What is written of each kind, by the ending of the file."""

@@ -17,15 +17,8 @@ import scipy.io.wavfile
 import scipy.signal
 import xarray as xr
 
-from .datasets.run_dataset import (
-    between,
-    check_run,
-    is_quiet,
-    is_steady,
-    pitch,
-    settled,
-    signal,
-)
+from .datasets.kinds import check_argument
+from .datasets.run_dataset import between, is_quiet, is_steady, pitch, settled, signal
 from .machine.files import check_output, write_bytes
 from .noise.samples import sample_interval
 from .vocabulary import checks
@@ -132,8 +125,7 @@ def sound(
     Raises: `ValueError` for another quantity, a reference or length that is not positive, a run
         that is sampled too coarsely, or has no whole period to repeat.
     """
-    checks.instance("run", run, xr.Dataset, "a run (wiperjax.simulate)")
-    check_run(run)
+    check_argument("run", run, ["run"])
     checks.choice("quantity", quantity, REFERENCES)
     full = REFERENCES[quantity]
     if reference is not None:

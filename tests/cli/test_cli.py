@@ -79,7 +79,7 @@ class Stubs:
             "maps.verify": {"verify": self.verify},
             "runs.scene": {"run_scene": self.simulate},
             "plots": {"plot_file": self.plot_file, "plot_all": self.plot_all},
-            "plots.files": {"usual_picture": lambda path: "overview"},
+            "plots.files": {"usual_of_file": lambda path: "overview"},
         }
         for name, contents in pieces.items():
             module = types.ModuleType(f"wiperjax.{name}")
@@ -452,11 +452,12 @@ def test_plot_hands_on_its_options(folder, stubs):
 
 def test_help_of_plot_names_every_picture(capsys):
     from wiperjax.plots import PICTURES
+    from wiperjax.vocabulary.products import PRODUCTS
 
     assert main(["plot", "--help"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     for kind, pictures in PICTURES.items():
-        told = re.split(f"Pictures of (?:a )?{kind}: ", printed)[1].split(".")[0]
+        told = printed.split(f"Pictures of {PRODUCTS[kind].words}: ")[1].split(".")[0]
         assert all(name in told for name in pictures)
         for name, picture in pictures.items():
             if "quantity" in picture.options:
@@ -823,6 +824,7 @@ def test_info_and_export_of_modes_over_a_sweep(folder, capsys):
         {
             "growth_rate": (("load", "speed"), rates),
             "exists": (("load", "speed"), np.isfinite(rates).astype(np.int8)),
+            "real_part": (("load", "speed", "mode"), rates[..., None]),
             "frequency": (("load", "speed", "mode"), np.full((2, 2, 1), 5.0)),
         },
         attrs={"belt_kind": "steady"},
@@ -832,7 +834,7 @@ def test_info_and_export_of_modes_over_a_sweep(folder, capsys):
     said = capsys.readouterr().out
     assert "steady sliding in 3 of 4 cells, unstable in 2\nof these 2 oscillate" in said
     assert main(["export", "modes.h5", "-o", "modes.uff"]) == 1
-    assert "only a run, or modes of one scene, can be exported" in capsys.readouterr().err
+    assert "only a run or modes of one system can be exported" in capsys.readouterr().err
 
 
 @pytest.mark.slow

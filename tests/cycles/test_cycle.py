@@ -26,6 +26,7 @@ from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.first_guess import moving
 from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import shoot
+from wiperjax.datasets.kinds import kind_of
 from wiperjax.remedy.gradient import sensitivities
 from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
@@ -113,6 +114,7 @@ def test_cycles_and_branches_are_shown_in_short_and_compared_as_things(ring):
 
 def test_branch_as_a_dataset_survives_a_file(ring, tmp_path):
     ds = branch_dataset(ring[1])
+    assert kind_of(ds) == "branch"
     ds.to_netcdf(tmp_path / "branch.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "branch.nc", engine="h5netcdf") as back:
         xr.testing.assert_equal(back.load(), ds)

@@ -576,7 +576,7 @@ def test_a_map_that_does_not_say_what_it_was_made_from_is_shown_only(whole):
         assert bare.spec is None and bare.unable
         with pytest.raises(ValueError, match="cannot be simulated"):
             scene_of(bare, {"attack_angle": 0, "normal_load": 0, "belt_speed": 0})
-    with pytest.raises(StoreError, match="no variable 'label'"):
+    with pytest.raises(StoreError, match="holds something else; only a map"):
         explored(xr.Dataset())
 
 

@@ -12,6 +12,7 @@ from pages import DOCS, blocks
 from systems import Rod
 
 import wiperjax
+from wiperjax.datasets.kinds import kind_of
 from wiperjax.maps import basins
 from wiperjax.systems.oscillator import Oscillator
 
@@ -99,6 +100,7 @@ def test_a_table_is_no_number_of_each_start():
     system = _Named(friction=_Tabulated())
     (x,), (v,) = box(5)
     ds = wiperjax.basins(system, ((x,), (v,)), settle=1.0, window=1.0)
+    assert kind_of(ds) == "basins"
     with pytest.raises(ValueError, match=r"system: friction.speeds must be made by wiperjax.param"):
         wiperjax.basins(system, ((x[:4],), (v[:4],)), settle=1.0, window=1.0)
     assert (ds.result == wiperjax.Result.FINISHED).all()

@@ -14,6 +14,7 @@ import wiperjax
 from wiperjax import Coulomb
 from wiperjax.blade.rungs import on_rung
 from wiperjax.cli import main
+from wiperjax.datasets.kinds import kind_of
 from wiperjax.modes.over import VERDICTS, beside, shares
 from wiperjax.modes.table import modes_of
 from wiperjax.systems.chain import Chain3
@@ -27,6 +28,7 @@ from wiperjax.systems.soft_lip import SoftLip
 def test_the_minimal_model_locks_in_as_published(mu):
     """omega^2 = 2 -+ sqrt(1 - 4 mu/3) (Hoffmann et al. 2002)."""
     found = wiperjax.modes(ModeCoupling(friction=Coulomb(mu)))
+    assert kind_of(found) == "modes"
     squares = 2 + np.sqrt(1 - 4 * mu / 3 + 0j) * np.array([1, -1])
     exact = 1j * np.sqrt(squares)
     exact = np.where(exact.imag < 0, -exact, exact)
@@ -389,6 +391,7 @@ SWEEP = {
 @pytest.mark.slow
 def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses(tmp_path, capsys):
     found = wiperjax.modes_over(SWEEP)
+    assert kind_of(found) == "modes_over"
     speed = found.belt_speed.values
     slope = np.exp(-speed / 0.5)  # mu' = -(0.5/0.5) exp(-v/0.5), load 1
     np.testing.assert_allclose(found.growth_rate, (slope - 0.1) / 2, atol=1e-12)

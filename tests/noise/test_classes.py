@@ -336,7 +336,7 @@ def test_thresholds_are_arguments_and_those_of_a_sweep_fit():
 
 
 def test_a_class_table_of_a_run_is_refused_for_what_it_is():
-    with pytest.raises(ValueError, match="^ds must be a map, such as open_map.*, but has no label"):
+    with pytest.raises(ValueError, match="^ds must be a map .wiperjax.sweep., but has no label"):
         class_counts.class_table(xr.Dataset({"regime": ("time", [0], {"flag_values": [0]})}))
 
 

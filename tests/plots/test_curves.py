@@ -153,6 +153,13 @@ def test_commands_draw_and_tell_of_the_curves_in_a_file(curves, tmp_path, capsys
     assert "ends at belt_speed 0.65 m/s, normal_load 10 N/m: no solution was found" in said
     assert "(failed)" in said and "belt_speed 0.45 m/s, normal_load 10 N/m: bautin" in said
     assert main("plot branch.h5 --curves branch.h5 -o three.png".split()) == 1
-    assert "curves are drawn over a map, and branch.h5 is a branch" in capsys.readouterr().err
+    assert "curves are drawn over a map, and branch.h5 holds a branch" in capsys.readouterr().err
+    write_dataset(curves, "alone.h5")
+    assert main("plot map.h5 -p classes --curves alone.h5 -o one.png --force".split()) == 0
+    capsys.readouterr()
+    assert main(["info", "alone.h5"]) == 0
+    assert "curve    fold: 3 points" in capsys.readouterr().out
+    assert main("plot alone.h5 -o three.png".split()) == 1
+    assert "alone.h5: holds curves; only a map, a branch, " in capsys.readouterr().err
     assert main("plot map.h5 --curves map.h5 -o three.png".split()) == 1
     assert "curves must hold curves" in capsys.readouterr().err

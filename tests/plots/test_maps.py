@@ -2,8 +2,6 @@
 they cannot draw.
 """
 
-from types import SimpleNamespace
-
 import matplotlib
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from pictures import SIGHT, inside_the_page, lab, legends
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
-from wiperjax.cli.compute import usual_picture
 from wiperjax.noise import class_counts
 from wiperjax.vocabulary import cf, codes
 
@@ -24,6 +21,7 @@ from wiperjax import plots
 from wiperjax.datasets import map_dataset
 from wiperjax.noise import classes
 from wiperjax.plots import files
+from wiperjax.plots.catalogue import usual_of_map
 from wiperjax.plots.maps import categories, numbers, planes, stability
 from wiperjax.plots.maps.borders import border_pieces, border_places
 from wiperjax.plots.modes import modes_page
@@ -646,8 +644,8 @@ def test_the_picture_that_suits_a_map_is_that_of_its_axes(small_map, tmp_path):
     for ds, name in ((small_map, "overview"), (line, "line")):
         path = tmp_path / f"{name}.h5"
         whole.write_dataset(ds, path)
-        assert files.usual_picture(path) == name
-        assert usual_picture(SimpleNamespace(shape=ds["label"].shape)) == name  # of its sweep
+        assert files.usual_of_file(path) == name
+        assert usual_of_map(ds["label"].shape) == name  # of its sweep
     plots.plot_file(path, tmp_path / "line.png", dpi=30)
     assert files.subject_of(tmp_path / "line.png").startswith("line of ")
 

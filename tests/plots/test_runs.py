@@ -521,7 +521,9 @@ def folder(tmp_path_factory):
     made = xr.Dataset({"label": label}, coords=coords)
     write_dataset(made, where / "map.h5")
     write_dataset(made.isel(attack_angle=[0], belt_speed=[0]), where / "one.h5")
-    write_dataset(xr.Dataset({"real_part": ("mode", [1.0])}), where / "modes.h5")
+    shape = (("axis", "mode"), [[1.0]])
+    modes = xr.Dataset({"real_part": ("mode", [1.0]), "shape_amplitude": shape})
+    write_dataset(modes, where / "modes.h5")
     write_dataset(xr.Dataset({"special_kind": ("special", ["fold"])}), where / "branch.h5")
     return where
 
@@ -530,8 +532,8 @@ def folder(tmp_path_factory):
     ("source", "output", "options", "line"),
     [
         ("run.h5", "p.png", {"picture": "wheel"}, "'wheel' is no picture; of a run there are over"),
-        ("run.h5", "p.png", {"picture": "classes"}, "'classes' is a picture of a map, and .* is a"),
-        ("map.h5", "p.png", {"picture": "phase"}, "'phase' is a picture of a run, and .* is a map"),
+        ("run.h5", "p.png", {"picture": "classes"}, "'classes' is a picture of a map, and .* hold"),
+        ("map.h5", "p.png", {"picture": "phase"}, "'phase' is a picture of a run, and .* holds a"),
         ("map.h5", "p.gif", {}, "'animation' is a picture of a run"),
         ("run.h5", "p.png", {"picture": "animation"}, "an animation must end in .gif or .mp4"),
         ("run.h5", "p.gif", {"picture": "phase"}, "a still picture must end in .png or .pdf"),
@@ -540,7 +542,7 @@ def folder(tmp_path_factory):
         ("map.h5", "p.png", {"picture": "classes", "start": 0.1}, "--from does not suit the pict"),
         ("map.h5", "p.png", {"picture": "line"}, "has no dominant_frequency, which the picture"),
         ("one.h5", "p.png", {}, "one.h5: has one cell; a map needs an axis of two values"),
-        ("modes.h5", "p.png", {}, "modes.h5: holds modes of one scene, which are a table"),
+        ("modes.h5", "p.png", {}, "modes.h5: holds modes of one system; only a map, a branch"),
         ("branch.h5", "p.png", {"picture": "curves"}, "branch.h5: was made without --second, or"),
         ("run.h5", "p.gif", {}, "has no belt_velocity, which the picture 'animation' needs"),
         ("run.h5", "p.png", {"start": 0.2}, "0 lie from 0.2 s on; the run has"),
@@ -550,7 +552,7 @@ def folder(tmp_path_factory):
             {"picture": "classes", "x": "load"},
             "'load' is not in this map's axes; it holds",
         ),
-        ("other.h5", "p.png", {}, "is no map, run or branch"),
+        ("other.h5", "p.png", {}, "holds something else; only a map, .* or a run can be drawn"),
         ("none.h5", "p.png", {}, "does not exist"),
     ],
 )
@@ -586,7 +588,7 @@ def test_all_pictures_of_a_file(folder, squeal, tmp_path, monkeypatch):
     assert {path.stem for path in made} == {"m-classes"}
     with pytest.raises(ValueError, match=r"one.h5: has one cell; a map needs an axis of two"):
         plots.plot_all(folder / "one.h5", tmp_path / "o.png")
-    with pytest.raises(ValueError, match=r"modes.h5: has nothing to draw: holds modes of one sc"):
+    with pytest.raises(StoreError, match="modes.h5: holds modes of one system; only a map, a br"):
         plots.plot_all(folder / "modes.h5", tmp_path / "o.png")
 
 

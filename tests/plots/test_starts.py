@@ -11,6 +11,7 @@ from wiperjax import plots
 from wiperjax.cli import main
 from wiperjax.cli.options import cuts
 from wiperjax.datasets import map_dataset
+from wiperjax.plots.files import usual_of_file
 from wiperjax.specs.load import parse_sweep
 from wiperjax.store.whole import write_dataset
 from wiperjax.vocabulary.codes import LABELS
@@ -92,6 +93,18 @@ def test_shares_of_random_starts_are_stacked_over_an_axis():
     assert (squeal.values == 1).all() and ax.get_ylim() == (0, 1) and ax.get_xlim() == (0.5, 4.5)
     with pytest.raises(ValueError, match="this map holds no shares"):
         plots.class_shares(a_map(names=["up"]))
+
+
+@pytest.mark.parametrize("starts", [{"names": ["up", "down"]}, {"random": 9, "x": [0.0, 1e-3]}])
+def test_starts_are_no_axis_of_the_usual_picture(starts, tmp_path):
+    """Random ones were: over one axis `plot` without -p took the page of two, and failed."""
+    path, ds = tmp_path / "map.h5", a_map(**starts)
+    for chosen, name in (({}, "overview"), ({"attack_angle": [0]}, "line")):
+        write_dataset(ds.isel(chosen), path, force=True)
+        assert usual_of_file(path) == name
+    write_dataset(ds.isel(attack_angle=[0], belt_speed=[0]), path, force=True)
+    with pytest.raises(ValueError, match="has one cell"):
+        usual_of_file(path)
 
 
 def test_the_commands_take_a_start_by_name(tmp_path, capsys):

@@ -12,6 +12,7 @@ import wiperjax
 from wiperjax import remedy
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.cycles import find_cycle, orbit, up_and_down
+from wiperjax.datasets.kinds import kind_of
 from wiperjax.noise.run_class import assess, words
 from wiperjax.remedy import descent
 from wiperjax.systems import numbers
@@ -104,6 +105,7 @@ def test_remedies_say_their_units(beside_an_edge, carried):
     squeal = wiperjax.Wiper(attack_angle=math.radians(5.0))
     cycle = find_cycle(squeal, settle=0.1)
     found = remedy.sensitivities(cycle, bounds)
+    assert kind_of(found) == "remedies"
     assert list(found.parameter_units.values) == ["rad", "N/m"]
     assert list(found.derivative_units.values) == ["(m/s)/(rad)", "(m/s)/(N/m)"]
     assert found.measure.attrs["units"] == "m/s"

@@ -146,7 +146,7 @@ def test_scene_is_heard_at_its_pitch(squeal, tmp_path, capsys):
 def test_command_line_refuses_what_is_no_run(tmp_path, capsys):
     write_dataset(xr.Dataset({"label": ("n", [0, 1])}), tmp_path / "map.h5")
     for words, line in (
-        (["map.h5", "-o", "a.wav"], "map.h5: is a map; only a run can be heard"),
+        (["map.h5", "-o", "a.wav"], "map.h5: holds a map; only a run can be heard"),
         (["map.h5", "-o", "a.mp3"], "a.mp3: must end in .wav"),
         (["none.h5", "-o", "a.wav"], "none.h5: does not exist"),
     ):

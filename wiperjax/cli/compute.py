@@ -12,9 +12,9 @@ from typing import Annotated, Any
 import typer
 
 from ..machine.interrupt import heeded
+from ..vocabulary.pictures import STILLS
 from .options import (
     MAP_SUFFIXES,
-    STILL_SUFFIXES,
     Force,
     SweptModel,
     check_source,
@@ -90,11 +90,8 @@ def sweep(
 
         spec = as_chosen_for(output, spec)
     finer = refinement(spec, refine, file)
-    name = usual_picture(spec)
-    drawing = output.with_suffix(".png") if picture and name else None
-    redraw = check_map_and_picture(
-        output, drawing, f"{name} of {spec.digest()}", file, force, resume
-    )
+    drawing = output.with_suffix(".png") if picture and spec.size > 1 else None
+    redraw = check_map_and_picture(output, drawing, spec, file, force, resume)
     print_plan(spec, who.cores, finer)
 
     from ..maps.driver import sweep as sweep_map
@@ -126,7 +123,7 @@ def sweep(
     if drawing is not None:
         from ..plots import plot_file
 
-        plot_file(output, drawing, picture=name, force=redraw)
+        plot_file(output, drawing, force=redraw)
         print(f"picture  {drawing}")
     elif picture:
         print("picture  none: a map of one cell has no axis to draw it over")
@@ -180,17 +177,11 @@ def refinement(spec: Any, levels: int | None, file: Path) -> dict[str, Any] | No
     return stated
 
 
-def usual_picture(spec: Any) -> str | None:
-    """Picture that a sweep draws of its map: one cell has none."""
-    long = sum(count > 1 for count in spec.shape)
-    return ("overview" if long > 1 else "line") if long else None
-
-
 def check_map_and_picture(
-    output: Path, drawing: Path | None, shows: str, file: Path, force: bool, resume: bool
+    output: Path, drawing: Path | None, spec: Any, file: Path, force: bool, resume: bool
 ) -> bool:
     """Whether a picture may be replaced: with --force, now or when the sweep was begun, and where
-    it `shows` what this very sweep would draw.
+    it shows what this very sweep would draw.
 
     Raises: ValueError or StoreError if map or picture cannot be made where they are wanted.
     """
@@ -202,10 +193,11 @@ def check_map_and_picture(
     if drawing is None:
         return redraw
     if resume and not redraw and drawing.is_file():
-        from ..plots.files import subject_of
+        from ..plots.catalogue import usual_of_map
+        from ..plots.files import subject, subject_of
 
-        redraw = subject_of(drawing) == shows
-    check_target(drawing, STILL_SUFFIXES, redraw, file)
+        redraw = subject_of(drawing) == subject(usual_of_map(spec.shape), spec.digest())
+    check_target(drawing, STILLS, redraw, file)
     return redraw
 
 

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from ..vocabulary.pictures import STILLS
 from .options import (
     MAP_SUFFIXES,
-    STILL_SUFFIXES,
     Force,
     Model,
     check_target,
@@ -43,15 +43,15 @@ def modes(
     if output is not None:
         check_target(output, MAP_SUFFIXES, force, file)
     configure(1)
+    from ..datasets.kinds import kind_of
+
     found = _found(file, model)
-    over = found["growth_rate"].shape if "growth_rate" in found else ()
-    picture = None if output is None or max(over, default=1) < 2 else output.with_suffix(".png")
+    over = kind_of(found) == "modes_over"
+    drawn = over and found["growth_rate"].size > 1
+    picture = output.with_suffix(".png") if output is not None and drawn else None
     if picture is not None:
-        check_target(picture, STILL_SUFFIXES, force, file)
-    if "growth_rate" in found:
-        print_modes_over(found)
-    else:
-        print_modes(found)
+        check_target(picture, STILLS, force, file)
+    (print_modes_over if over else print_modes)(found)
     if output is None:
         return
     from ..store.whole import write_dataset

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
+from ..vocabulary.pictures import STILLS
 from .options import (
     INTERRUPTED,
     MAP_SUFFIXES,
-    PICTURE_SUFFIXES,
     Force,
     Model,
     Said,
@@ -92,7 +92,7 @@ def follow(
         pictures["curves"] = beside(output, "-curves.png")
     check_target(output, MAP_SUFFIXES, force, file)
     for path in pictures.values():
-        check_target(path, PICTURE_SUFFIXES, force, file)
+        check_target(path, STILLS, force, file)
 
     from ..cycles.branch.from_scene import follow_scene
     from ..plots import plot_file

@@ -6,13 +6,13 @@ import shlex
 import sys
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from ..vocabulary.pictures import DPI, DPI_MOVING
+
 MAP_SUFFIXES = (".h5", ".hdf5", ".nc")
-STILL_SUFFIXES = (".png", ".pdf", ".svg")
-PICTURE_SUFFIXES = (*STILL_SUFFIXES, ".gif", ".mp4")
 SOUND_SUFFIXES = (".wav",)
 INTERRUPTED = 130  # what a shell reports for a command ended by Ctrl-C
 
@@ -79,7 +79,7 @@ Curves = Annotated[
 ]
 Dpi = Annotated[
     int | None,
-    typer.Option(min=20, max=1200, help="Dots per inch.", show_default="150; of an animation 80"),
+    typer.Option(help="Dots per inch.", show_default=f"{DPI}; of an animation {DPI_MOVING}"),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 
@@ -93,6 +93,19 @@ def check_source(path: Path) -> None:
     check_exists(path)
     with path.open("rb"):
         pass
+
+
+def read(path: Path, wanted: Collection[str], use: str) -> tuple[Any, str]:
+    """The dataset of a file, in memory, and its kind. Raises StoreError for a file that is damaged,
+    or not of a kind `wanted`, which alone can be `use`d.
+    """
+    from ..datasets.kinds import check_kind
+    from ..store.whole import open_map, sound
+
+    sound(path)
+    with open_map(path) as dataset:
+        kind = check_kind(dataset, wanted, use, path)
+        return dataset.load(), kind
 
 
 @contextlib.contextmanager

@@ -1,16 +1,16 @@
 """Commands that show what there is: pictures, sound, text."""
 
 import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from ..vocabulary.pictures import MOVING, STILLS
 from .modes import print_modes, print_modes_over
 from .options import (
-    PICTURE_SUFFIXES,
     SOUND_SUFFIXES,
-    STILL_SUFFIXES,
     Begin,
     Component,
     Curves,
@@ -21,10 +21,11 @@ from .options import (
     check_source,
     check_target,
     cuts,
+    read,
 )
 from .refine import print_borders
 from .tables import (
-    counted,
+    print_anatomy,
     print_attributes,
     print_class,
     print_classes,
@@ -36,6 +37,16 @@ from .tables import (
     print_special,
 )
 
+TOLD: Mapping[str, Sequence[Callable[[Any], None]]] = {
+    "map": (print_classes, print_open, print_anatomy, print_sensitivities, print_events),
+    "run": (print_class,),
+    "branch": (print_special, print_curves),
+    "curves": (print_curves,),
+    "modes": (print_modes,),
+    "modes_over": (print_modes_over,),
+}
+"""What `info` prints of each kind of dataset."""
+
 USUAL = "overview; of a map along one axis line"
 PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "Draw a map, a run or a branch.\n\n"
@@ -46,7 +57,7 @@ PLOT_HELP = (  # no line breaks within paragraphs: they would be shown
     "spectrogram, animation.\n\n"
     "Pictures of a branch: overview, cycles (any number of them over the parameter), multipliers, "
     "curves (its folds and Hopf points over two parameters).\n\n"
-    "Pictures of modes: overview (lock-in over an axis, growth over two)."
+    "Pictures of modes over a sweep: overview (lock-in over an axis, growth over two)."
 )
 LISTEN_HELP = (
     "Hear a run: its tip velocity as a WAV file (48 kHz, mono, 32-bit float).\n\n"
@@ -91,8 +102,7 @@ def plot(
     ] = None,
     component: Component = None,
     seconds: Annotated[
-        float | None,
-        typer.Option(metavar="S", min=0.1, max=120, help="Animation: how long it plays (s)."),
+        float | None, typer.Option(metavar="S", help="Animation: how long it plays (s).")
     ] = None,
     x: Annotated[
         str | None, typer.Option("--x", metavar="AXIS", help="Map: the axis across.")
@@ -108,7 +118,7 @@ def plot(
     dpi: Dpi = None,
 ) -> None:
     if output is not None:  # whether it exists is said last: after what is wrong with the picture
-        check_target(output, STILL_SUFFIXES if every else PICTURE_SUFFIXES, True, file)
+        check_target(output, STILLS if every else (*STILLS, *MOVING), True, file)
     check_source(file)
     if every and picture is not None:
         raise ValueError("--all draws every picture and --picture one: give one of them")
@@ -132,9 +142,9 @@ def plot(
 
 def _picture_of(file: Path, picture: str | None, every: bool) -> Path:
     """The name of a picture where none is given: FILE-PICTURE.png; `--all` adds those itself."""
-    from ..plots.files import usual_picture
+    from ..plots.files import usual_of_file
 
-    name = "" if every else f"-{picture or usual_picture(file)}"
+    name = "" if every else f"-{picture or usual_of_file(file)}"
     return beside(file, f"{name}{'.gif' if picture == 'animation' else '.png'}")
 
 
@@ -170,26 +180,12 @@ def listen(
     output = output or beside(file, ".wav")
     check_target(output, SOUND_SUFFIXES, force, file)
     check_source(file)
-    from ..datasets.run_dataset import is_run
-    from ..machine.files import StoreError
     from ..sound import sound
-    from ..store.whole import open_map
-    from ..store.whole import sound as check_sums
 
-    check_sums(file)
-    with open_map(file) as dataset:
-        if not is_run(dataset):
-            what = "is a map" if "label" in dataset else "holds no trajectory"
-            raise StoreError(f"{file}: {what}; only a run can be heard ('wiperjax simulate')")
-        run = dataset.load()
-        heard = sound(
-            run,
-            quantity=quantity,
-            reference=reference,
-            start=start,
-            stop=stop,
-            seconds=seconds,
-        )
+    run, _ = read(file, ["run"], "heard ('wiperjax simulate')")
+    heard = sound(
+        run, quantity=quantity, reference=reference, start=start, stop=stop, seconds=seconds
+    )
     heard.write(output, force)
     print(f"sound    {output}: {heard.describe()}")
     print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
@@ -208,9 +204,8 @@ def info(
     ],
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
-    from ..datasets.run_dataset import is_run
+    from ..datasets.kinds import holds, kind_of
     from ..machine.files import StoreError
-    from ..noise.class_counts import anatomy
     from ..store.levels import is_refined
     from ..store.whole import borders, open_map, sound
 
@@ -218,29 +213,12 @@ def info(
     with open_map(file) as dataset:
         if not checked and not str(dataset.attrs.get("source", "")).startswith("wiperjax"):
             print(f"note: {file} does not say that wiperjax made it", file=sys.stderr)
-        print(", ".join(f"{name} {count}" for name, count in dataset.sizes.items()))
+        kind, sizes = kind_of(dataset), (f"{n} {count}" for n, count in dataset.sizes.items())
+        print(f"{holds(kind)}: {', '.join(sizes)}")
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
-        if "label" in dataset:
-            print_classes(dataset)
-            print_open(dataset)
-            if "mechanism" in dataset and "band" in dataset:
-                for mechanism, band, count in anatomy(dataset):
-                    of = f"{counted(dataset, count)} of {mechanism}"
-                    print(f"other: {count} {of}, band {band}")
-            print_sensitivities(dataset)
-        elif "cells_done" in dataset.attrs:
-            print("no cell is computed yet")
-        elif "special_kind" in dataset:
-            print_special(dataset)
-            print_curves(dataset)
-        elif "shape_amplitude" in dataset:  # modes, of one system
-            print_modes(dataset)
-        elif "growth_rate" in dataset and "exists" in dataset:  # of many
-            print_modes_over(dataset)
-        elif is_run(dataset) and "belt_kind" in dataset.attrs:  # of a scene
-            print_class(dataset)
-        print_events(dataset)
-        if file.is_file() and is_refined(file):
+        for tell in TOLD.get(kind, ()):
+            tell(dataset)
+        if is_refined(file):
             try:
                 print_borders(borders(file))
             except KeyError as error:

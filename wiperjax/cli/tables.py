@@ -76,6 +76,15 @@ def print_open(dataset: Any) -> None:
         print(f"not settled  {lost} {counted(dataset, lost)}: {why}")
 
 
+def print_anatomy(dataset: Any) -> None:
+    """What the motions that have no name of their own are made of, if the map says it."""
+    from ..noise.class_counts import anatomy
+
+    if "mechanism" in dataset and "band" in dataset:
+        for mechanism, band, count in anatomy(dataset):
+            print(f"other: {count} {counted(dataset, count)} of {mechanism}, band {band}")
+
+
 def counted(dataset: Any, count: int = 0) -> str:
     """What is counted in a map, a `count` of it: its runs, where each cell has several."""
     one = "run" if "start" in dataset.sizes else "cell"

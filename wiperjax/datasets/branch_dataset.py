@@ -131,10 +131,12 @@ def with_curves(dataset: xr.Dataset, curves: xr.Dataset) -> xr.Dataset:
 
 
 def curves(dataset: xr.Dataset) -> xr.Dataset | None:
-    """Return what `with_curves` has put in, or None.
+    """Return what `with_curves` has put in, or None; curves themselves as they are.
 
     Of the file of a scene the attribute ``fixed`` holds the other numbers of the blade (JSON).
     """
+    if "row_size" in dataset:
+        return dataset
     if f"{CURVE}row_size" not in dataset:
         return None
     names = [str(name) for name in dataset.variables if str(name).startswith(CURVE)]

@@ -16,13 +16,7 @@ from ..vocabulary.wording import not_there
 
 ROUNDING = 1e-13  # of velocities, relative to what they are sums of
 FEWEST = 8  # samples of a part of a run
-OF_A_RUN = ("time", "velocity", "regime")
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
-
-
-def is_run(ds: xr.Dataset) -> bool:
-    """Whether a dataset is a trajectory over time."""
-    return all(name in ds for name in OF_A_RUN) and not unfit(ds)
 
 
 def unfit(ds: xr.Dataset) -> str:
@@ -34,14 +28,6 @@ def unfit(ds: xr.Dataset) -> str:
             part = "run.sel(time=slice(...)) takes a part of a run, run.where and xr.concat do not"
             return f"its {name} lies along {' and '.join(map(str, ds[name].dims))}: {part}"
     return ""
-
-
-def check_run(ds: xr.Dataset) -> None:
-    """Raises: `ValueError` unless a dataset, which is given as `run`, is a trajectory over time."""
-    if not is_run(ds):
-        whole = all(variable in ds for variable in OF_A_RUN)
-        why = unfit(ds) if whole else "holds no trajectory"
-        raise ValueError(f"run must be a run (wiperjax.simulate), but {why}")
 
 
 def check_quantity(ds: xr.Dataset, quantity: str) -> xr.DataArray:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ..datasets.kinds import check_kind
 from ..datasets.map_starts import from_start
 from ..machine.files import StoreError
 from ..noise.class_counts import ENDED
@@ -160,8 +161,7 @@ def explored(ds: xr.Dataset, name: str = "", trusted: bool = False) -> Explored:
 
     Raises: `StoreError` for one that cannot be shown.
     """
-    if "label" not in ds:
-        raise StoreError("is not a map (it has no variable 'label')")
+    check_kind(ds, ["map"], "explored")
     dims = tuple(dim for dim in map_dims(ds) if dim != "start")
     if not 1 <= len(dims) <= MOST_AXES:
         raise StoreError(f"must have 1 to {MOST_AXES} axes, but has {len(dims)}")

@@ -12,6 +12,7 @@ from tornado.ioloop import IOLoop
 from ..maps.block import Evaluate
 from ..plots.maps.borders import with_borders
 from ..vocabulary import checks
+from ..vocabulary.products import PRODUCTS
 from ..vocabulary.ranges import Range
 from .explored import Explored, explored
 from .server import serve
@@ -97,7 +98,7 @@ def explore(
     Raises: `StoreError` for what is no map that can be shown, `ValueError` for another argument
         that cannot be meant.
     """
-    checks.instance("ds", ds, xr.Dataset, "a map, such as open_map(...)")
+    checks.instance("ds", ds, xr.Dataset, PRODUCTS["map"].such_as)
     checks.flag("trust", trust)
     height = checks.whole("height", height, HEIGHT)
     if borders is not None:

@@ -19,14 +19,13 @@ from ..machine.files import StoreError
 from ..vocabulary.codes import LABELS
 from ..vocabulary.columns import OF_A_WIPER, column_of, differentiable, sensitivity_name
 from ..vocabulary.kinds import WIPER
-from ..vocabulary.schema import SCHEMA, SEVERAL_STARTS, Column
+from ..vocabulary.schema import OF_DERIVATIVES, SCHEMA, SEVERAL_STARTS, Column
 
 RATE = 150.0  # s of motion a second and core: the reference map at rtol 1e-6 (AMD EPYC, avx512)
 COMPILATION = 15.0  # s
 HEADER = 5000  # bytes of a column in a map beside its numbers: its meaning, the list of its chunks
 REVERSING = ("reversal", "stroke", "tone_")  # in the names of what only a belt that reverses has
 OF_A_SYSTEM = ("final_position", "final_velocity")  # of one's own
-DERIVATIVES = ("sensitivity_code", "grazing_margin", "sensitivity_agreement")
 
 
 def columns(spec: Any) -> Iterator[Column]:
@@ -44,7 +43,7 @@ def columns(spec: Any) -> Iterator[Column]:
             has = spec.starts is not None and (spec.starts.random or not entry.along)
         elif name.startswith("event_") or entry.along == "event":
             has = spec.run.event_log is not None
-        elif name in DERIVATIVES:
+        elif name in OF_DERIVATIVES:
             has = spec.sensitivities is not None
         else:
             has = turns or not any(word in name for word in REVERSING)

@@ -8,6 +8,7 @@ import xarray as xr
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import LABELS, NOT_COMPUTED, SETTLED, TOLD
+from ..vocabulary.products import PRODUCTS
 from ..vocabulary.ranges import COUNT, NON_NEGATIVE
 
 ENDED = {  # cells that hold what was counted until they ended, if anything
@@ -25,9 +26,9 @@ def class_table(ds: xr.Dataset, variable: str = "label") -> list[tuple[str, int,
 
     Raises: ValueError for what is no map, or has no such codes (`whole_codes`).
     """
-    checks.instance("ds", ds, xr.Dataset, "a map, such as open_map(...)")
+    checks.instance("ds", ds, xr.Dataset, PRODUCTS["map"].such_as)
     if "label" not in ds:
-        raise ValueError("ds must be a map, such as open_map(...), but has no label")
+        raise ValueError(f"ds must be {PRODUCTS['map'].such_as}, but has no label")
     coded = [str(name) for name in ds.data_vars if "flag_values" in ds[name].attrs]
     checks.choice("variable", variable, dict.fromkeys(["label", *coded]))
     names = flag_names(ds[variable])

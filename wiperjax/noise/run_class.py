@@ -31,6 +31,11 @@ GATHERED = (
 """Columns that the engine knows exactly, and samples do not."""
 
 
+def is_of_a_scene(run: xr.Dataset) -> bool:
+    """Whether a run is of a scene file, and so says what it is judged by."""
+    return "belt_kind" in run.attrs and "event_time" in run
+
+
 def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = None) -> xr.Dataset:
     """Class, mechanism, band and the statistics they rest on of a run of a scene.
 
@@ -53,7 +58,7 @@ def assess(run: xr.Dataset, thresholds: Any = None, transient: float | None = No
     checks.instance("run", run, xr.Dataset, "a run of a scene file")
     if thresholds is not None:
         checks.instance("thresholds", thresholds, Thresholds, "Thresholds(...)")
-    if "belt_kind" not in run.attrs or "event_time" not in run:
+    if not is_of_a_scene(run):
         raise ValueError(
             "run must be a run of a scene file, but had no belt_kind in its attributes or no events"
         )

@@ -1,6 +1,6 @@
 """Every picture by name: what it shows, what it is drawn from, and which options it takes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,10 @@ import xarray as xr
 from matplotlib.animation import FuncAnimation
 from matplotlib.figure import Figure
 
+from ..datasets.kinds import holds
 from ..datasets.run_dataset import between, check_quantity, last_periods, settled
 from ..machine.files import StoreError
+from ..vocabulary.products import PRODUCTS
 from . import branches, curves, modes
 from .door import at_start
 from .maps import categories, classes, line, overview, planes
@@ -125,14 +127,10 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
             without="was made without --second, or has no fold and no Hopf point: no curves",
         ),
     },
-    "modes": {
+    "modes_over": {
         "overview": Picture(
             "real part and frequency of every mode over an axis; the largest over two",
             modes.modes_page,
-            (),
-            ("growth_rate", "real_part"),
-            without="holds modes of one scene, which are a table ('wiperjax modes SCENE.toml'); "
-            "those of a sweep or a map can be drawn",
         )
     },
     "run": {
@@ -182,7 +180,7 @@ PICTURES: Mapping[str, Mapping[str, Picture]] = {
         ),
     },
 }
-"""Pictures of maps, branches and runs by name; the first of each is the default (`usual`)."""
+"""Kind of dataset -> its pictures by name; the first of each is the default (`usual`)."""
 
 FLAGS = {  # option -> how the command line calls it, where not by its own name
     "start": "--from",
@@ -197,19 +195,25 @@ def usual(ds: xr.Dataset, kind: str, path: str | Path) -> str:
     """
     if kind != "map":
         return next(iter(PICTURES[kind]))
-    long = len(planes.long_axes(ds))
-    if ds["label"].size == 1:
+    name = usual_of_map([ds.sizes[dim] for dim in planes.long_axes(ds) if dim != "start"])
+    if not name:
         raise ValueError(f"{path}: has one cell; a map needs an axis of two values to be drawn")
-    return "overview" if long > 1 else "line"
+    return name
+
+
+def usual_of_map(shape: Iterable[int]) -> str:
+    """The same of a map with so many values along its axes; empty for one cell."""
+    return ("", "line", "overview")[min(2, sum(count > 1 for count in shape))]
 
 
 def find(kind: str, name: str, path: str | Path) -> Picture:
-    there = f"of a {kind} there are {', '.join(PICTURES[kind])}"
+    there = f"of {PRODUCTS[kind].words} there are {', '.join(PICTURES[kind])}"
     if name in PICTURES[kind]:
         return PICTURES[kind][name]
     for other, pictures in PICTURES.items():
         if name in pictures:
-            raise ValueError(f"{name!r} is a picture of a {other}, and {path} is a {kind}; {there}")
+            of = PRODUCTS[other].words
+            raise ValueError(f"{name!r} is a picture of {of}, and {path} {holds(kind)}; {there}")
     raise ValueError(f"{name!r} is no picture; {there}")
 
 
@@ -233,7 +237,7 @@ def draw(
     for key in given:
         if key not in picture.options:
             flag = FLAGS.get(key, f"--{key}")
-            raise ValueError(f"{flag} does not suit the picture {name!r} of a {kind}")
+            raise ValueError(f"{flag} does not suit the picture {name!r} of {PRODUCTS[kind].words}")
     if lack := lacks(ds, name, picture):
         raise StoreError(f"{path}: {lack}")
     if kind == "map":

@@ -39,7 +39,7 @@ def with_curves(ds: xr.Dataset, curves: xr.Dataset) -> xr.Dataset:
     Raises: ValueError for what is no map, no curves, or curves of another blade.
     """
     checks.instance("curves", curves, xr.Dataset, "a dataset, such as curves_dataset(...)")
-    found = curves_in(curves) if "row_size" not in curves else curves
+    found = curves_in(curves)
     if found is None:
         raise ValueError("curves must hold curves ('wiperjax follow ... --second'), but has none")
     names = [str(found.attrs[key]) for key in ("over", "second")]

@@ -16,34 +16,25 @@ from matplotlib.axes import Axes
 from ..datasets.map_starts import from_start
 from ..datasets.run_dataset import unfit
 from ..vocabulary import checks
+from ..vocabulary.products import PRODUCTS
 from ..vocabulary.ranges import FINITE, POSITIVE, Range
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-SECONDS = Range(0.1, 120, unit="s")  # of an animation
-DPI = Range(20, 1200, whole=True)
-
 _NUMBERS = {
     "start": FINITE,
     "stop": FINITE,
-    "seconds": SECONDS,
+    "seconds": Range(0.1, 120, unit="s"),  # of an animation
     "window": POSITIVE,
     "highest": POSITIVE,
     "component": Range(0, whole=True),
     "panels": Range(1, 36, whole=True),
-    "dpi": DPI,
+    "dpi": Range(20, 1200, whole=True),
 }
 _TEXTS = ("x", "y", "along", "quantity", "name", "regime", "title", "picture")
 _FLAGS = ("legend", "marks", "normalised", "force")
 _DATASETS = ("borders", "curves", "branch", "brute", "transient", "whole")
-MADE_BY = {
-    "map": "a map (wiperjax.sweep)",
-    "run": "a run (wiperjax.simulate)",
-    "modes": "modes over a sweep (wiperjax.modes_over)",
-    "branch": "a branch (cycles.branch_dataset)",
-    "remedy": "of remedy.sensitivities, with bounds",
-}
 
 
 def of(kind: str, *needs: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -84,11 +75,12 @@ def at_start(ds: xr.Dataset, at: Mapping[str, Any] | None) -> tuple[xr.Dataset, 
 
 def check_dataset(name: str, value: Any, kind: str, needs: tuple[str, ...]) -> None:
     """Raises `ValueError` unless `value` is a dataset that holds the variables `needs`."""
-    checks.instance(name, value, xr.Dataset, MADE_BY[kind])
+    such_as = PRODUCTS[kind].such_as
+    checks.instance(name, value, xr.Dataset, such_as)
     if missing := [variable for variable in needs if variable not in value]:
-        raise ValueError(f"{name} must be {MADE_BY[kind]}, but has no {missing[0]}")
+        raise ValueError(f"{name} must be {such_as}, but has no {missing[0]}")
     if kind == "run" and (why := unfit(value)):
-        raise ValueError(f"{name} must be {MADE_BY[kind]}, but {why}")
+        raise ValueError(f"{name} must be {such_as}, but {why}")
 
 
 def check_options(options: Mapping[str, Any]) -> None:

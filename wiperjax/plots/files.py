@@ -12,21 +12,20 @@ from matplotlib.animation import FuncAnimation
 from matplotlib.figure import Figure
 from PIL import Image
 
-from ..datasets.run_dataset import is_run
+from ..datasets.kinds import check_kind, holds
 from ..machine.files import StoreError, check_output, replacing
 from ..noise.classes import stored
 from ..store.levels import is_refined
 from ..store.partial import open_partial
 from ..store.whole import borders, open_map, sound
 from ..vocabulary import checks
+from ..vocabulary.pictures import DPI, DPI_MOVING, MOVING, STILLS
 from .catalogue import PICTURES, Drawn, draw, find, lacks, usual
 from .curves import check_drawn, with_curves
 from .door import check_options
 from .maps.borders import with_borders
 from .runs import animation
 
-STILLS = (".png", ".pdf", ".svg")
-DPI, DPI_MOVING = 150, 80  # of a still picture, and of an animation
 SUBJECT = "Description"  # the key of a .png file that holds it
 
 
@@ -56,7 +55,7 @@ def plot_file(
 
     - `path`: a map, a run, a branch, or the folder `MAP.h5.parts` of an unfinished sweep.
     - `output`: .png, .pdf, .svg; for an animation .gif, or .mp4 where ffmpeg is installed.
-    - `picture`: a name in `PICTURES`; if None the one that suits the file (`usual_picture`),
+    - `picture`: a name in `PICTURES`; if None the one that suits the file (`usual_of_file`),
         for the endings of an animation that.
     - `curves`: a branch file with curves in two axes of the map, drawn over its classes.
     - `force`: replace `output`.
@@ -71,7 +70,7 @@ def plot_file(
     _check(path, output, force, dpi, options | {"picture": picture})
     output = Path(output)
     ending = output.suffix.lower()
-    if picture is None and ending in animation.WRITERS:
+    if picture is None and ending in MOVING:
         picture = "animation"
     with opened(path, raster=picture == "raster") as (ds, kind):
         name = picture or usual(ds, kind, path)
@@ -83,10 +82,11 @@ def plot_file(
         if curves is not None and isinstance(drawn, Figure):
             check_drawn(ds, drawn, name)
         check_output(output, force, path)  # after what is wrong with the picture itself
-        _write(drawn, output, dpi, subject(name, ds))
+        shows = subject(name, ds.attrs.get("specification_digest", "no map"))
+        _write(drawn, output, dpi, shows)
 
 
-def usual_picture(path: str | Path) -> str:
+def usual_of_file(path: str | Path) -> str:
     """Name of the picture that suits a file. Raises: as `plot_file`."""
     with opened(path) as (ds, kind):
         return usual(ds, kind, path)
@@ -152,7 +152,7 @@ def _with_curves(ds: xr.Dataset, kind: str, path: Any, curves: str | Path) -> xr
     """A map with the curves of another file."""
     checks.path("curves", curves)
     if kind != "map":
-        raise ValueError(f"curves are drawn over a map, and {path} is a {kind}")
+        raise ValueError(f"curves are drawn over a map, and {path} {holds(kind)}")
     sound(curves)
     with open_map(curves) as held:
         return with_curves(ds, held.load())
@@ -166,30 +166,20 @@ def _check(path: Any, output: Any, force: Any, dpi: Any, options: dict[str, Any]
 
 @contextlib.contextmanager
 def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset, str]]:
-    """Dataset of a file or of the folder of an unfinished sweep, and whether it is `map`, `branch`,
-    `modes` or `run`.
+    """Dataset of a file or of the folder of an unfinished sweep, and its kind, of `PICTURES`.
 
     Of an unfinished sweep, which is read into memory, only with `raster` what is large.
 
-    Raises: `StoreError` if it is none of them, no cell is computed yet, or it is damaged.
+    Raises: `StoreError` if it is none of these, or damaged.
     """
     sound(path)  # else HDF5 may hang in what is damaged, or show what is wrong
     parts = Path(path).is_dir()
     with open_partial(path, wide=raster) if parts else open_map(path) as ds:
         _check_thresholds(path, ds)
-        if "label" in ds:
-            refined = Path(path).is_file() and is_refined(path)
-            yield with_borders(ds, borders(path)) if refined else ds, "map"
-        elif "special_kind" in ds:
-            yield ds.load(), "branch"
-        elif "real_part" in ds:
-            yield ds.load(), "modes"
-        elif is_run(ds):
-            yield ds.load(), "run"
-        elif "cells_done" in ds.attrs:
-            raise StoreError(f"{path}: no block of this sweep is computed yet")
-        else:
-            raise StoreError(f"{path}: is no map, run or branch; there is nothing to draw")
+        kind = check_kind(ds, PICTURES, "drawn", path)
+        if kind == "map" and is_refined(path):
+            ds = with_borders(ds, borders(path))
+        yield ds if kind == "map" else ds.load(), kind
 
 
 def _check_thresholds(path: Any, ds: xr.Dataset) -> None:
@@ -201,16 +191,16 @@ def _check_thresholds(path: Any, ds: xr.Dataset) -> None:
 
 
 def _check_ending(output: Path, moving: bool) -> None:
-    endings = animation.WRITERS if moving else STILLS
+    endings = MOVING if moving else STILLS
     if output.suffix.lower() not in endings:
         what = "an animation" if moving else "a still picture"
         raise ValueError(f"{output}: {what} must end in {' or '.join(endings)}")
     animation.check_writer(output)
 
 
-def subject(picture: str, ds: xr.Dataset) -> str:
+def subject(picture: str, digest: str) -> str:
     """What a picture shows: its name, and the digest of the sweep that the map was made from."""
-    return f"{picture} of {ds.attrs.get('specification_digest', 'no map')}"
+    return f"{picture} of {digest}"
 
 
 def subject_of(path: Path) -> str:

@@ -8,8 +8,9 @@ from typing import Any, TypeVar
 
 import xarray as xr
 
+from ..datasets.kinds import kind_of
 from ..datasets.map_starts import from_start
-from ..datasets.run_dataset import is_run, last_periods, usual_axis
+from ..datasets.run_dataset import last_periods, usual_axis
 from ..vocabulary import checks
 from .maps.categories import category_legend, category_panel
 from .maps.line import along_axis
@@ -56,7 +57,7 @@ def unload_ipython_extension(shell: Any) -> None:
 
 def _shown(ds: xr.Dataset) -> str:
     """A dataset as HTML; with a picture if it is one of ours, and still can be drawn."""
-    ours = str(ds.attrs.get("source", "")).startswith("wiperjax") and ("label" in ds or is_run(ds))
+    ours = str(ds.attrs.get("source", "")).startswith("wiperjax") and kind_of(ds) in PREVIEWS
     picture = _tried(lambda: preview(ds)._repr_html_(), "") if ours else ""
     return picture + ds._repr_html_()
 
@@ -77,25 +78,33 @@ def preview(ds: xr.Dataset) -> Preview:
     """
     checks.instance("ds", ds, xr.Dataset, "a map or a run, such as open_map(...)")
     title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", "")) or "dataset"
-    if is_run(ds):
-        noise = _tried(lambda: noise_text(ds), "")
-        text = f"{title}: run of {float(ds['time'][-1]):.4g} s, {ds.sizes.get('event', 0):,} events"
-        return Preview(text + (f"; {noise}" if noise else ""), _tried(lambda: _run(ds), b""))
-    if "label" not in ds:
-        return Preview(f"{title}: {_sizes(ds, ds.sizes)}", b"")
+    said, drawn = PREVIEWS.get(kind_of(ds), lambda ds: (_sizes(ds, ds.sizes), bytes))(ds)
+    return Preview(f"{title}: {said}", _tried(drawn, b""))
+
+
+def _of_run(ds: xr.Dataset) -> tuple[str, Callable[[], bytes]]:
+    noise = _tried(lambda: noise_text(ds), "")
+    text = f"run of {float(ds['time'][-1]):.4g} s, {ds.sizes.get('event', 0):,} events"
+    return text + (f"; {noise}" if noise else ""), lambda: _run(ds)
+
+
+def _of_map(ds: xr.Dataset) -> tuple[str, Callable[[], bytes]]:
     starts = ds.sizes.get("start", 1)
     ds = from_start(ds)
     size, sizes = ds["label"].size, _sizes(ds, map_dims(ds))
-    text = f"{title}: map of {size:,} cell{'' if size == 1 else 's'}"
+    text = f"map of {size:,} cell{'' if size == 1 else 's'}"
     text += f" ({sizes})" if sizes else ""
     text += f" of {starts} starts each" if starts > 1 else ""
     try:
         x, y = choose_plane(ds, None, None)
     except ValueError:
-        return Preview(text, _tried(lambda: _png(along_axis(ds)[0].figure), b""))
+        return text, lambda: _png(along_axis(ds)[0].figure)
     plane, where = cut(ds, (x, y))
     text += f"; shown at {where}" if where else ""
-    return Preview(text, _tried(lambda: _map(plane.load(), x, y), b""))
+    return text, lambda: _map(plane.load(), x, y)
+
+
+PREVIEWS = {"map": _of_map, "run": _of_run}
 
 
 def _sizes(ds: xr.Dataset, names: Iterable[Hashable]) -> str:

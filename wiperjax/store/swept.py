@@ -9,6 +9,7 @@ from typing import Any
 
 import xarray as xr
 
+from ..datasets.kinds import kind_of
 from ..machine.files import StoreError
 from ..specs.imported import findable, paths_in
 from ..specs.load import parse_sweep
@@ -43,7 +44,7 @@ def check_swept(ds: xr.Dataset, path: str | Path, read: bool = True) -> None:
     specification can be read again.
     """
     wanted = {"specification_digest"} | ({"specification"} if read else set())
-    if not wanted <= ds.attrs.keys() or "label" not in ds:
+    if not wanted <= ds.attrs.keys() or kind_of(ds) != "map":
         raise StoreError(f"{path}: is not a map that a sweep made")
 
 

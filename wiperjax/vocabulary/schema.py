@@ -234,7 +234,10 @@ _OF_DERIVATIVES = (
     ),
 )  # fmt: skip
 
-OF_CELLS_ALONE = ("event_count", "event_overflow", *(column.name for column in _OF_DERIVATIVES))
+OF_DERIVATIVES = tuple(column.name for column in _OF_DERIVATIVES)
+"""Columns that only a map with derivatives has, beside these."""
+
+OF_CELLS_ALONE = ("event_count", "event_overflow", *OF_DERIVATIVES)
 """Columns that the finer points of a refined map do not have."""
 
 SCHEMA: Mapping[str, Column] = {column.name: column for column in (*_TABLE, *_OF_DERIVATIVES)}

@@ -20,7 +20,6 @@ from .bands import regime_bands
 
 FRAMES_PER_SECOND = 25
 ARROW = 0.6  # length of the largest force, in lengths of the lip
-WRITERS = (".gif", ".mp4")
 
 
 def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:

@@ -7,8 +7,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure, SubFigure
 
-from ...datasets.run_dataset import is_run, pitch
-from ...noise.run_class import assess, why_no_frequency, words
+from ...datasets.kinds import kind_of
+from ...datasets.run_dataset import pitch
+from ...noise.run_class import assess, is_of_a_scene, why_no_frequency, words
 from ...noise.samples import sample_interval
 from ...vocabulary.codes import Result
 from ...vocabulary.columns import SYSTEM
@@ -70,7 +71,7 @@ def _kinds(ds: xr.Dataset) -> list[str]:
     kinds = {"belt": belt, "model": model, "friction": str(attrs.get("friction", ""))}
     said = {what: kind for what, kind in kinds.items() if kind.lower() not in UNSAID}
     kinds_said = [f"{kind.rpartition(':')[2]} {what}" for what, kind in said.items()]  # no path
-    scalars = [] if is_run(ds) else [c for c in ds.coords.values() if not c.ndim]
+    scalars = [] if kind_of(ds) == "run" else [c for c in ds.coords.values() if not c.ndim]
     return kinds_said + [f"{long_name(c)} {c.item()}" for c in scalars if not is_numeric(c)]
 
 
@@ -135,7 +136,7 @@ def noise_text(ds: xr.Dataset) -> str:
     """
     if "noise" in ds.attrs:
         return str(ds.attrs["noise"])
-    if not is_run(ds):
+    if kind_of(ds) != "run":
         return ""
     try:
         return _noise(ds)
@@ -145,7 +146,7 @@ def noise_text(ds: xr.Dataset) -> str:
 
 def _noise(ds: xr.Dataset) -> str:
     """`noise_text` of a run. Raises: `ValueError` where its samples do not tell it."""
-    if "belt_kind" not in ds.attrs or "event_time" not in ds:
+    if not is_of_a_scene(ds):
         if "belt_velocity" not in ds:
             return ""
         return f"{tone:.4g} Hz" if np.isfinite(tone := pitch(ds)) else ""
