@@ -1,8 +1,8 @@
 """Periodic motions, and branches of them.
 
 Read `cycle` (a periodic motion with its multipliers), `find`, `return_map`, `roots`, `shooting`,
-`chart`, `orbit`, `returns`, `first_guess`, `clock`, `drift`, `beginning`; then `branch`,
-and `curve`.
+`chart`, `orbit`, `returns`, `first_guess`, `clock`, `drift`, `beginning`; then `walk`, by which
+`branch` and `curve` are followed.
 """
 
 from .branch.dataset import branch_dataset as branch_dataset
