@@ -273,6 +273,24 @@ def test_cells_that_ended_early_have_no_numbers_and_say_so(whole):
     assert "velocity_rms" in replace(whole, ds=ds).cell(place, ("label", "velocity_rms"))
 
 
+@pytest.mark.parametrize("name", ["mechanism", "band"])
+def test_cells_that_ended_early_have_no_name_of_a_quiet_noise(whole, name):
+    """They were pale, and told as "none", as quiet ones are."""
+    place = {"attack_angle": 0, "normal_load": 0, "belt_speed": 0}
+    plane = whole.plane("attack_angle", "belt_speed", place, None, {name}).load()
+    plane["label"][:], plane[name][:] = LABELS["quiet"], 0
+    plane["label"][0], plane["label"][1, 2:4] = LABELS["failed"], LABELS["collapsed"]
+    panel = MapPanel()
+    panel.show(whole, plane, "attack_angle", "belt_speed", name)
+    words = dict(zip(panel.names.data["code"], panel.names.data["name"], strict=True))
+    told = [words[code] for code in panel.plane.data["values"][0]]
+    assert told[:7] == ["failed"] * 7 and told[7:11] == ["quiet"] * 2 + ["collapsed"] * 2
+    shades = panel.plane.data["image"][0].ravel()
+    assert [panel.mapper.palette[shades[k]] for k in (0, 7, 9)] == ["#000000", "#E3EAF0", "#FFFFFF"]
+    assert panel.overlay.hatched["////"].data["left"].tolist() == [1.5]
+    assert "collapsed (2.6%)" in panel.legend.text
+
+
 def test_coordinates_that_are_near_read_differently(whole):
     near = whole.ds.assign_coords(
         attack_angle=("attack_angle", 5 + 2e-4 * np.arange(7), whole.ds["attack_angle"].attrs)

@@ -455,6 +455,30 @@ def test_mechanism_map_shows_also_what_failed(small_map):
     assert any(text.startswith("quiet (") for text in texts)
 
 
+@pytest.mark.parametrize("name", ["mechanism", "band"])
+def test_what_ended_has_no_name_of_a_quiet_noise(small_map, name):
+    """Both are "none" as stored: collapsed cells were counted and painted as quiet ones."""
+    ds = small_map.assign(mechanism=small_map["label"], band=small_map["label"]).copy(deep=True)
+    for each in ("mechanism", "band"):
+        ds[each][:], ds[each].attrs = 0, cf.flags({"none": 0, "squeal": 1})
+    ds["label"][:], ds["label"][0] = codes.LABELS["quiet"], codes.LABELS["failed"]
+    ds["label"][1], ds["label"][2] = codes.LABELS["collapsed"], codes.LABELS["reversal"]
+    picture = files.PICTURES["map"]["value"]
+    figure = files.draw(ds, "map", "value", picture, "m.h5", {"quantity": name})
+    part = 1 / ds.sizes["attack_angle"]
+    shares = {"quiet": 1 - 3 * part, "failed": part, "collapsed": part, "none": part}
+    texts = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert texts >= {f"{name} ({share:.1%})" for name, share in shares.items()}
+
+
+def test_chatter_has_the_colour_of_chattering(small_map):
+    """It was sand, beside squeal in its own."""
+    bands = xr.DataArray([0], dims="x", attrs=cf.flags(codes.BANDS))
+    found = categories.colours_of(bands)
+    assert found["chatter"] == palette.CLASSES["chattering"]
+    assert found["squeal"] == palette.CLASSES["squeal"]
+
+
 def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
     at = {"attack_angle": 5.0, "normal_load": 17.5}
     axes = plots.along_axis(small_map, at=at)
@@ -689,7 +713,7 @@ def test_a_regime_has_its_colour_in_maps_too():
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS", "SPARE"])
+@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS", "BANDS", "SPARE"])
 def test_colours_are_told_apart_by_everybody(name, sight):
     """A difference of 2 is just seen side by side; 15 is another colour. Hatched cells have their
     pattern too.

@@ -17,6 +17,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
+from ..plots.maps.numbers import told_names
 from ..plots.style.axes import axis_numbers, is_geometric, shown
 from ..plots.style.palette import UNKNOWN
 from .explored import Explored, escaped
@@ -111,6 +112,7 @@ class MapPanel:
         """Shows a `plane` (`Explored.plane`) by one of its variables; `y` is empty for a map of one
         axis, which is a strip, and under the curve of a number.
         """
+        plane = told_names(plane, variable)
         paint = painted(plane, variable)
         rows, columns = paint.shades.shape
         named = {name: explored.axis_words(name) for name in (x, y)}
