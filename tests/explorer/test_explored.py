@@ -40,7 +40,7 @@ from wiperjax.plots.runs.levels import Levels
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
-from wiperjax.vocabulary.codes import LABELS, Event, Result
+from wiperjax.vocabulary.codes import LABELS, NOT_COMPUTED, Event, Result
 from wiperjax.vocabulary.ranges import FEWEST_SETTLED
 
 
@@ -289,6 +289,18 @@ def test_cells_that_ended_early_have_no_name_of_a_quiet_noise(whole, name):
     assert [panel.mapper.palette[shades[k]] for k in (0, 7, 9)] == ["#000000", "#E3EAF0", "#FFFFFF"]
     assert panel.overlay.hatched["////"].data["left"].tolist() == [1.5]
     assert "collapsed (2.6%)" in panel.legend.text
+
+
+def test_a_cell_without_a_value_is_not_told_as_one_that_is_not_computed(whole):
+    """Its legend said "no value", and the words below the pointer "not computed"."""
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, {"label"}).load()
+    plane["label"][0] = NOT_COMPUTED
+    panel = MapPanel()
+    left = plane.where(plane["attack_angle"] > 0)
+    panel.show(whole, left, "attack_angle", "belt_speed", "label")
+    words = dict(zip(panel.names.data["code"], panel.names.data["name"], strict=True))
+    assert words[NOT_COMPUTED] == "not computed" and "no value" in panel.legend.text
+    assert panel.names.tags[2] == "no value"  # told of what has no name
 
 
 def test_coordinates_that_are_near_read_differently(whole):

@@ -22,7 +22,7 @@ from ..plots.style.axes import axis_numbers, is_geometric, shown
 from ..plots.style.palette import UNKNOWN
 from .explored import Explored, escaped
 from .overlay import Overlay
-from .scale import painted
+from .scale import NO_VALUE, painted
 from .style import titled
 from .widgets import source, span, words
 
@@ -39,7 +39,7 @@ const spot = (i, j) => {
   const k = j * a.x.length + i, v = p.values[0][k];
   const name = names.data.code.indexOf(v);
   const number = Number.isFinite(v) ? Number(v.toPrecision(4)) + ' ' + names.tags[1] : 'no number';
-  const word = names.tags[2] ? (name < 0 ? 'not computed' : names.data.name[name]) : number;
+  const word = names.tags[2] ? (name < 0 ? names.tags[2] : names.data.name[name]) : number;
   const up = names.tags[4] ? `, ${names.tags[4]} ${a.y[j]}` : '';
   return `${names.tags[3]} ${a.x[i]}${up}: ${word}`;
 };
@@ -116,7 +116,7 @@ class MapPanel:
         paint = painted(plane, variable)
         rows, columns = paint.shades.shape
         named = {name: explored.axis_words(name) for name in (x, y)}
-        tags = ["", paint.unit, bool(paint.names), named[x][0], named[y][0]]
+        tags = ["", paint.unit, NO_VALUE if paint.names else "", named[x][0], named[y][0]]
         _change(self.mapper, palette=paint.palette, low=-0.5, high=len(paint.palette) - 0.5)
         self.plane.data = {
             "image": [paint.shades], "values": [paint.values.ravel()], "x": [-0.5], "y": [-0.5],
