@@ -136,6 +136,23 @@ def test_a_map_that_is_one_plane_is_not_kept_in_memory(tmp_path):
         assert not found.ds["normal_force_max"].variable._in_memory
 
 
+def test_a_file_that_is_damaged_while_it_is_served_is_named(tmp_path):
+    """A page showed what HDF5 says: "(wrong B-tree signature)"."""
+    path = tmp_path / "map.h5"
+    driver.sweep(make_spec(), path, evaluate=evaluate, progress=False).close()
+    found, ds = open_explored(path)
+    place, name = {"attack_angle": 1, "normal_load": 1, "belt_speed": 1}, "normal_force_max"
+    with open(path, "r+b") as file:
+        file.truncate(3000)
+    with ds:
+        for read in (
+            lambda: found.plane("attack_angle", "belt_speed", place, None, {name}),
+            lambda: found.cell(place, (name,)),
+        ):
+            with pytest.raises(StoreError, match=r"^map\.h5: cannot be read: "):
+                read()
+
+
 def test_variables_that_were_shown_last_are_held_open(tmp_path):
     """HDF5 keeps their unpacked pieces that long."""
     path = tmp_path / "map.h5"
