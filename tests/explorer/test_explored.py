@@ -40,7 +40,7 @@ from wiperjax.plots.runs.levels import Levels
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import parse_scene, parse_sweep
 from wiperjax.store.whole import write_dataset
-from wiperjax.vocabulary.codes import LABELS, Event, Result
+from wiperjax.vocabulary.codes import LABELS, NOT_COMPUTED, Event, Result
 from wiperjax.vocabulary.ranges import FEWEST_SETTLED
 
 
@@ -134,6 +134,23 @@ def test_a_map_that_is_one_plane_is_not_kept_in_memory(tmp_path):
         plane = found.plane("attack_angle", "belt_speed", {}, None, {"normal_force_max"})
         assert plane["normal_force_max"].any()
         assert not found.ds["normal_force_max"].variable._in_memory
+
+
+def test_a_file_that_is_damaged_while_it_is_served_is_named(tmp_path):
+    """A page showed what HDF5 says: "(wrong B-tree signature)"."""
+    path = tmp_path / "map.h5"
+    driver.sweep(make_spec(), path, evaluate=evaluate, progress=False).close()
+    found, ds = open_explored(path)
+    place, name = {"attack_angle": 1, "normal_load": 1, "belt_speed": 1}, "normal_force_max"
+    with open(path, "r+b") as file:
+        file.truncate(3000)
+    with ds:
+        for read in (
+            lambda: found.plane("attack_angle", "belt_speed", place, None, {name}),
+            lambda: found.cell(place, (name,)),
+        ):
+            with pytest.raises(StoreError, match=r"^map\.h5: cannot be read: "):
+                read()
 
 
 def test_variables_that_were_shown_last_are_held_open(tmp_path):
@@ -271,6 +288,36 @@ def test_cells_that_ended_early_have_no_numbers_and_say_so(whole):
     assert told == {"label": LABELS["failed"]}
     ds["label"][0, 0, 0] = LABELS["other"]
     assert "velocity_rms" in replace(whole, ds=ds).cell(place, ("label", "velocity_rms"))
+
+
+@pytest.mark.parametrize("name", ["mechanism", "band"])
+def test_cells_that_ended_early_have_no_name_of_a_quiet_noise(whole, name):
+    """They were pale, and told as "none", as quiet ones are."""
+    place = {"attack_angle": 0, "normal_load": 0, "belt_speed": 0}
+    plane = whole.plane("attack_angle", "belt_speed", place, None, {name}).load()
+    plane["label"][:], plane[name][:] = LABELS["quiet"], 0
+    plane["label"][0], plane["label"][1, 2:4] = LABELS["failed"], LABELS["collapsed"]
+    panel = MapPanel()
+    panel.show(whole, plane, "attack_angle", "belt_speed", name)
+    words = dict(zip(panel.names.data["code"], panel.names.data["name"], strict=True))
+    told = [words[code] for code in panel.plane.data["values"][0]]
+    assert told[:7] == ["failed"] * 7 and told[7:11] == ["quiet"] * 2 + ["collapsed"] * 2
+    shades = panel.plane.data["image"][0].ravel()
+    assert [panel.mapper.palette[shades[k]] for k in (0, 7, 9)] == ["#000000", "#E3EAF0", "#FFFFFF"]
+    assert panel.overlay.hatched["////"].data["left"].tolist() == [1.5]
+    assert "collapsed (2.6%)" in panel.legend.text
+
+
+def test_a_cell_without_a_value_is_not_told_as_one_that_is_not_computed(whole):
+    """Its legend said "no value", and the words below the pointer "not computed"."""
+    plane = whole.plane("attack_angle", "belt_speed", {"normal_load": 0}, None, {"label"}).load()
+    plane["label"][0] = NOT_COMPUTED
+    panel = MapPanel()
+    left = plane.where(plane["attack_angle"] > 0)
+    panel.show(whole, left, "attack_angle", "belt_speed", "label")
+    words = dict(zip(panel.names.data["code"], panel.names.data["name"], strict=True))
+    assert words[NOT_COMPUTED] == "not computed" and "no value" in panel.legend.text
+    assert panel.names.tags[2] == "no value"  # told of what has no name
 
 
 def test_coordinates_that_are_near_read_differently(whole):

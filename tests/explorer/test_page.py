@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from bokeh.document import Document
+from bokeh.models import NoOverlap
 from stub_sweep import evaluate, make_spec
 
 from wiperjax.explorer import motion
@@ -198,3 +199,9 @@ def test_a_plane_that_cannot_be_shown_is_not_taken_for_the_one_before(window, mo
         assert page.map.upright.axis_label.startswith("normal load")
     page.up.value = "belt_speed"
     assert len(page.map.plane.data["image"]) == 1 and "cannot" not in page.map.legend.text
+
+
+def test_the_marks_of_a_spectrum_do_not_lie_over_each_other():
+    """Those of a lip that collapsed at once did: its spectrum is of less than a decade."""
+    axis = MotionPanel("Cell").pictures["spectrum"].xaxis
+    assert isinstance(axis.major_label_policy, NoOverlap)

@@ -246,14 +246,16 @@ def test_a_logarithmic_scale_has_marks_however_narrow(low, ratio):
     assert len(set(words)) == len(words)  # no two marks read the same
 
 
-def test_logarithmic_marks_do_not_touch_on_a_narrow_axis():
+@pytest.mark.parametrize(("low", "high"), [(25, 900), (7143, 19000), (130, 470), (18000, 20000)])
+def test_logarithmic_marks_do_not_touch_on_a_narrow_axis(low, high):
+    """Less than a decade of them did, at its upper end."""
     figure = Figure(figsize=(1.6, 1.6), layout="constrained")
     ax = figure.subplots()
     plot_axes.plain_log(ax, "x")
-    ax.set_xlim(25, 900)
+    ax.set_xlim(low, high)
     figure.draw_without_rendering()
     boxes = [
-        t.get_window_extent() for t in ax.get_xticklabels() if 25 <= t.get_position()[0] <= 900
+        t.get_window_extent() for t in ax.get_xticklabels() if low <= t.get_position()[0] <= high
     ]
     assert len(boxes) >= 2
     assert all(a.x1 + 4 < b.x0 for a, b in zip(boxes, boxes[1:], strict=False))
@@ -451,6 +453,30 @@ def test_mechanism_map_shows_also_what_failed(small_map):
     assert f"failed ({share:.1%})" in texts
     assert any(text.startswith("self-excited slip (") for text in texts)
     assert any(text.startswith("quiet (") for text in texts)
+
+
+@pytest.mark.parametrize("name", ["mechanism", "band"])
+def test_what_ended_has_no_name_of_a_quiet_noise(small_map, name):
+    """Both are "none" as stored: collapsed cells were counted and painted as quiet ones."""
+    ds = small_map.assign(mechanism=small_map["label"], band=small_map["label"]).copy(deep=True)
+    for each in ("mechanism", "band"):
+        ds[each][:], ds[each].attrs = 0, cf.flags({"none": 0, "squeal": 1})
+    ds["label"][:], ds["label"][0] = codes.LABELS["quiet"], codes.LABELS["failed"]
+    ds["label"][1], ds["label"][2] = codes.LABELS["collapsed"], codes.LABELS["reversal"]
+    picture = files.PICTURES["map"]["value"]
+    figure = files.draw(ds, "map", "value", picture, "m.h5", {"quantity": name})
+    part = 1 / ds.sizes["attack_angle"]
+    shares = {"quiet": 1 - 3 * part, "failed": part, "collapsed": part, "none": part}
+    texts = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert texts >= {f"{name} ({share:.1%})" for name, share in shares.items()}
+
+
+def test_chatter_has_the_colour_of_chattering(small_map):
+    """It was sand, beside squeal in its own."""
+    bands = xr.DataArray([0], dims="x", attrs=cf.flags(codes.BANDS))
+    found = categories.colours_of(bands)
+    assert found["chatter"] == palette.CLASSES["chattering"]
+    assert found["squeal"] == palette.CLASSES["squeal"]
 
 
 def test_line_shows_frequency_amplitude_and_shares_of_one_axis(small_map):
@@ -687,7 +713,7 @@ def test_a_regime_has_its_colour_in_maps_too():
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS", "SPARE"])
+@pytest.mark.parametrize("name", ["CLASSES", "REGIMES", "MOTIONS", "MECHANISMS", "BANDS", "SPARE"])
 def test_colours_are_told_apart_by_everybody(name, sight):
     """A difference of 2 is just seen side by side; 15 is another colour. Hatched cells have their
     pattern too.

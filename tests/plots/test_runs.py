@@ -2,6 +2,8 @@
 line.
 """
 
+import warnings
+
 import matplotlib
 import numpy as np
 import pytest
@@ -384,6 +386,18 @@ def test_short_runs_have_the_spectra_that_they_can_have():
         plots.spectrogram(short, highest=500.0)
     texts = [text.get_text() for ax in plots.run_overview(short).axes for text in ax.texts]
     assert any("0.0002 s" in text for text in texts)
+
+
+def test_a_run_of_one_sample_is_drawn_without_a_warning_and_not_animated(squeal):
+    """matplotlib's own went to a person's terminal, four times a page."""
+    one = squeal.isel(time=[0], event=[])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        plots.run_overview(one)
+        with pytest.raises(
+            ValueError, match="^the run must have two samples or more .*, but has 1"
+        ):
+            plots.animate(one)
 
 
 def test_friction_force_lies_on_the_stribeck_curve(squeal):

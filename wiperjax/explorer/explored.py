@@ -4,6 +4,7 @@ import html
 import json
 import math
 from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +15,7 @@ import xarray as xr
 
 from ..datasets.kinds import check_kind
 from ..datasets.map_starts import from_start
-from ..machine.files import StoreError
+from ..machine.files import StoreError, naming
 from ..noise.class_counts import ENDED
 from ..plots.maps.borders import PREFIX, with_borders
 from ..plots.maps.planes import map_dims, usual_plane
@@ -98,7 +99,8 @@ class Explored:
         Arguments: axes across and up ("": none, the plane is one row of cells); axis -> place of
         each other one; start, None: the usual one.
 
-        Raises: `ValueError` for a plane that no screen could show.
+        Raises: `ValueError` for a plane that no screen could show, `StoreError` for a file that has
+            been damaged since it was opened.
         """
         rows = self.ds.sizes[y] if y else 1
         if self.ds.sizes[x] * rows > MOST_PLANE:
@@ -110,10 +112,11 @@ class Explored:
             for name in self.ds.variables
             if name in wanted or str(name).startswith(PREFIX)
         ]
-        self.unpacked.keep(n for n in held if not self.ds[n].variable._in_memory)
         whole = dict.fromkeys(self.dims, slice(None))  # said: else the map itself would be loaded
         plane = self.ds[held].isel(whole | {k: n for k, n in at.items() if k not in (x, y)})
-        plane = from_start(plane.load(), start)
+        with self._reading():
+            self.unpacked.keep(n for n in held if not self.ds[n].variable._in_memory)
+            plane = from_start(plane.load(), start)
         return (plane if y else plane.expand_dims({y: 1})).transpose(y, x, ...)
 
     def plane_axes(self) -> tuple[str, str]:
@@ -126,13 +129,21 @@ class Explored:
     ) -> dict[str, float]:
         """The numbers `names` of one cell, as far as the map has them; of one that ended early its
         class alone: the others are of a part of its motion. Of one that `ds.where` took out none.
+
+        Raises: `StoreError` as `plane`.
         """
         held = [name for name in names if name in self.variables]
         wanted = {*held, "label", *(n for n in ("class_share", "class_set") if n in self.ds)}
-        one = from_start(self.ds[sorted(wanted)].isel(place).load(), start)
+        with self._reading():
+            one = from_start(self.ds[sorted(wanted)].isel(place).load(), start)
         code = float(one["label"])
         told = ["label"] if code in ENDED.values() else held
         return {} if np.isnan(code) else {name: float(one[name]) for name in held if name in told}
+
+    def _reading(self) -> AbstractContextManager[None]:
+        """Names the file where it cannot be read: what HDF5 says of it is no sentence."""
+        source = Path(self.ds.encoding.get("source", self.name))
+        return naming(Path(source.name), "read")
 
 
 def open_explored(path: str | Path, trusted: bool = False) -> tuple[Explored, Any]:

@@ -17,11 +17,12 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
+from ..plots.maps.numbers import told_names
 from ..plots.style.axes import axis_numbers, is_geometric, shown
 from ..plots.style.palette import UNKNOWN
 from .explored import Explored, escaped
 from .overlay import Overlay
-from .scale import painted
+from .scale import NO_VALUE, painted
 from .style import titled
 from .widgets import source, span, words
 
@@ -38,7 +39,7 @@ const spot = (i, j) => {
   const k = j * a.x.length + i, v = p.values[0][k];
   const name = names.data.code.indexOf(v);
   const number = Number.isFinite(v) ? Number(v.toPrecision(4)) + ' ' + names.tags[1] : 'no number';
-  const word = names.tags[2] ? (name < 0 ? 'not computed' : names.data.name[name]) : number;
+  const word = names.tags[2] ? (name < 0 ? names.tags[2] : names.data.name[name]) : number;
   const up = names.tags[4] ? `, ${names.tags[4]} ${a.y[j]}` : '';
   return `${names.tags[3]} ${a.x[i]}${up}: ${word}`;
 };
@@ -111,10 +112,11 @@ class MapPanel:
         """Shows a `plane` (`Explored.plane`) by one of its variables; `y` is empty for a map of one
         axis, which is a strip, and under the curve of a number.
         """
+        plane = told_names(plane, variable)
         paint = painted(plane, variable)
         rows, columns = paint.shades.shape
         named = {name: explored.axis_words(name) for name in (x, y)}
-        tags = ["", paint.unit, bool(paint.names), named[x][0], named[y][0]]
+        tags = ["", paint.unit, NO_VALUE if paint.names else "", named[x][0], named[y][0]]
         _change(self.mapper, palette=paint.palette, low=-0.5, high=len(paint.palette) - 0.5)
         self.plane.data = {
             "image": [paint.shades], "values": [paint.values.ravel()], "x": [-0.5], "y": [-0.5],

@@ -10,6 +10,7 @@ from bokeh.models import (
     CustomJS,
     FactorRange,
     LinearScale,
+    NoOverlap,
     Row,
     TextAreaInput,
 )
@@ -199,6 +200,7 @@ class MotionPanel:
             x_axis_type="log", y_axis_type="log", x_range=self.ranges["frequency"],
             y_range=self.ranges["amplitude"],
         )  # fmt: skip
+        picture.xaxis.major_label_policy = NoOverlap()  # of less than a decade it has many marks
         picture.extra_y_ranges = {"share": span(0, 1)}
         picture.extra_y_scales = {"share": LinearScale()}
         bands = self.sources["classes"]

@@ -184,7 +184,7 @@ class Page:
             return
         try:
             plane = self.explored.plane(self.x, self.y, self.at, self.begin(), {variable})
-        except (ValueError, OSError, StoreError) as error:
+        except (ValueError, StoreError) as error:
             self.map.refuse(self.explored, self.x, self.y, str(error))
         else:
             self.map.show(self.explored, plane, self.x, self.y, variable)

@@ -14,10 +14,12 @@ from ..plots.maps.numbers import TONE, on_scale, suited, told, tones, why_untold
 from ..plots.style.axes import LogMarks, axis_numbers, shown
 from ..plots.style.palette import HATCHES, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
+from ..vocabulary.codes import NOT_COMPUTED
 from .explored import escaped, plain
 
 SHADES = 250
 NOTHING = 255  # the shade of a cell without a value
+NO_VALUE = "no value"  # what is said of one among names
 MOST_TICKS = 8  # of a bar of colours
 BAR, LETTER = 480, 6.5  # widths in pixels: of a bar, and of a letter below it
 STRIPES = {"////": (135,), "\\\\\\\\": (45,), "xxxx": (45, 135)}  # pattern -> across which angles
@@ -60,8 +62,9 @@ def _categories(plane: xr.Dataset, variable: str) -> Painted:
     shades = np.where(order[place] == codes, place, NOTHING).astype(np.uint8)
     keys = [_key(colour, text, name) for name, text, colour in category_keys(plane, variable)]
     if np.isnan(codes).any():
-        keys.append(_key(UNKNOWN, "no value", ""))
+        keys.append(_key(UNKNOWN, NO_VALUE, ""))
     names = {code: readable(name) for code, name in names.items()}
+    names.setdefault(NOT_COMPUTED, "not computed")
     values = codes if codes.dtype.itemsize == 1 else codes.astype(np.float32)  # as it is sent
     return Painted(shades, colours, values, names, "", _keys(keys))
 

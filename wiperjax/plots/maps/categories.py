@@ -19,6 +19,7 @@ from ..curves import curve_legend, draw_curves
 from ..style.axes import edges, legend_below, long_name, page, set_axis, shown, value_text
 from ..style.caption import footnote, set_caption
 from ..style.palette import (
+    BANDS,
     CLASSES,
     HATCHES,
     MECHANISMS,
@@ -29,10 +30,11 @@ from ..style.palette import (
     readable,
 )
 from .borders import PREFIX, border_legend, draw_borders
+from .numbers import told_names
 from .planes import At, check_dim, choose_plane, cut, map_dims
 from .stability import NOTE, boundary_legend, stability_boundary
 
-COLOURS = REGIMES | MOTIONS | MECHANISMS | CLASSES
+COLOURS = REGIMES | MOTIONS | MECHANISMS | BANDS | CLASSES
 MOST_HATCHED = 20_000  # pieces; beyond, cells are finer than the pattern, and colour must do
 
 
@@ -65,6 +67,7 @@ def category_map(
     """
     x, y = choose_plane(ds, x, y)
     check_dim(ds, panel)
+    ds = told_names(ds, variable)
     if ax is not None:
         plane, where = cut(ds, (x, y), at)
         category_panel(plane, ax, x, y, variable)

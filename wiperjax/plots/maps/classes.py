@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from ...noise.class_counts import cell_by_cell, class_table, whole_codes
 from ...noise.classes import stored
-from ...vocabulary.cf import flag_names, flags
+from ...vocabulary.cf import flags
 from ...vocabulary.codes import LABELS, NOT_COMPUTED
 from ...vocabulary.thresholds import silence
 from ..style.caption import wrapped
@@ -55,12 +55,8 @@ def motion(ds: xr.Dataset) -> xr.DataArray:
     ).astype(np.int8)
     attrs = {"long_name": "regimes in the settled window"} | flags(names)
     label = ds["label"]
-    return _as_masked(xr.DataArray(codes, coords=label.coords, dims=label.dims, attrs=attrs), label)
-
-
-def _as_masked(codes: xr.DataArray, label: xr.DataArray) -> xr.DataArray:
-    """Codes of cells, none of those that `ds.where` took out: their class is NaN."""
-    return codes if label.dtype.kind == "i" else codes.where(label.notnull())
+    found = xr.DataArray(codes, coords=label.coords, dims=label.dims, attrs=attrs)
+    return found if label.dtype.kind == "i" else found.where(label.notnull())  # as `ds.where` left
 
 
 def class_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.ndarray:
@@ -75,18 +71,7 @@ def regime_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.nda
 
 def mechanism_map(ds: xr.Dataset, ax: Axes | None = None, **options: Any) -> np.ndarray:
     """What keeps the motion going (the column `mechanism`) over two axes; see `category_map`."""
-    ds = cell_by_cell(ds)
-    names = flag_names(ds["mechanism"])
-    names = {code: "quiet" if name == "none" else name for code, name in names.items()}
-    codes = np.nan_to_num(whole_codes(ds["mechanism"])).astype(np.int8)
-    ended = whole_codes(ds["label"])
-    for name in ("failed", "collapsed"):  # these have no motion to speak of, and are not quiet
-        extra = np.int8(max(names) + 1)
-        codes = np.where(ended == LABELS[name], extra, codes)
-        names[int(extra)] = name
-    attrs = flags({name: code for code, name in names.items()})
-    marked = _as_masked(ds["mechanism"].copy(data=codes).assign_attrs(attrs), ds["label"])
-    return category_map(ds.assign(mechanism=marked), "mechanism", ax, **options)
+    return category_map(ds, "mechanism", ax, **options)
 
 
 def class_bars(ds: xr.Dataset, where: str, ax: Axes) -> Axes:

@@ -1,15 +1,19 @@
-"""The numbers of a map's cells as they are shown: which cells have none and why, and scales."""
+"""The numbers and names of a map's cells as they are shown: which cells have none and why, and
+scales.
+"""
 
 import numpy as np
 import xarray as xr
 from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 
-from ...noise.class_counts import ENDED
+from ...noise.class_counts import ENDED, cell_by_cell, whole_codes
+from ...vocabulary.cf import flag_names, flags
 from ...vocabulary.codes import LABELS
 from ..style.palette import readable
 
 SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody
 TONE = "dominant_frequency"
+OF_NOISE = ("mechanism", "band")  # names of a noise: none of cells that make none, whatever why
 
 
 def told(ds: xr.Dataset, name: str) -> xr.DataArray:
@@ -18,6 +22,23 @@ def told(ds: xr.Dataset, name: str) -> xr.DataArray:
     """
     ended = ds["label"].isin(list(_untold(name).values()))
     return ds[name].astype(float).where(~ended)
+
+
+def told_names(ds: xr.Dataset, name: str) -> xr.Dataset:
+    """A map whose names `OF_NOISE`, if `name` is one, are the class in cells that are quiet, failed
+    or collapsed: all three are "none" as stored, and what ended is not quiet.
+
+    Raises: `ValueError` as `whole_codes`.
+    """
+    if name not in OF_NOISE or "flag_values" not in ds[name].attrs:
+        return ds
+    ds = cell_by_cell(ds)
+    known = {word: code for code, word in flag_names(ds[name]).items()}
+    codes, label = whole_codes(ds[name]), whole_codes(ds["label"])
+    for word in ("quiet", "failed", "collapsed"):
+        code = known.setdefault(word, max(known.values()) + 1)
+        codes = np.where(label == LABELS[word], code, codes)
+    return ds.assign({name: ds[name].copy(data=codes).assign_attrs(flags(known))})
 
 
 def why_untold(ds: xr.Dataset, name: str) -> str:

@@ -36,10 +36,12 @@ def animate(ds: xr.Dataset, *, seconds: float = 6.0) -> FuncAnimation:
 
     Returns: an animation that is not started: save it with `save`, or show it in a notebook.
 
-    Raises: `ValueError` for a run that is not of a wiper.
+    Raises: `ValueError` for a run that is not of a wiper, or of one sample.
     """
     if not has_lip(ds):
         raise ValueError("the run must be of a Wiper: only its lip can be drawn")
+    if ds.sizes["time"] < 2:
+        raise ValueError("the run must have two samples or more to be animated, but has 1")
     scene = lip_scene(ds)
     length, time, tip, hinge, belt, travel, force, regimes = scene
     frames = int(min(max(2, round(seconds * FRAMES_PER_SECOND)), time.size))

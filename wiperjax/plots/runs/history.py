@@ -57,7 +57,8 @@ def time_history(
             ax.plot(time, part, color="black", label=direction(ds, k), **style)
     else:
         ax.plot(time, numbers, color="black", linewidth=1.0)
-    ax.set_xlim(time[0], time[-1])
+    if time[-1] > time[0]:  # not of one sample
+        ax.set_xlim(time[0], time[-1])
     ax.set_xlabel("time (s)")
     drawn = values if component is None else signal(ds, quantity, component)
     ax.set_ylabel(label(quantity_words(ds, drawn), unit))

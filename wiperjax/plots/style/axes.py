@@ -148,18 +148,26 @@ def log_marks(axis) -> None:
 
 class LogMarks(LogLocator):
     """Marks of a logarithmic axis; 1, 3, 10 where 1 and 2 would touch on the axis across, and even
-    ones where fewer than three of these lie on it.
+    ones where fewer than three of these lie on it: every second one where these would touch.
     """
 
     def tick_values(self, vmin, vmax):
         low, high = sorted((vmin, vmax))
+        span = np.log10(high / low)
+        space = np.inf if self.axis is None else self.axis.get_tick_space()
         if isinstance(self.axis, XAxis):
-            close = np.log10(2) * self.axis.get_tick_space() < np.log10(high / low)
-            self.set_params(subs=(1, 3) if close else (1, 2, 5))
+            self.set_params(subs=(1, 3) if np.log10(2) * space < span else (1, 2, 5))
+
+        def within(marks: np.ndarray) -> np.ndarray:
+            return marks[(marks >= low) & (marks <= high)]
+
         marks = np.asarray(super().tick_values(vmin, vmax))
-        if np.count_nonzero((marks >= low) & (marks <= high)) >= 3:
-            return marks
-        marks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
+        if within(marks).size < 3:
+            marks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
+        if span < 1:  # longer axes have their marks by decades
+            marks = within(marks)
+            while marks.size > 2 and space * np.diff(np.log10(marks))[-1] < span:
+                marks = marks[::2]
         return marks[marks > 0]
 
 

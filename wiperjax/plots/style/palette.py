@@ -5,6 +5,7 @@ Classes are from the palette of Okabe and Ito, regimes from those of Tol: within
 stay apart with protanopia, deuteranopia and tritanopia (tests/helpers/pictures.py measures it).
 """
 
+UNKNOWN = "#999999"  # what has no name, and cells without a number
 CLASSES = {
     "quiet": "#E3EAF0",
     "squeal": "#D55E00",
@@ -22,13 +23,21 @@ HATCHES = {  # pattern and its colour
     "several": ("\\\\\\\\", "#333333"),  # where the class hangs on the start
 }
 MECHANISMS = {  # what keeps a motion going, as `noise.classes` tells it
-    "none": CLASSES["quiet"],
+    "quiet": CLASSES["quiet"],
     "self_excited_slip": "#E69F00",
     "stick_slip": "#332288",
     "flight": "#56B4E9",
     "carried": "#AA4499",
     "reversal_pulse": CLASSES["reversal"],
     "reversal_impulse": "#882255",
+}
+BANDS = {  # where the frequency of a noise lies
+    "quiet": CLASSES["quiet"],
+    "none": UNKNOWN,
+    "chatter": CLASSES["chattering"],
+    "low": "#DDCC77",
+    "squeal": CLASSES["squeal"],
+    "high": "#882255",
 }
 REGIMES = {
     "stick": "#332288",
@@ -57,7 +66,6 @@ NAMES = {
     "self_excited_slip": "self-excited slip",
     "stick_slip_and_flight": "stick, slip and flight",
 }
-UNKNOWN = "#999999"  # what has no name, and cells without a number
 BOUNDARY = "#000000"  # line at which steady slip loses its stability
 BORDER = "#FFFFFF"  # located border between the classes of a refined map
 HALO = "#FFFFFF"  # around curves, so that they are seen on every colour
