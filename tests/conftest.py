@@ -32,13 +32,14 @@ MOST_MEMORY = 6 * 2**30  # bytes of one process, from which on it forgets its co
 # `pytest --hypothesis-profile many tests/whole/test_properties.py`: for a night
 hypothesis.settings.register_profile("many", max_examples=1000)
 
-# The longest files first: begun last, one would keep one process busy and leave the other idle.
-LONGEST = """commands sensitivity cycle notebooks cluster measures failures noises lanes
-hard_scenes against_reference reverse known_answers kills saltation_wiper""".split()
+# Kills first: a process that has run other tests is so large that forking it takes most of their
+# time. Then the longest: begun last, one would keep one process busy and leave the other idle.
+FIRST = """kills commands sensitivity cycle notebooks cluster measures failures noises lanes
+hard_scenes against_reference reverse known_answers saltation_wiper""".split()
 
 
 def pytest_collection_modifyitems(items):
-    names = [f"test_{name}" for name in LONGEST]
+    names = [f"test_{name}" for name in FIRST]
     items.sort(key=lambda i: names.index(i.path.stem) if i.path.stem in names else len(names))
 
 

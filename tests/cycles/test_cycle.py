@@ -614,7 +614,7 @@ def test_derivatives_hold_where_a_recalled_stay_ends_on_its_other_side():
         belt=wiperjax.WipingBelt(1.0, 0.06), friction=Coulomb(0.5, 0.4), damping=0.3, load=0.39271
     )
     cycle = find_cycle(system, settle=200.0, period=1 / 0.06, over="load")
-    along, state = cycle.shooting.along(), np.asarray(cycle.state)
+    along, state = cycle.shooting.along, np.asarray(cycle.state)
 
     def end(state):
         moved = shoot(cycle.system, along, state, cycle.period, phase=cycle.phase,

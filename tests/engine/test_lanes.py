@@ -307,7 +307,7 @@ def test_dear_cells_begin_first():
 
 @pytest.mark.slow
 def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
-    spec = sweep_spec(event_log=12)
+    spec = sweep_spec(event_log=12, raster=20)  # by the program of `test_cluster`
     columns = batch.evaluate(spec, np.arange(7))
     kind, time = columns["event_kind"], columns["event_time"]
     held = np.minimum(columns["event_count"], 12)

@@ -231,7 +231,7 @@ transient = 0.01
 window = 0.02
 samples = 128
 raster = 20
-event_log = 6
+event_log = 12
 """
 
 

@@ -133,7 +133,7 @@ def maps(tmp_path_factory):
                 "normal_load": {"values": [15]},
                 "belt_speed": {"values": [0.2, 0.3]},
             },
-            "run": {"transient": 0.02, "window": 0.05, "event_log": 12},
+            "run": {"transient": 0.02, "window": 0.05, "event_log": 12, "raster": 20},
         }
     )
     wiperjax.sweep(spec, folder / "MAP.h5")

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from typing import Any
 
 import jax
@@ -72,8 +73,9 @@ class Shooting:
             return self.system
         return numbers.replaced(self.system, self.over, parameter)
 
+    @cached_property
     def along(self):
-        """Return the tangent of the system along the parameter."""
+        """The tangent of the system along the parameter."""
         return numbers.direction(self.system, self.over)
 
     def chart(self, system: AbstractSystem, state, time: float, regime: int) -> Chart:
@@ -95,7 +97,7 @@ class Shooting:
     def motion(self, system: AbstractSystem, state, period: float, **stretch) -> Arc:
         """Return `shoot` of one of the family, along the parameter, with the family's steps."""
         steps = {"rtol": self.rtol, "max_step": self.max_step}
-        return shoot(system, self.along(), state, period, **(steps | stretch))
+        return shoot(system, self.along, state, period, **(steps | stretch))
 
     def driven_period(self, parameter: float) -> tuple[float, float]:
         """Return the period that the clock sets, and its derivative by the parameter."""

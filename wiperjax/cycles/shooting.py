@@ -87,10 +87,10 @@ def shoot(
     (`numbers.direction`). ``regime`` is that of ``state`` if known: see `tidy`. No step is longer
     than ``max_step`` [s]. Samples are taken at the shares ``grid`` of its time, (samples,).
     """
-    numbers = (jnp.asarray(x, float) for x in (period, phase, part, rtol, grid))
-    code = jnp.asarray(regime, jnp.int32)
-    longest = None if max_step is None else jnp.asarray(max_step, float)
-    found = _shoot(system, along, jnp.asarray(state, float), code, *numbers, longest)
+    longest = None if max_step is None else np.asarray(max_step, float)
+    numbers = (np.asarray(x, float) for x in (period, phase, part, rtol, grid))
+    given = np.asarray(state, float), np.asarray(regime, np.int32), *numbers, longest
+    found = _shoot(system, along, *jax.device_put(given))  # all at once: each alone is slow
     return Arc(**jax.tree.map(np.asarray, found))
 
 

@@ -70,25 +70,30 @@ class Kept:
         arrays, plain = eqx.partition(args, eqx.is_array)
         leaves, tree = jax.tree.flatten(arrays)
         inside = any(isinstance(x, jax.core.Tracer) for x in leaves)
-        if place is None or CONFIG.jax_disable_jit or inside or not _known(args):
+        if place is None or CONFIG.jax_disable_jit or inside:
             return self.compiled(*args)
-        kinds = tuple((x.shape, str(x.dtype), getattr(x, "weak_type", False)) for x in leaves)
+        kinds = tuple((x.shape, x.dtype, getattr(x, "weak_type", False)) for x in leaves)
         others, shape = jax.tree.flatten(plain)
         settings = tuple(getattr(CONFIG, name) for name in SETTINGS)
         key = (settings, kinds, tree, shape, *((type(x), _told(x)) for x in others))
+        if key in self.found:
+            return self.found[key](*leaves)
+        if not _known(args):
+            return self.compiled(*args)
         with self.lock:
             lock = self.locks.setdefault(key, threading.Lock())
-        with lock:
-            if first := key not in self.found:
-                # functions by name: those in a problem are this package's
-                text = ADDRESS.sub(">", repr((_told(self.function), *key, _traced_with())))
-                path = place / hashlib.sha256(text.encode()).hexdigest()
-                start = time.perf_counter()
-                self.found[key] = _read(path) or self._traced(path, leaves, tree, plain)
-                jax.monitoring.record_event_duration_secs(EVENT, time.perf_counter() - start)
-            if first:  # of several threads one traces and compiles
+        with lock:  # of several threads one traces and compiles
+            if key in self.found:
                 return self.found[key](*leaves)
-        return self.found[key](*leaves)
+            # functions by name: those in a problem are this package's
+            text = ADDRESS.sub(">", repr((_told(self.function), *key, _traced_with())))
+            path = place / hashlib.sha256(text.encode()).hexdigest()
+            start = time.perf_counter()
+            program = _read(path) or self._traced(path, leaves, tree, plain)
+            jax.monitoring.record_event_duration_secs(EVENT, time.perf_counter() - start)
+            answer = program(*leaves)
+            self.found[key] = program
+        return answer
 
     def _traced(self, path: Path, leaves, tree, plain) -> Callable[..., Any]:
         """Return the program, traced now and written to `path`."""

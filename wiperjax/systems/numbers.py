@@ -28,8 +28,9 @@ def path(system: AbstractSystem, name: str) -> tuple[str, ...]:
 
     Raises ValueError, listing the names there are, if it has no such number.
     """
-    names = {name: to for name, to in _names(system).items() if name not in system.idle}
-    names |= routes(system)
+    names = routes(system)
+    if not isinstance(name, str) or name not in names:
+        names = {n: to for n, to in _names(system).items() if n not in system.idle} | names
     if not isinstance(name, str) or name not in names:
         raise ValueError(
             f"parameter must be a number of {type(system).__name__} ({', '.join(sorted(names))}), "

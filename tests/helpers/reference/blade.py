@@ -357,6 +357,9 @@ def _integrate_phase(rhs, guards, fresh, u, first_step, max_step, rtol, atol, on
         hit_name, hit = None, math.inf
         for name, guard in guards.items():
             values = [start_values[name]] + [guard(c) for c in columns]
+            if not first and min(values) > 4.0 * (max(values) - min(values)):
+                start_values[name] = values[-1]  # its parabolas too stay far from zero
+                continue
             root = _earliest_root(
                 lambda z, g=guard, d=dense: g(d(z).tolist()),
                 points,

@@ -180,7 +180,7 @@ def test_units_are_those_of_files(columns):
 @pytest.mark.filterwarnings("default")  # of dask
 def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, found):
     """The first block is kept by a process that is killed in the second, which a worker of dask
-    then computes: in this process, where the engine is compiled already."""
+    then computes: in this process and on one core, for which the engine is compiled already."""
     from distributed import Client, LocalCluster
 
     blocks, spec, path = found[0], blades(), tmp_path / "map.h5"
@@ -202,7 +202,9 @@ def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, f
         spec, None, evaluate=lambda *_: next(seen), identity=identity, **options
     )
     with (
-        LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+        ) as cluster,
         Client(cluster) as client,
         driver.sweep(spec, path, resume=True, workers=Workers(client), **options) as ds,
     ):

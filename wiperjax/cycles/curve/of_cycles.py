@@ -30,11 +30,11 @@ class OfCycles(Equations):
 
     def pair(self, place) -> tuple[Shooting, Shooting]:
         """Return the family of systems through ``place``, varied over either parameter."""
-        names, scale = self.plane.names, self.plane.scale
+        names, scale, system = self.plane.names, self.plane.scale, self.plane.at(place)
         return tuple(  # type: ignore[return-value]
             replace(
                 self.shooting,
-                system=self.plane.at(place),
+                system=system,
                 over=names[k],
                 parameter_scale=scale[k],
             )

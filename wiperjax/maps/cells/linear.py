@@ -10,7 +10,7 @@ from ...numerics.arrays import cellwise
 from ...numerics.kept import Kept, as_arrays
 from ...systems.build import build
 from ...vocabulary.columns import OF_STEADY_SLIP
-from .devices import alike, spread
+from .devices import alike, capacity, spread
 
 
 def slip_of(wiper: Wiper) -> SteadySlip:
@@ -35,7 +35,9 @@ def growth(slip: SteadySlip, count: int) -> dict[str, np.ndarray]:
 
 
 def linear(spec: Any, index: np.ndarray) -> dict[str, np.ndarray]:
-    """`growth` of the cells `index` of a sweep of the wiper."""
-    wiper = build(spec, spec.cells(index)).wiper
+    """`growth` of the cells `index` of a sweep of the wiper, by the program of its map: filled up
+    with the last, for another number of cells is another program, of some seconds."""
+    size = capacity(len(index))
+    wiper = build(spec, spec.cells(np.pad(index, (0, size - len(index)), "edge"))).wiper
     assert wiper is not None
-    return growth(slip_of(wiper), len(index))
+    return growth(slips(wiper, size), len(index))
