@@ -1,7 +1,9 @@
 """Processes beside that of the tests."""
 
 import os
+import signal
 import warnings
+import weakref
 from pathlib import Path
 
 import wiperjax
@@ -30,3 +32,11 @@ def fork(work):
         finally:
             os._exit(0)
     return child
+
+
+def drop_ctrl_c():
+    """Presses Ctrl-C where Python ignores it: what the callback of a weak reference raises."""
+    dropped = weakref.WeakSet()  # any object
+    ended = weakref.ref(dropped, lambda _: signal.raise_signal(signal.SIGINT))
+    del dropped
+    assert ended() is None

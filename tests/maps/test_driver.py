@@ -6,12 +6,12 @@ import random
 import re
 import signal
 import time
-import weakref
 
 import h5py
 import numpy as np
 import pytest
 import xarray as xr
+from processes import drop_ctrl_c
 from stub_sweep import (
     BLOCK,
     assert_same_map,
@@ -200,10 +200,7 @@ def damage_by_emptying(file):
 def test_ctrl_c_that_a_callback_drops_is_heeded_after_the_block(tmp_path):
     def pressed(spec, index, *look):
         if index[0] == BLOCK:
-            dropped = weakref.WeakSet()  # any object
-            ended = weakref.ref(dropped, lambda _: signal.raise_signal(signal.SIGINT))
-            del dropped  # Python ignores what this callback raises
-            assert ended() is None
+            drop_ctrl_c()
         return evaluate(spec, index)
 
     path = tmp_path / "map.h5"
@@ -224,10 +221,7 @@ def test_ctrl_c_that_a_callback_drops_before_the_blocks_is_heeded_before_them(tm
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
     try:
         with heeded():  # as around the command
-            dropped = weakref.WeakSet()  # any object
-            ended = weakref.ref(dropped, lambda _: signal.raise_signal(signal.SIGINT))
-            del dropped  # Python ignores what this callback raises
-            assert ended() is None
+            drop_ctrl_c()
             with pytest.raises(driver.SweepInterrupted, match=r"0 of 385 cells are kept"):
                 driver.sweep(make_spec(), tmp_path / "map.h5", evaluate=evaluate, progress=False)
     finally:

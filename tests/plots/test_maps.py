@@ -6,6 +6,7 @@ import matplotlib
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from pictures import SIGHT, inside_the_page, lab, legends
@@ -532,6 +533,20 @@ def test_cells_that_have_not_settled_are_told_from_the_others(small_map):
     assert tuple(place) == (small_map["belt_speed"][4], small_map.sel(at)["velocity_rms"][4])
 
 
+def test_marks_that_overlap_do_not_hide_each_others_colours(small_map):
+    """Of 10,000 cells nothing was seen but the dark outlines."""
+    dense = small_map.isel(belt_speed=np.full(3000, 4), attack_angle=[0], normal_load=[0])
+    dense = dense.assign_coords(belt_speed=np.linspace(0.1, 1, 3000)).copy(deep=True)
+    dense["label"][:] = codes.LABELS["other"]
+    dense["label"][..., 1500:] = codes.LABELS["squeal"]
+    canvas = FigureCanvasAgg(plots.along_axis(dense)[0].figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    for name in ("other", "squeal"):
+        colour = np.round(255 * np.array(matplotlib.colors.to_rgb(palette.CLASSES[name])))
+        assert (pixels == colour).all(axis=-1).sum() > 1000
+
+
 def test_what_is_not_computed_yet_is_none_of_the_cells_that_may_settle(small_map):
     part = small_map.copy(deep=True)
     part["settled"] = xr.zeros_like(part["label"]).drop_attrs()
@@ -597,7 +612,10 @@ def test_numbers_along_an_axis_never_read_the_same():
 
 
 def _is_marks(collection):
-    return type(collection).__name__ == "PathCollection"
+    """Whether it is marks of cells, and not their outlines."""
+    if type(collection).__name__ != "PathCollection":
+        return False
+    return not matplotlib.colors.same_color(collection.get_facecolor()[0], "#333333")
 
 
 def test_a_line_without_a_tone_has_a_scale_that_can_be_read(small_map):

@@ -2,6 +2,7 @@
 line.
 """
 
+import signal
 import warnings
 
 import matplotlib
@@ -11,6 +12,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from pictures import SIGHT, inside_the_page, lab
 from PIL import Image
+from processes import drop_ctrl_c
 
 matplotlib.use("Agg")
 
@@ -574,6 +576,18 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(folder, source, output, opt
     with pytest.raises((StoreError, ValueError), match=line) as raised:
         plots.plot_file(folder / source, folder / output, **options)
     assert "\n" not in str(raised.value) and not (folder / output).exists()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_ctrl_c_that_a_callback_drops_is_heeded_before_a_picture_is_kept(folder, monkeypatch):
+    monkeypatch.setattr(Figure, "savefig", lambda self, path, **_: (path.touch(), drop_ctrl_c()))
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            plots.plot_file(folder / "map.h5", folder / "p.png", picture="classes")
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert not (folder / "p.png").exists()
 
 
 def test_mp4_needs_ffmpeg(folder, monkeypatch):

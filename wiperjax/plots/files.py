@@ -14,6 +14,7 @@ from PIL import Image
 
 from ..datasets.kinds import check_kind, holds
 from ..machine.files import StoreError, check_output, replacing
+from ..machine.interrupt import heeded
 from ..noise.classes import stored
 from ..store.levels import is_refined
 from ..store.partial import open_partial
@@ -32,8 +33,8 @@ SUBJECT = "Description"  # the key of a .png file that holds it
 @contextlib.contextmanager
 def _house_style() -> Iterator[None]:
     """Draws as matplotlib's own defaults have it, whatever style a person has set: what a file of
-    pictures looks like, and whether it can be made, must not hang on that."""
-    with matplotlib.rc_context():
+    pictures looks like, and whether it can be made, must not hang on that. Ctrl-C is heeded."""
+    with heeded(), matplotlib.rc_context():
         matplotlib.rcdefaults()
         yield
 
@@ -216,9 +217,10 @@ def _write(drawn: Drawn, output: Path, dpi: int | None, shows: str = "") -> None
     ending = output.suffix.lower()
     # writers of animations know a format by its ending only
     hidden = output.with_name(f".{output.stem}.{os.getpid()}{ending}")
-    with replacing(output, hidden) as temporary:
+    with heeded() as check, replacing(output, hidden) as temporary:
         if isinstance(drawn, FuncAnimation):
             animation.save(drawn, temporary, dpi=dpi or DPI_MOVING)
         else:
             said = {SUBJECT: shows} if ending == ".png" else None
             drawn.savefig(temporary, dpi=dpi or DPI, format=ending[1:], metadata=said)
+        check()  # matplotlib keeps weak references: a Ctrl-C in their callbacks is dropped

@@ -1,14 +1,11 @@
 """Maps along one axis: frequency, amplitude and regimes over belt speed, and regimes over time."""
 
-from typing import Any
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import withStroke
 
 from ...noise.class_counts import unsettled
 from ...noise.classes import class_bands, stored
@@ -91,23 +88,21 @@ def _line(ds: xr.Dataset, along: str | None, at: At | None) -> tuple[xr.Dataset,
 
 
 def _marks(ax: Axes, across: np.ndarray, values: np.ndarray, line: xr.Dataset) -> None:
-    """Points in the colours of their classes, with a thin outline: quiet is nearly white. Those of
-    cells that have not settled are hollow.
+    """Points in the colours of their classes, with a white heart where a cell has not settled. Thin
+    outlines (quiet is nearly white) lie below all of them: of many marks that overlap they would
+    hide the colours.
     """
+
+    def dots(chosen: np.ndarray | slice, size: float, colour: str) -> None:
+        ax.scatter(across[chosen], values[chosen], s=size, color=colour, linewidth=0, zorder=3)
+
     names, loose = class_names(line), unsettled(line).values
-    for name, hollow in dict.fromkeys(zip(names, loose, strict=True)):
-        chosen = (names == name) & (loose == hollow)
-        ax.scatter(across[chosen], values[chosen], s=22, zorder=3, **_mark(name, hollow))
-
-
-def _mark(name: str, hollow: bool) -> dict[str, Any]:
-    """How a point of a class is drawn."""
-    colour = CLASSES.get(name, UNKNOWN)
-    if not hollow:
-        return {"facecolor": colour, "edgecolor": "#333333", "linewidth": 0.5}
-    outline = [withStroke(linewidth=2.4, foreground="#333333")]
-    ring = {"facecolor": "white", "edgecolor": colour, "linewidth": 1.4}
-    return ring | {"path_effects": outline}
+    dots(slice(None), 27, "#333333")
+    for name in dict.fromkeys(names):
+        dots(names == name, 18, CLASSES.get(name, UNKNOWN))
+    if loose.any():
+        dots(loose, 9, "#333333")
+        dots(loose, 5, "white")
 
 
 def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarray) -> list:
