@@ -56,10 +56,6 @@ class Equations(ABC):
         Raises `Lost`.
         """
 
-    def exact(self, u: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-        """Return the derivatives at a solution, if those of `values` only serve to find it."""
-        return jacobian
-
     @abstractmethod
     def facts(self, u: np.ndarray, more: Any) -> Facts:
         """Return what is known at a solution."""
@@ -136,14 +132,12 @@ def solve(
     settings = {"enough": equations.enough, "tolerance": 1e-13, "most": MOST}
     try:
         found = pinned_root(equations.values, guess, pinned, target, **settings)
-        if not (np.max(np.abs(found.values)) < CLOSED and found.off < CLOSED):
-            return None
-        u = found.unknowns
-        jacobian = equations.exact(u, found.jacobian)
     except Lost:
         return None
-    facts = equations.facts(u, found.more)
-    return Spot(equations, u, jacobian, null(jacobian, pinned), facts)
+    if not (np.max(np.abs(found.values)) < CLOSED and found.off < CLOSED):
+        return None
+    u, jacobian = found.unknowns, found.jacobian
+    return Spot(equations, u, jacobian, null(jacobian, pinned), equations.facts(u, found.more))
 
 
 def null(jacobian: np.ndarray, onward: np.ndarray) -> np.ndarray:

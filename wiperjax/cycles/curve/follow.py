@@ -213,7 +213,7 @@ def _seed(
     around = plane, start, shooting, where, phase
     if special.kind == Fold.kind:
         none = np.empty(0)
-        return Fold(*around, none, none, none).bordered()
+        return Fold(*around, none, none).bordered()
     # as near to rest as it is, if that is about right: to come nearer may take many corrections
     return Touch(*around, speed=fastest(cycle), left=float(np.clip(left, 0.5 * AWAY, 2 * AWAY)))
 

@@ -1,6 +1,7 @@
 """What the curves of cycles have in common: the return map, and derivatives by two parameters."""
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
@@ -91,11 +92,15 @@ class OfCycles(Equations):
         a, b = one.facts.cycle, two.facts.cycle
         return same_word(a, b) or corner_kind(a, b) == "shoulder"
 
+    def beside(self, here: Spot) -> list[np.ndarray]:
+        """Return the ways, in the unknowns, on which other events may lie close to ``here``."""
+        return [here.tangent]
+
     def stuck(self, here: Spot) -> tuple[CurveEnd, str]:
         cycle = here.facts.cycle
-        for length in LOOKED:
+        for length, way in product(LOOKED, self.beside(here)):
             try:
-                motion = self.values(here.unknowns + length * here.tangent)[2][2]
+                motion = self.values(here.unknowns + length * way)[2][2]
             except Lost as lost:
                 return CurveEnd.EVENTS, str(lost)
             word, regimes = words(motion)
