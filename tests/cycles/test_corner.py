@@ -314,6 +314,41 @@ def test_branch_goes_on_beyond_a_grazing_impact():
     assert no_gaps(branch, 0.1)
 
 
+class Damped(StopOscillator):
+    """x'' + 0.1 x' + x = a cos(w t) with a wall at x = 1, told by x - 1."""
+
+    load: float = 1.0
+    side: float = -1.0
+    restitution: float = 0.8
+    frequency: float = 2.9
+
+    def free_acceleration(self, t, q, v):
+        return (super().free_acceleration(t, q, v)[0] - 0.1 * v[0],)
+
+
+@pytest.mark.slow
+def test_a_branch_of_impacts_turns_where_it_grazes_once_more():
+    """It was said to have no cycle beyond. Exact: equations of the flights between the impacts."""
+    graze = abs(1 - 2.9**2 + 0.29j)  # of the free vibration
+    cycle = find_cycle(
+        Damped(amplitude=0.8 * graze),
+        settle=220.0,
+        initial_state=((-1.0,), (0.0,)),
+        period=turn,
+        over="amplitude",
+    )
+    assert cycle.word == "impact impact"
+    branch = follow(cycle, 0.79 * graze, 1.3 * graze, step=0.2)
+    _, corner, fold, doubling = branch.special
+    kinds = ["period_doubling", "grazing_fold", "fold", "period_doubling"]
+    assert [s.kind for s in branch.special] == kinds and corner.detail == "+impact"
+    assert corner.parameter == pytest.approx(8.6209765760, abs=5e-7)
+    assert fold.parameter == pytest.approx(6.8601063131, abs=1e-8)
+    assert doubling.parameter == pytest.approx(7.2349318537, abs=5e-7)
+    assert {c.word for c in branch.cycles[corner.index + 1 :]} == {"impact impact impact"}
+    assert branch.ends == ("the end of the range",) * 2
+
+
 @pytest.mark.slow
 def test_a_system_that_loses_nothing_has_no_tori_and_no_stable_cycles():
     """Its multipliers lie on the unit circle but for rounding, whose sign made a dozen of points

@@ -20,6 +20,7 @@ from .step import LOCATED, BranchStep, ahead_of, centred, direction, near, place
 LOOKED = (1e-5, 1e-4, 1e-3, 1e-2)  # how far ahead the other side of a corner is looked for
 JOINED = 3e-3  # how near to its corner a branch begins; further away it is followed back
 CLOSER = 0.1  # of that, and of a step: where cycles of many hits lie close together
+BACK = 0.25  # of the way to a corner: at half of it the tangent of a root grazes no more
 SHORT = 1e-2  # of the longest step: where this one fails, the branch does not go on smoothly
 
 
@@ -99,9 +100,10 @@ def _beyond(
             continue
         tangent = np.linalg.svd(jacobian)[2][-1]
         aside = size * (edge.tangent - (edge.tangent @ tangent) * tangent)
-        for length in (size, 10 * size, 100 * size):  # a root needs a run-up: grazing impacts
+        # a root (grazing impacts) needs a run-up, which leads deep enough without `aside`
+        for length, off in ((size, aside), (10 * size, 0.0), (100 * size, 0.0)):
             for along in (tangent, -tangent):
-                step = near(shooting, edge, start + aside + length * along, along)
+                step = near(shooting, edge, start + off + length * along, along)
                 if step is None or same_word(edge.cycle, step.cycle):
                     continue
                 way = _joined(shooting, edge, step, longest, near_by)
@@ -126,7 +128,7 @@ def _joined(
     while far(way[-1]) > near_by:
         here = centred(shooting, way[-1])
         here = replace(here, tangent=-here.tangent, sense=-here.sense)
-        length = min(length, 0.5 * far(here))
+        length = min(length, BACK * far(here))
         ahead = ahead_of(shooting, here, length)
         if ahead is not None and smooth(shooting, here, ahead) and far(ahead) < far(here):
             way.append(replace(ahead, tangent=-ahead.tangent, sense=-ahead.sense))
