@@ -781,6 +781,22 @@ def test_plot_chooses_a_name(words, output, folder, stubs):
     assert stubs.calls[-1][2] == Path(output)
 
 
+def test_classes_of_the_map_of_one_start_are_counted(capsys):
+    """`ds.sel(start="up")`, with or without what it was: the classes ended in a traceback."""
+    label = {"flag_values": np.array([0, 1]), "flag_meanings": "quiet squeal"}
+    ds = xr.Dataset(
+        {"label": (("speed", "start"), [[0, 1], [1, 1]], label), "class_set": ("speed", [3, 2])},
+        coords={"start": ["up", "down"]},
+    )
+    for one in (ds.sel(start="up"), ds.sel(start="up", drop=True)):
+        tables.print_classes(one)
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[-1] == "the class depends on the start in 1 of 2 cells"
+        assert not any(line.startswith("start ") for line in lines)
+    tables.print_classes(ds)
+    assert "start down: squeal 100.0%" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
     whole.write_dataset(squeal, Path("r.h5"))

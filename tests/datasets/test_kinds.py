@@ -20,8 +20,16 @@ def test_a_dataset_is_of_the_first_kind_whose_variables_it_has():
     assert kind_of(xr.Dataset(curves)) == "curves"
     del curves["row_size"]
     assert kind_of(xr.Dataset(curves)) == "branch"
-    assert kind_of(a_run(label=0)) == "map" and kind_of(a_run()) == "run"
+    assert kind_of(a_run()) == "run"
     assert kind_of(xr.Dataset(attrs={"cells_done": 0})) == "begun"
+
+
+def test_a_run_with_its_class_beside_is_still_a_run():
+    """`run.merge(assess(run))` has a label: it could be heard and exported no more, and its preview
+    was that of a map of one cell."""
+    assert kind_of(a_run(label=0)) == "run"
+    assert kind_of(a_run().merge(xr.Dataset({"label": 0, "result": 0}))) == "run"
+    assert kind_of(a_run(label=0)[["label", "time"]]) == "map"
 
 
 def test_what_was_of_a_kind_is_of_none():

@@ -72,6 +72,8 @@ def test_the_first_trace_of_a_bounce_is_in_no_derivative():
     bounds = {"restitution": (0.0, 0.5), "normal_load": (10.0, 20.0)}
     steps = remedy.descend(cycle, bounds, measure="stick_fraction", most=1).steps
     assert steps.restitution[-1] == 0 and steps.normal_load[-1] < 15
+    only = remedy.descend(cycle, {"restitution": (0.0, 0.5)}, measure="stick_fraction", most=1)
+    assert only.end == "the bounds leave no way down; there is no derivative by restitution"
 
 
 @pytest.fixture(scope="module")

@@ -54,7 +54,8 @@ def print_classes(dataset: Any) -> None:
     several = hangs_on_start(dataset)
     if several is None:
         return
-    for start in dataset["start"].values if "class_share" not in dataset else ():
+    named = "class_share" not in dataset and "start" in dataset.sizes  # else one was taken
+    for start in dataset["start"].values if named else ():
         rows = class_table(dataset.sel(start=start))
         shares = ", ".join(f"{name} {share:.1%}" for name, count, share in rows if count)
         print(f"start {start}: {shares}")

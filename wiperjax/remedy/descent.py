@@ -72,11 +72,13 @@ def descend(
             end = f"{measure} is 0"
             break
         slope = sensitivities(cycle, bounds, measure)["buys"].values
+        untold = [name for name, one in zip(box.names, slope, strict=True) if np.isnan(one)]
         slope = np.where(np.isnan(slope), 0.0, slope)  # what has no derivative stays as it is
         free = ~(((share <= 0) & (slope > 0)) | ((share >= 1) & (slope < 0)))
         downhill = np.where(free, -slope, 0.0)
         if np.linalg.norm(downhill) < 1e-6:
-            end = "the bounds leave no way down"
+            no = f"; there is no derivative by {' and '.join(untold)}" if untold else ""
+            end = f"the bounds leave no way down{no}"
             break
         share = np.clip(share + step * downhill / np.linalg.norm(downhill), 0.0, 1.0)
         system = box.blade(system, share)

@@ -27,9 +27,9 @@ class Product(NamedTuple):
 
 PRODUCTS: Mapping[str, Product] = MappingProxyType(
     {
+        "run": Product("a run", "wiperjax.simulate", ("time", "velocity", "regime")),
         "map": Product("a map", "wiperjax.sweep", ("label",)),
         "begun": Product("a sweep without a computed cell", "wiperjax.sweep", ("cells_done",)),
-        "run": Product("a run", "wiperjax.simulate", ("time", "velocity", "regime")),
         "curves": Product("curves", "cycles.curves_dataset", ("row_size", "end_code")),
         "branch": Product("a branch", "cycles.branch_dataset", ("special_kind",)),
         "modes": Product("modes of one system", "wiperjax.modes", ("shape_amplitude",)),
