@@ -131,7 +131,7 @@ def sound(
     if reference is not None:
         full = checks.number("reference", reference, POSITIVE)
     if seconds is not None:
-        checks.number("seconds", seconds, Range(0, LONGEST, low_open=True, unit="s"))
+        checks.number("seconds", seconds, Range(2 / RATE, LONGEST, unit="s"))
     for name, value in (("start", start), ("stop", stop)):
         if value is not None:
             checks.number(name, value, FINITE)

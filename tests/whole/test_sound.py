@@ -110,7 +110,7 @@ def test_what_is_neither_quiet_nor_periodic_is_not_repeated():
             "quantity must be one of velocity, normal_force, but was 'position'",
         ),
         ({"reference": 0.0}, "reference must be a finite number > 0, but was 0"),
-        ({"seconds": -1.0}, r"seconds must lie inside \(0, 3600\] s, but was -1"),
+        ({"seconds": 1e-5}, r"seconds must lie inside \[4.1667e-05, 3600\] s, but was 1e-05"),
         ({"seconds": 1.0, "start": 0.19, "stop": 0.196}, "holds no whole period"),
         ({"start": 0.3}, "at least 8 samples must lie between"),
     ],
