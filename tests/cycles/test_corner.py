@@ -1,8 +1,9 @@
 """Branches at corners and doublings: taken up on the other side, never walked back."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,7 +20,7 @@ from systems import (
     turn,
 )
 
-from wiperjax import SteadyBelt
+from wiperjax import AbstractSystem, Coulomb, SteadyBelt
 from wiperjax.cycles.branch import corner, walk
 from wiperjax.cycles.branch.bifurcations import corner_kind, told_once
 from wiperjax.cycles.branch.follow import follow
@@ -27,6 +28,7 @@ from wiperjax.cycles.cycle import Cycle, same_word
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.return_map import Found
 from wiperjax.systems.oscillator import Oscillator
+from wiperjax.vocabulary.codes import Regime
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +126,68 @@ def test_corners_are_named_by_what_the_contact_does(one, other, kind):
     slips = SLIPS if "capture" in one else "slip_neg"
     for pair in ((of_words(one, slips), of_words(other)), (of_words(other), of_words(one, slips))):
         assert corner_kind(*pair) == kind
+
+
+@pytest.mark.parametrize(
+    ("lasts", "kind"),
+    [
+        ((0.4, 0.3, 0.2999, 0.0001), "grazing_sliding"),  # stick of a moment, in slip
+        ((0.0001, 0.3, 0.2999, 0.4), "adding_sliding"),  # slip of a moment, in stick
+    ],
+)
+def test_what_begins_at_a_corner_is_the_shortest_phase(lasts, kind):
+    """Beside another stick both have the same order of regimes, and were `crossing_sliding`."""
+    slip, stick = Regime.SLIP_NEG, Regime.STICK
+    events = SimpleNamespace(
+        count=3, time=np.cumsum(lasts)[:3], after=np.array([stick, slip, stick])
+    )
+    motion = SimpleNamespace(regimes=np.array([slip]), events=events, times=np.array([0.0, 1.0]))
+    long = of_words("capture release capture release", "slip_neg stick slip_neg stick")
+    pair = replace(long, motion=motion), of_words("capture release")
+    assert corner_kind(*pair) == corner_kind(*pair[::-1]) == kind
+
+
+class DenHartog(AbstractSystem):
+    """A block on a spring, on the ground, driven by a force."""
+
+    unilateral: ClassVar[bool] = False
+    frequency: float = 0.3
+
+    @property
+    def law(self):
+        return Coulomb(1.0)
+
+    def free_acceleration(self, t, q, v):
+        return (2 * jnp.cos(self.frequency * t) - q[0],)
+
+    def directions(self, t, q):
+        return (1.0,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return 1.0
+
+    def slip_speed(self, t, q, v):
+        return v[0]
+
+
+@pytest.mark.slow
+def test_a_block_stops_at_its_turns_up_to_den_hartogs_frequency():
+    """Below, at 0.18047292 (a solution in closed form between stops), it goes on once more on its
+    way: that was called a stick which begins at a turn."""
+    cycle = find_cycle(
+        DenHartog(),
+        settle=400.0,
+        initial_state=((0.0,), (0.0,)),
+        period=lambda system: 2 * np.pi / system.frequency,
+        over="frequency",
+    )
+    branch = follow(cycle, 0.15, 0.65, step=0.1)
+    assert [s.kind for s in branch.special] == ["adding_sliding", "crossing_sliding"]
+    more, none = branch.special
+    assert more.parameter == pytest.approx(0.18047292, abs=1e-7)
+    w = none.parameter
+    slope = np.sin(np.pi / w) / (w * (1 + np.cos(np.pi / w)))
+    assert w**2 * np.sqrt(4 / (1 - w**2) ** 2 - slope**2) == pytest.approx(1, abs=1e-6)
 
 
 @pytest.mark.parametrize(

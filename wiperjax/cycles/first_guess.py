@@ -17,6 +17,8 @@ from .shooting import SAMPLES, UNKNOWN, Arc
 
 STILL = 1e-6  # of the typical size: a coordinate that swings less rests
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
+NEARER = 1e-3  # of that: how near it is after more returns, if it is a cycle of these only
+ROUNDED = 1e-6  # of the size: what comes back so near does so but for rounding
 MOST_RETURNS = 8  # to the section, or periods of the clock, in one period of the motion
 
 
@@ -51,11 +53,11 @@ def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | M
     if not np.any(moves):
         yield Missing(Found.AT_REST)
     elif shooting.section is not None:
-        yield _guess(shooting, motion, shooting.section)
+        yield from _guesses(shooting, motion, shooting.section)
     else:
         coordinate = int(np.argmax(moves))
-        yield _guess(shooting, motion, Turning(coordinate))
-        yield _guess(shooting, motion, _middle(motion, coordinate))
+        yield from _guesses(shooting, motion, Turning(coordinate))
+        yield from _guesses(shooting, motion, _middle(motion, coordinate))
 
 
 def _middle(motion: Arc, coordinate: int) -> Passing:
@@ -67,15 +69,16 @@ def _middle(motion: Arc, coordinate: int) -> Passing:
     return Passing(coordinate, level, 1.0 if up > down else -1.0)
 
 
-def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Missing:
-    """Return the guess on ``section`` of a settled motion that goes on from ``motion``, or why
+def _guesses(shooting: Shooting, motion: Arc, section: Callable) -> Iterator[Guess | Missing]:
+    """Yield the guesses on ``section`` of a settled motion that goes on from ``motion``, or why
     there is none."""
     typical, window = shooting.scale, float(motion.times[-1])
     longest = 16 * window
     for _ in range(8):
         motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), window, 1e-8)
         if not np.any(moving(motion.samples, typical)):
-            return Missing(Found.AT_REST)
+            yield Missing(Found.AT_REST)
+            return
         values = on_section(section, motion)
         count = len(falls(values))
         if count < 6 and window < longest:
@@ -92,25 +95,34 @@ def _guess(shooting: Shooting, motion: Arc, section: Callable) -> Guess | Missin
     found = passages(shooting, motion, section, values)
     times, states = (np.array([getattr(p, name) for p in found]) for name in ("time", "state"))
     scale = _sizes(motion, typical)
-    k = _returns(states, scale)
-    if isinstance(k, Missing):
-        return k
-    best = max(found[-k:], key=lambda p: (p.smooth, p.state[0]))  # the highest away from events
-    shooting = replace(shooting, scale=scale, section=section, repeats=k)
-    return Guess(shooting, best.state, best.regime, float(np.mean(times[k:] - times[:-k])))
+    for k in _returns(states, scale):
+        if isinstance(k, Missing):
+            yield k
+            return
+        best = max(found[-k:], key=lambda p: (p.smooth, p.state[0]))  # the highest away from events
+        own = replace(shooting, scale=scale, section=section, repeats=k)
+        yield Guess(own, best.state, best.regime, float(np.mean(times[k:] - times[:-k])))
 
 
-def _returns(states: np.ndarray, scale: np.ndarray) -> int | Missing:
+def _returns(states: np.ndarray, scale: np.ndarray) -> list[int] | list[Missing]:
     """Return after how many of the ``states`` (count, 2n) of a motion it comes back, or why it does
-    not: of its sizes ``scale`` (2n,)."""
-    nearest = math.inf
+    not: of its sizes ``scale`` (2n,). Beside the first there may be more, after which it is far
+    nearer: behind a grazing the periods of a cycle of several are nearly alike.
+    """
+    nearest, found = math.inf, []
     for k in range(1, min(MOST_RETURNS, len(states) - 1) + 1):
         missed = float(np.max(np.abs(states[k:] - states[:-k]) / scale))
-        if missed < ALIKE:
-            return k
+        if missed < (NEARER * nearest if found else ALIKE):
+            found.append(k)
+        elif found:
+            continue
         nearest = min(nearest, missed)
+        if nearest < ROUNDED:
+            break
+    if found:
+        return found
     why = f"no return comes nearer to where it began than {nearest:.0%} of the size of the motion"
-    return Missing(Found.NOT_PERIODIC, why if nearest < math.inf else "it does not return")
+    return [Missing(Found.NOT_PERIODIC, why if nearest < math.inf else "it does not return")]
 
 
 def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
@@ -120,7 +132,7 @@ def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
 
 
 def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | Missing]:
-    """Yield the one guess of the cycle of a driven system that a simulation comes to."""
+    """Yield guesses of the cycle of a driven system that a simulation comes to, the best first."""
     parameter = 0.0 if shooting.over is None else numbers.value(shooting.system, shooting.over)
     one, _ = shooting.driven_period(parameter)
     motion = looked_at(shooting, state, UNKNOWN, max(1.0, math.ceil(settle / one)) * one, 1e-8)
@@ -138,20 +150,23 @@ def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess |
         return
     whole = motions[0]._replace(samples=samples)
     scale, states = _sizes(whole, shooting.scale), np.array(ends)
-    k = _returns(states, scale)
-    if isinstance(k, Missing):
-        yield k
-        return
+    for k in _returns(states, scale):
+        yield k if isinstance(k, Missing) else _driven_guess(shooting, scale, motions[:k], one)
+
+
+def _driven_guess(shooting: Shooting, scale, motions: list[Arc], one: float) -> Guess:
+    """Return the guess of a cycle of as many periods ``one`` of the clock as there are motions."""
+    k = len(motions)
     shooting = replace(shooting, scale=scale, repeats=k)
-    times = np.concatenate([m.times[:-1] + i * one for i, m in enumerate(motions[:k])])
-    regimes = np.concatenate([m.regimes[:-1] for m in motions[:k]])
+    times = np.concatenate([m.times[:-1] + i * one for i, m in enumerate(motions)])
+    regimes = np.concatenate([m.regimes[:-1] for m in motions])
     smooth, margin = (
-        np.concatenate([f(m) for m in motions[:k]]) for f in (smooth_intervals, event_margin)
+        np.concatenate([f(m) for m in motions]) for f in (smooth_intervals, event_margin)
     )
     index = far_from_events(regimes, smooth, margin)
     i, j = divmod(index, len(motions[0].times) - 1)
     phase = float(times[index] / (k * one))
-    yield Guess(shooting, motions[i].samples[j], int(regimes[index]), k * one, phase)
+    return Guess(shooting, motions[i].samples[j], int(regimes[index]), k * one, phase)
 
 
 def _sizes(motion: Arc, typical: np.ndarray) -> np.ndarray:

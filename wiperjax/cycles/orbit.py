@@ -27,6 +27,26 @@ def words(motion: Arc) -> tuple[str, str]:
     return " ".join(kept), " ".join(changed)
 
 
+def phases(motion: Arc) -> tuple[list[str], np.ndarray]:
+    """Return the regimes of a periodic motion, all round, and how long each lasts [s]."""
+    count = int(motion.events.count)
+    codes = [int(motion.regimes[0]), *(int(r) for r in motion.events.after[:count])]
+    ends = np.append(motion.events.time[:count], motion.times[-1])
+    names: list[str] = []
+    lasts: list[float] = []
+    for code, length in zip(codes, np.diff(ends, prepend=motion.times[0]), strict=True):
+        name = Regime(code).name.lower()
+        if names and names[-1] == name:
+            lasts[-1] += length
+        else:
+            names.append(name)
+            lasts.append(length)
+    if len(names) > 1 and names[0] == names[-1]:
+        names.pop()
+        lasts[0] += lasts.pop()
+    return names, np.array(lasts)
+
+
 def smooth_intervals(motion: Arc, kinks: bool = False) -> np.ndarray:
     """Whether each interval between samples is free of events, (samples - 1,); with ``kinks``, of
     those but the system's own corners, where speeds have no corner."""

@@ -7,16 +7,18 @@ Where they change it has a corner, named by what comes or goes.
 from collections import Counter
 from collections.abc import Callable
 from difflib import SequenceMatcher
-from itertools import product
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 
 from ..cycle import Cycle, ring, rotations
+from ..orbit import phases
 from .step import BranchStep
 
 ALIKE = 1e-2  # of the range of a state: how near the two halves of a cycle are at its doubling
 TWICE = 1e-6  # of it: how near they are where a cycle is passed twice all along
+BRIEF = 8  # shortest phases of a cycle: those that may have begun at a corner
 CROSSING = 2e-3  # of a step's unit: how far off the crossing of two branches may be located
 
 Located = list[tuple[float, str, str, BranchStep]]  # distance, kind, detail, step of special points
@@ -147,16 +149,44 @@ def corner_kind(one: Cycle, two: Cycle) -> str:
     names = {name for a, b, c, d in codes for name in before[a:b] + turned[c:d]}
     if names & {"lift_off", "impact", "zeno", "touch", "blow"}:
         return "grazing"
+    brief = _begun(short, long)
+    if brief is not None:
+        return _sliding([brief[1]], brief[0], brief[2])
     for _, _, c, d in moved:
-        if c == d:
-            continue
-        inner, left, right = regimes[c:d], regimes[c - 1], regimes[d % len(regimes)]
-        if "stick" in inner:
-            return "grazing_sliding" if left == right else "crossing_sliding"
-        return (
-            "switching_sliding" if "stick" in (left, right) and left != right else "adding_sliding"
-        )
+        if c < d:
+            return _sliding(regimes[c:d], regimes[c - 1], regimes[d % len(regimes)])
     return "grazing_sliding" if "capture" in names else "crossing_sliding"
+
+
+def _sliding(inner: list[str], left: str, right: str) -> str:
+    """Return the name of the corner at which ``inner`` begins between two regimes."""
+    if "stick" in inner:
+        return "grazing_sliding" if left == right else "crossing_sliding"
+    return "switching_sliding" if "stick" in (left, right) and left != right else "adding_sliding"
+
+
+def _begun(short: Cycle, long: Cycle) -> tuple[str, str, str] | None:
+    """Return the phase of ``long`` that is not in ``short``, between its neighbours: the shortest
+    without which, or without two of which, the regimes are the same.
+
+    The order of regimes alone does not tell stick that begins in slip from slip that begins in
+    stick, where both are there already.
+    """
+    if long.motion is None or not long.regimes:
+        return None
+    names, lasts = phases(long.motion)
+    left = rotations(ring(short.regimes))
+    order = [int(k) for k in np.argsort(lasts)[:BRIEF]]
+    gone = sorted(
+        (g for n in (1, 2) for g in combinations(order, n)), key=lambda g: sum(lasts[[*g]])
+    )
+    for places in gone:
+        kept = [name for k, name in enumerate(names) if k not in places]
+        kept = [name for k, name in enumerate(kept) if k == 0 or name != kept[k - 1]]
+        if ring(" ".join(kept)) in left:
+            k = places[0]
+            return names[k - 1], names[k], names[(k + 1) % len(names)]
+    return None
 
 
 def _of_contact(cycle: Cycle) -> list[str]:
