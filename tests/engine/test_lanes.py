@@ -235,6 +235,7 @@ def test_stages_in_a_loop_make_the_same_motion(monkeypatch):
         np.testing.assert_allclose(looped[name], unrolled[name], rtol=1e-5, atol=1e-7, err_msg=name)
 
 
+@pytest.mark.slow
 def test_a_cell_that_spends_its_budget_fails_alone():
     columns = batch.evaluate(sweep_spec(max_steps=150), np.arange(7))
     spent = columns["result"] == Result.STEP_BUDGET_SPENT
