@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..vocabulary.pictures import DPI, DPI_MOVING
+from ..vocabulary.pictures import DOTS, DPI, DPI_MOVING
 
 MAP_SUFFIXES = (".h5", ".hdf5", ".nc")
 SOUND_SUFFIXES = (".wav",)
@@ -79,7 +79,10 @@ Curves = Annotated[
 ]
 Dpi = Annotated[
     int | None,
-    typer.Option(help="Dots per inch.", show_default=f"{DPI}; of an animation {DPI_MOVING}"),
+    typer.Option(
+        help=f"Dots per inch, {DOTS[0]} to {DOTS[1]}.",
+        show_default=f"{DPI}; of an animation {DPI_MOVING}",
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..vocabulary.pictures import MOVING, STILLS
+from ..vocabulary.pictures import MOVING, PLAYED, STILLS
 from .modes import print_modes, print_modes_over
 from .options import (
     SOUND_SUFFIXES,
@@ -102,7 +102,10 @@ def plot(
     ] = None,
     component: Component = None,
     seconds: Annotated[
-        float | None, typer.Option(metavar="S", help="Animation: how long it plays (s).")
+        float | None,
+        typer.Option(
+            metavar="S", help=f"Animation: how long it plays ({PLAYED[0]} to {PLAYED[1]} s)."
+        ),
     ] = None,
     x: Annotated[
         str | None, typer.Option("--x", metavar="AXIS", help="Map: the axis across.")

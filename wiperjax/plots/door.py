@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from ..datasets.map_starts import from_start
 from ..datasets.run_dataset import unfit
 from ..vocabulary import checks
+from ..vocabulary.pictures import DOTS, PLAYED
 from ..vocabulary.products import PRODUCTS
 from ..vocabulary.ranges import FINITE, POSITIVE, Range
 
@@ -25,12 +26,12 @@ R = TypeVar("R")
 _NUMBERS = {
     "start": FINITE,
     "stop": FINITE,
-    "seconds": Range(0.1, 120, unit="s"),  # of an animation
+    "seconds": Range(*PLAYED, unit="s"),
     "window": POSITIVE,
     "highest": POSITIVE,
     "component": Range(0, whole=True),
     "panels": Range(1, 36, whole=True),
-    "dpi": Range(20, 1200, whole=True),
+    "dpi": Range(*DOTS, whole=True),
 }
 _TEXTS = ("x", "y", "along", "quantity", "name", "regime", "title", "picture")
 _FLAGS = ("legend", "marks", "normalised", "force")
