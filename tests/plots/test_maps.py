@@ -262,6 +262,23 @@ def test_logarithmic_marks_do_not_touch_on_a_narrow_axis(low, high):
     assert all(a.x1 + 4 < b.x0 for a, b in zip(boxes, boxes[1:], strict=False))
 
 
+@pytest.mark.parametrize("low", [0.0021, 3.02, 84.4])
+@pytest.mark.parametrize("decades", [1.35, 3.3, 5.5, 8.0])
+@pytest.mark.parametrize("inches", [1.6, 2.2, 3.0])
+def test_logarithmic_marks_of_many_decades_lie_all_over_a_narrow_axis(low, decades, inches):
+    """Even ones stood at the upper end: 50k, 100k, 150k, 200k alone from 0.002 to 200k."""
+    figure = Figure(figsize=(inches, 1.6), layout="constrained")
+    ax = figure.subplots()
+    plot_axes.plain_log(ax, "x")
+    ax.set_xlim(low, low * 10**decades)
+    figure.draw_without_rendering()
+    marks = [mark for mark in ax.get_xticks() if low <= mark <= low * 10**decades]
+    assert len(marks) >= 2
+    steps = np.diff(np.log10(marks))
+    assert steps.max() < 2.2 * steps.min()
+    assert np.log10(marks[-1] / marks[0]) > 0.3 * decades
+
+
 def exact_boundary(angle, load):
     """Speed (m/s) below which steady slip at that angle (deg) and load (N/m) grows."""
     return brentq(lambda v: steady_slip(np.radians([angle]), load, np.array([v]))[1][0], 0.05, 2)
