@@ -711,6 +711,14 @@ def test_the_picture_that_suits_a_map_is_that_of_its_axes(small_map, tmp_path):
     assert files.subject_of(tmp_path / "line.png").startswith("line of ")
 
 
+def test_cells_along_an_axis_of_texts_are_not_called_one_cell(small_map, tmp_path):
+    one = small_map.isel(attack_angle=[5], normal_load=[1], belt_speed=[3])
+    laws = xr.DataArray(["mild", "steep"], dims="law", name="law")
+    whole.write_dataset(xr.concat([one, one], dim=laws), tmp_path / "two.h5")
+    with pytest.raises(ValueError, match="two.h5: has no axis of more than one number; a map ne"):
+        files.usual_of_file(tmp_path / "two.h5")
+
+
 def test_a_file_of_a_picture_does_not_hang_on_a_persons_style(small_map, tmp_path):
     """LaTeX that is not installed ended a sweep behind its map; a tight box cut its picture."""
     path = tmp_path / "map.h5"
