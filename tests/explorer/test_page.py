@@ -201,6 +201,19 @@ def test_a_plane_that_cannot_be_shown_is_not_taken_for_the_one_before(window, mo
     assert len(page.map.plane.data["image"]) == 1 and "cannot" not in page.map.legend.text
 
 
+def test_averaged_codes_are_refused_and_not_taken_for_the_variable_before(window):
+    """The plane before stayed, under the name of what had been chosen."""
+    ds = window[0].explored.ds
+    page, _ = page_of(ds.assign(band=(ds["label"] + 0.5).assign_attrs(ds["label"].attrs)))
+    page.variable.value = "band"
+    page._look()
+    assert "band must be whole codes" in page.map.legend.text
+    assert not len(page.map.plane.data["image"])
+    page.variable.value = "label"
+    page._look()
+    assert len(page.map.plane.data["image"]) == 1
+
+
 def test_the_marks_of_a_spectrum_do_not_lie_over_each_other():
     """Those of a lip that collapsed at once did: its spectrum is of less than a decade."""
     axis = MotionPanel("Cell").pictures["spectrum"].xaxis

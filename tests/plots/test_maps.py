@@ -262,6 +262,23 @@ def test_logarithmic_marks_do_not_touch_on_a_narrow_axis(low, high):
     assert all(a.x1 + 4 < b.x0 for a, b in zip(boxes, boxes[1:], strict=False))
 
 
+@pytest.mark.parametrize("low", [0.0021, 3.02, 84.4])
+@pytest.mark.parametrize("decades", [1.35, 3.3, 5.5, 8.0])
+@pytest.mark.parametrize("inches", [1.6, 2.2, 3.0])
+def test_logarithmic_marks_of_many_decades_lie_all_over_a_narrow_axis(low, decades, inches):
+    """Even ones stood at the upper end: 50k, 100k, 150k, 200k alone from 0.002 to 200k."""
+    figure = Figure(figsize=(inches, 1.6), layout="constrained")
+    ax = figure.subplots()
+    plot_axes.plain_log(ax, "x")
+    ax.set_xlim(low, low * 10**decades)
+    figure.draw_without_rendering()
+    marks = [mark for mark in ax.get_xticks() if low <= mark <= low * 10**decades]
+    assert len(marks) >= 2
+    steps = np.diff(np.log10(marks))
+    assert steps.max() < 2.2 * steps.min()
+    assert np.log10(marks[-1] / marks[0]) > 0.3 * decades
+
+
 def exact_boundary(angle, load):
     """Speed (m/s) below which steady slip at that angle (deg) and load (N/m) grows."""
     return brentq(lambda v: steady_slip(np.radians([angle]), load, np.array([v]))[1][0], 0.05, 2)
@@ -692,6 +709,14 @@ def test_the_picture_that_suits_a_map_is_that_of_its_axes(small_map, tmp_path):
         assert usual_of_map(ds["label"].shape) == name  # of its sweep
     plots.plot_file(path, tmp_path / "line.png", dpi=30)
     assert files.subject_of(tmp_path / "line.png").startswith("line of ")
+
+
+def test_cells_along_an_axis_of_texts_are_not_called_one_cell(small_map, tmp_path):
+    one = small_map.isel(attack_angle=[5], normal_load=[1], belt_speed=[3])
+    laws = xr.DataArray(["mild", "steep"], dims="law", name="law")
+    whole.write_dataset(xr.concat([one, one], dim=laws), tmp_path / "two.h5")
+    with pytest.raises(ValueError, match="two.h5: has no axis of more than one number; a map ne"):
+        files.usual_of_file(tmp_path / "two.h5")
 
 
 def test_a_file_of_a_picture_does_not_hang_on_a_persons_style(small_map, tmp_path):

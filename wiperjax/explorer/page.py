@@ -184,10 +184,9 @@ class Page:
             return
         try:
             plane = self.explored.plane(self.x, self.y, self.at, self.begin(), {variable})
-        except (ValueError, StoreError) as error:
-            self.map.refuse(self.explored, self.x, self.y, str(error))
-        else:
             self.map.show(self.explored, plane, self.x, self.y, variable)
+        except (ValueError, StoreError) as error:  # too large, damaged, or of averaged codes
+            self.map.refuse(self.explored, self.x, self.y, str(error))
         self._frame()
 
     def _frame(self) -> None:

@@ -191,13 +191,15 @@ FLAGS = {  # option -> how the command line calls it, where not by its own name
 def usual(ds: xr.Dataset, kind: str, path: str | Path) -> str:
     """Name of the page that suits a dataset: the first of its kind, of a map along one axis `line`.
 
-    Raises: `ValueError` for a map of one cell.
+    Raises: `ValueError` for a map of one cell, or whose axes are all of one number, or of texts.
     """
     if kind != "map":
         return next(iter(PICTURES[kind]))
     name = usual_of_map([ds.sizes[dim] for dim in planes.long_axes(ds) if dim != "start"])
     if not name:
-        raise ValueError(f"{path}: has one cell; a map needs an axis of two values to be drawn")
+        alone = ds["label"].size == ds.sizes.get("start", 1)
+        has = "one cell" if alone else "no axis of more than one number"
+        raise ValueError(f"{path}: has {has}; a map needs an axis of two values to be drawn")
     return name
 
 

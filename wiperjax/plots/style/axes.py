@@ -148,7 +148,8 @@ def log_marks(axis) -> None:
 
 class LogMarks(LogLocator):
     """Marks of a logarithmic axis; 1, 3, 10 where 1 and 2 would touch on the axis across, and even
-    ones where fewer than three of these lie on it: every second one where these would touch.
+    ones where fewer than three of these lie on less than a decade: every second one where these
+    would touch.
     """
 
     def tick_values(self, vmin, vmax):
@@ -162,7 +163,12 @@ class LogMarks(LogLocator):
             return marks[(marks >= low) & (marks <= high)]
 
         marks = np.asarray(super().tick_values(vmin, vmax))
-        if within(marks).size < 3:
+        if within(marks).size < 3 and span >= 1:  # of so many decades even ones lie at one end
+            powers = within(10.0 ** np.arange(np.ceil(np.log10(low)), np.log10(high) + 1))
+            apart = int(np.ceil(span / max(1, space)))
+            powers = powers[:: max(1, min(apart, powers.size - 1))]
+            marks = max(marks, powers, key=lambda some: within(some).size)
+        elif within(marks).size < 3:
             marks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
         if span < 1:  # longer axes have their marks by decades
             marks = within(marks)
