@@ -3,6 +3,7 @@
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import equinox as eqx
@@ -125,6 +126,19 @@ def test_functions_of_ones_own_are_not_kept(place):
     assert list(place.iterdir()) == []
     assert Kept(applied)(slip_sign, jnp.asarray(1)) == slip_sign(1)
     assert len(list(place.iterdir())) == 1
+
+
+class Doubling:
+    def __call__(self, x):
+        return 2 * x
+
+
+@pytest.mark.parametrize("nameless", [partial(jnp.multiply, 2), Doubling()])
+def test_what_is_called_and_has_no_name_is_not_kept(place, nameless):
+    """Its name was asked for: a system with such a force ended in an AttributeError."""
+    program = Kept(lambda x, f: f(x))
+    assert float(program(jnp.asarray(3.0), nameless)) == 6.0
+    assert not list(place.iterdir())
 
 
 def test_code_in_a_static_field_is_not_kept(place):

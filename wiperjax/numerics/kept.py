@@ -196,8 +196,9 @@ def _traced_with() -> tuple[str, ...]:
 
 def _told(plain: Any) -> str:
     """What tells one thing that is no array from others of its type."""
-    if callable(plain) and not isinstance(plain, type):  # its repr has an address, and no module
-        return f"{plain.__module__}.{plain.__qualname__}"
+    name = getattr(plain, "__qualname__", None)  # a partial function, say, has none
+    if name and callable(plain) and not isinstance(plain, type):  # its repr has an address
+        return f"{getattr(plain, '__module__', None)}.{name}"
     return repr(plain)
 
 
