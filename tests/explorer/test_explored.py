@@ -551,7 +551,7 @@ def broken(ds, how):
 @pytest.mark.parametrize(
     ("how", "says"),
     [
-        ("no classes", "no variable 'label'"),
+        ("no classes", "holds something else; only a map can be explored"),
         ("no names", "names do not fit (label)"),
         ("axis of nan", "no finite numbers (belt_speed)"),
         ("axis without values", "without values (belt_speed)"),
