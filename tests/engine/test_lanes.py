@@ -350,7 +350,8 @@ def test_float32_sees_the_same_events():
     np.testing.assert_allclose(single["stick_fraction"], double["stick_fraction"], atol=5e-3)
 
 
-@pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_a_tip_that_is_carried_has_the_share_one_exactly(precision):
     """The times in a regime are sums of steps, which miss the window by 1e-15 of it or, in float32,
     by 5e-7: the tip was called quiet or other as rounding would have it."""
