@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,13 +14,14 @@ from problems import periodic_impacts
 from systems import (
     STRIBECK_FOLD,
     STRIBECK_HOPF,
+    Block,
     Ring,
     StopOscillator,
     StribeckOscillator,
     turn,
 )
 
-from wiperjax import AbstractSystem, Coulomb, SteadyBelt
+from wiperjax import SteadyBelt
 from wiperjax.cycles.branch import corner, walk
 from wiperjax.cycles.branch.bifurcations import corner_kind, told_once
 from wiperjax.cycles.branch.follow import follow
@@ -147,35 +148,12 @@ def test_what_begins_at_a_corner_is_the_shortest_phase(lasts, kind):
     assert corner_kind(*pair) == corner_kind(*pair[::-1]) == kind
 
 
-class DenHartog(AbstractSystem):
-    """A block on a spring, on the ground, driven by a force."""
-
-    unilateral: ClassVar[bool] = False
-    frequency: float = 0.3
-
-    @property
-    def law(self):
-        return Coulomb(1.0)
-
-    def free_acceleration(self, t, q, v):
-        return (2 * jnp.cos(self.frequency * t) - q[0],)
-
-    def directions(self, t, q):
-        return (1.0,), (0.0,)
-
-    def normal_force(self, t, q, v):
-        return 1.0
-
-    def slip_speed(self, t, q, v):
-        return v[0]
-
-
 @pytest.mark.slow
 def test_a_block_stops_at_its_turns_up_to_den_hartogs_frequency():
     """Below, at 0.18047292 (a solution in closed form between stops), it goes on once more on its
     way: that was called a stick which begins at a turn."""
     cycle = find_cycle(
-        DenHartog(),
+        Block(1.0, 1.0, amplitude=2.0, frequency=0.3),
         settle=400.0,
         initial_state=((0.0,), (0.0,)),
         period=lambda system: 2 * np.pi / system.frequency,
