@@ -30,6 +30,7 @@ from wiperjax.cycles.curve.walk import Walk
 from wiperjax.cycles.cycle import Cycle
 from wiperjax.cycles.orbit import words
 from wiperjax.cycles.return_map import Found, Shooting
+from wiperjax.cycles.shooting import Lost
 from wiperjax.datasets.branch_dataset import curves as curves_in
 from wiperjax.datasets.branch_dataset import with_curves
 from wiperjax.systems.oscillator import Oscillator
@@ -358,7 +359,20 @@ class EndingStick(Fold):
         return tangent
 
 
-def test_a_curve_of_folds_goes_on_until_their_stick_ends_and_says_so():
+class Torn(EndingStick):
+    """The same, which is lost along one of the ways that are looked along at its end."""
+
+    def returned(self, u):
+        if u[0] > 1:
+            raise Lost("a motion did not reach its end")
+        return super().returned(u)
+
+    def beside(self, here):
+        return [np.array([1e6, 0.0, 0.0]), *super().beside(here)]
+
+
+@pytest.mark.parametrize("folds", [EndingStick, Torn])
+def test_a_curve_of_folds_goes_on_until_their_stick_ends_and_says_so(folds):
     """A difference over 1e-3 of the amplitude reached across the end of stick: the curve was lost
     where it took 0.6 % of a period yet, elsewhere with each step, and its end did not say why."""
     driven: Any = SimpleNamespace(clock=abs)
@@ -366,7 +380,7 @@ def test_a_curve_of_folds_goes_on_until_their_stick_ends_and_says_so():
     b = 0.5
     start = np.array([4 / 9 * b**2 - b**2, 4 / 27 * b**3 / 2, b / 2])
     none = np.empty(0)
-    equations = EndingStick(plane, start, driven, NOTHING, 0.0, none, none).bordered()
+    equations = folds(plane, start, driven, NOTHING, 0.0, none, none).bordered()
     first = solve(equations, start, np.array([0.0, 0.0, -1.0]))
     assert first is not None
     walk = Walk(0.1, 200)

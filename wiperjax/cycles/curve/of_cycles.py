@@ -97,13 +97,14 @@ class OfCycles(Equations):
         return [here.tangent]
 
     def stuck(self, here: Spot) -> tuple[CurveEnd, str]:
-        cycle = here.facts.cycle
+        cycle, why = here.facts.cycle, ""
         for length, way in product(LOOKED, self.beside(here)):
             try:
                 motion = self.values(here.unknowns + length * way)[2][2]
             except Lost as lost:
-                return CurveEnd.EVENTS, str(lost)
+                why = why or str(lost)  # another way may tell more
+                continue
             word, regimes = words(motion)
             if not same_word(cycle, replace(cycle, word=word, regimes=regimes)):
                 return CurveEnd.EVENTS, f"the events change: {change(cycle, word)}"
-        return super().stuck(here)
+        return (CurveEnd.EVENTS, why) if why else super().stuck(here)
