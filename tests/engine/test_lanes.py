@@ -194,11 +194,11 @@ def sweep_spec(angles=(-30, 30), speed=0.3, **run):
 @pytest.mark.slow
 def test_flows_and_a_jump_are_one_compiled_function_each(pool):
     """By `jax_settings.COMPILER` (a new XLA may rename its options); and barriers keep it small.
-    So are rounds of both, what a flush writes of two samples, a refill, what it writes of numbers
-    of three types, and each of the five numbers of an event in the log."""
+    So are turns and rounds of both, what a flush writes of four arrays, a refill, what it writes of
+    numbers of three types, and each of the five numbers of an event in the log."""
     wiper, position, _ = pool
     text = compiled.lower(wiper, position, jnp.int32(CASES)).compile().compiled.as_text()
-    assert text.count('xla_cpu_small_call="true"') == 14
+    assert text.count('xla_cpu_small_call="true"') == 17
     assert text.count(" = ") < 30_000
 
 
@@ -224,15 +224,15 @@ def test_blocks_do_not_matter():
 
 
 @pytest.mark.slow
-def test_stages_in_a_loop_make_the_same_motion(monkeypatch):
-    """Of a brief sweep; of others they are unrolled."""
+def test_a_program_that_is_compiled_fast_makes_the_same_motion(monkeypatch):
+    """That of a brief sweep: stages in a loop, which round otherwise, and a jump apart."""
     spec = sweep_spec(rtol=1e-9)
-    looped = batch.evaluate(spec, np.arange(7))
+    brief = batch.evaluate(spec, np.arange(7))
     monkeypatch.setattr(devices, "BRIEF", 0.0)
-    unrolled = batch.evaluate(spec, np.arange(7))
-    assert not np.array_equal(looped["signal"], unrolled["signal"])  # another program
-    for name in unrolled.keys() - {"occupancy", "steps", "rejected_steps", "unproved_steps"}:
-        np.testing.assert_allclose(looped[name], unrolled[name], rtol=1e-5, atol=1e-7, err_msg=name)
+    other = batch.evaluate(spec, np.arange(7))
+    assert not np.array_equal(brief["signal"], other["signal"])  # another program
+    for name in other.keys() - {"occupancy", "steps", "rejected_steps", "unproved_steps"}:
+        np.testing.assert_allclose(brief[name], other[name], rtol=1e-5, atol=1e-7, err_msg=name)
 
 
 @pytest.mark.slow

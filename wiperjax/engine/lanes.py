@@ -124,6 +124,9 @@ class _Batch:
         self.cases = jnp.minimum(pool.count, self.capacity).astype(jnp.int32)
         self.problem, self.lanes, self.flows = problem, lanes, flows
         self.turns = max(1, ROUND // flows)
+        # flows and jump as two compiled functions, not one (the same bits): compiled in a quarter
+        # less time, for a fifth more when they run
+        self.counted = apart if problem.brief else lambda number: number
         self.varying, self.shared = _split(problem, self.capacity)
         self.signal: Signal | None = problem.signal
         self.wait = max(1, lanes // 32)  # lanes that may idle before a refill is worth its cost
@@ -195,22 +198,26 @@ class _Batch:
         problem, state = self.problem_of(carry.parts), carry.state
         room = jnp.where(carry.upcoming < self.cases, self.wait, self.lanes)
 
-        def turn(_, state):
+        def turn(inner):
+            state, turns = inner
             state = lax.fori_loop(0, self.flows, lambda _, s: flow(problem, s), state)
             # once, if any: a loop of its own becomes one compiled function
             # (`jax_settings.COMPILER`)
-            return lax.while_loop(lambda s: jnp.any(s.due >= 0), lambda s: jump(problem, s), state)
+            happens = lambda s: jnp.any(s.due >= 0)
+            state = lax.while_loop(happens, lambda s: jump(problem, s), state)
+            return state, self.counted(turns + 1)
 
         def goes_on(inner):
             return jnp.sum(inner[0].ended) < room
 
         def round_(inner):
             state, samples, rounds = inner
-            state = lax.fori_loop(0, self.turns, turn, state)
+            start = state, jnp.int32(0)
+            state, _ = lax.while_loop(lambda x: x[1] < self.turns, turn, start)
             if self.signal is not None:
                 samples, ring = flush(self.signal, samples, state.samples, carry.case)
                 state = state._replace(samples=ring)
-            return state, samples, rounds + 1
+            return state, samples, self.counted(rounds + 1)
 
         before = jnp.sum(state.attempts)
         state, samples, rounds = lax.while_loop(

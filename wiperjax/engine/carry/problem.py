@@ -57,7 +57,7 @@ class Problem(eqx.Module):
     record: Callable = eqx.field(static=True)  # (system, t, q, v, regime, forces) -> pytree
     log_capacity: int = eqx.field(static=True, default=0)
     pause_when_full: bool = eqx.field(static=True, default=False)
-    unroll: bool = eqx.field(static=True, default=True)  # see `rk_step`
+    brief: bool = eqx.field(static=True, default=False)  # see `Integration`
 
     @property
     def speed(self) -> Scalar:
@@ -80,7 +80,7 @@ class Integration(NamedTuple):
     max_step: Any = None
     zeno_time: Any = 1e-8
     longest: Any = None  # step while it is observed; `max_step` holds before, too
-    unroll: bool = True  # see `rk_step`
+    brief: bool = False  # its program shall rather be compiled fast than run fast
 
 
 class Recording(NamedTuple):
@@ -150,7 +150,7 @@ def make_case(
         log_start=jnp.asarray(recording.log_start, clock),
         log_capacity=int(recording.max_events),
         pause_when_full=recording.pause_when_full,
-        unroll=integration.unroll,
+        brief=integration.brief,
     )
     return Case(problem, position, velocity, start)
 

@@ -110,7 +110,7 @@ def attempt(problem: Problem, state: State) -> Trial:
 
     args = (system, state.regime)
     begin = (state.time, y0, h, state.rate)
-    step = rk_step(solver, TERM, *begin, args, arrive, state.rest, problem.unroll)
+    step = rk_step(solver, TERM, *begin, args, arrive, state.rest, not problem.brief)
     last_node, last, end_values = step.end
 
     inner = zip(NODES[1:-1], keep(node_states(solver, y0, step)), strict=True)

@@ -25,7 +25,16 @@ from ...specs.tables import Start
 from ...systems.build import Built, belt_of, build, go_on, start
 from . import compiling
 from .columns import columns_of, sampled
-from .devices import alike, capacity, deal, dearest_first, devices, lane_count, sample_room, unrolls
+from .devices import (
+    alike,
+    capacity,
+    deal,
+    dearest_first,
+    devices,
+    is_brief,
+    lane_count,
+    sample_room,
+)
 from .linear import growth, slips
 
 PARTS, MOST_PARTS = 40, 10_000  # see `longest_step`
@@ -147,7 +156,7 @@ class Settings(NamedTuple):
     room: int  # samples that a case has room for
     regimes: bool  # whether they are sampled, too
     event_log: int
-    unroll: bool  # stages of a step: see `rk_step`
+    brief: bool  # see `Integration`
 
     @classmethod
     def of(cls, spec, size: int) -> "Settings":
@@ -156,8 +165,8 @@ class Settings(NamedTuple):
         regimes, log = run.raster is not None, run.event_log or 0
         # by the whole sweep, not the block, its share or a few points of a refinement: numbers do
         # not depend on those
-        room, unroll = sample_room(size, run.samples), unrolls(spec.motion)
-        return cls(run.precision, run.solver, room, regimes, log, unroll)
+        room, brief = sample_room(size, run.samples), is_brief(spec.motion)
+        return cls(run.precision, run.solver, room, regimes, log, brief)
 
 
 class Run(NamedTuple):
@@ -248,7 +257,7 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
         (position, velocity),
         Integration(
             *(solver, run.rtol, run.atol, run.max_steps, run.max_step, run.zeno_time, longest),
-            unroll=s.unroll,
+            brief=s.brief,
         ),
         Recording(
             signal=signal,

@@ -101,12 +101,13 @@ def on_accelerator() -> bool:
 BRIEF = 100.0  # s of motion, within a second on two cores
 
 
-def unrolls(motion: float) -> bool:
-    """Return whether a sweep of so much ``motion`` [s] is worth a step whose stages are unrolled.
+def is_brief(motion: float) -> bool:
+    """Return whether the program of a sweep of so much ``motion`` [s] shall rather be compiled fast
+    than run fast (`Integration.brief`).
 
-    As a loop they are compiled in a fifth less time (Dopri8), and a turn takes a third longer.
+    Compiling takes two fifths less time (Dopri8), and a turn three quarters more.
     """
-    return on_accelerator() or motion > BRIEF
+    return not on_accelerator() and motion <= BRIEF
 
 
 FEW = (256, 4096)  # cells of a share: one with fewer is filled up to these,
