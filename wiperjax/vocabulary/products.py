@@ -27,7 +27,7 @@ class Product(NamedTuple):
 
 PRODUCTS: Mapping[str, Product] = MappingProxyType(
     {
-        "run": Product("a run", "wiperjax.simulate", ("time", "velocity", "regime")),
+        "run": Product("a run", "wiperjax.simulate", ("time", "position", "velocity", "regime")),
         "map": Product("a map", "wiperjax.sweep", ("label",)),
         "begun": Product("a sweep without a computed cell", "wiperjax.sweep", ("cells_done",)),
         "curves": Product("curves", "cycles.curves_dataset", ("row_size", "end_code")),
