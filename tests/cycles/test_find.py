@@ -491,3 +491,15 @@ def test_a_cycle_of_several_periods_that_are_nearly_alike(zeta, aside, periods):
     assert cycle.found == Found.FOUND and cycle.word == "impact"
     assert cycle.period == pytest.approx(periods * one, rel=1e-12)
     assert cycle.stable
+
+
+@pytest.mark.parametrize(("speed", "periods"), [(0.005, 7.3), (1e-4, 10)])
+def test_slip_that_lies_between_two_samples_is_of_every_period(speed, periods):
+    """Between sticks of 1/V s a block slips for some pi s: where samples saw that in some periods
+    only, eight of them were called one; where in none, it did not return."""
+    belt = wiperjax.SteadyBelt(speed)
+    block = Oscillator(damping=0.0, friction=Coulomb(1.0, 0.5), belt=belt)
+    period = 2 * (math.pi - math.atan(0.5 / speed)) + 1 / speed
+    cycle = find_cycle(block, settle=periods * period + 1 / speed)
+    assert cycle.found == Found.FOUND and len(cycle.word.split()) == 2
+    assert cycle.period == pytest.approx(period, rel=1e-8)

@@ -136,13 +136,18 @@ def once(cycle: Cycle) -> Cycle:
     """Return a cycle passed once, if it is one of a part of its period, passed several times.
 
     Returns to a section may lie between two samples in one period and not in another: their number
-    bounds that of the parts. That of a clock's periods is divided by it.
+    bounds that of the parts. So does how often its events come again: a quick slip may lie so in
+    most periods. The number of a clock's periods is divided by that of the parts.
     """
     shooting, state = cycle.shooting, cycle.state
     if shooting is None or state is None:
         return cycle
     whole = shooting.repeats
-    for parts in (j for j in range(whole, 1, -1) if shooting.clock is None or whole % j == 0):
+    tried = {j for j in range(2, whole + 1) if shooting.clock is None or whole % j == 0}
+    if shooting.clock is None:
+        again = _times(cycle.word.split())
+        tried |= {j for j in range(2, again + 1) if again % j == 0}
+    for parts in sorted(tried, reverse=True):
         start = {"phase": cycle.phase, "regime": cycle.regime}
         early = shooting.motion(cycle.system, state, cycle.period, part=1 / parts, **start)
         if np.all(np.abs(early.state - state) < AGAIN * shooting.scale):
@@ -151,6 +156,13 @@ def once(cycle: Cycle) -> Cycle:
             found = close(shorter, state, cycle.regime, cycle.period / parts, phase)
             return found if found.multipliers is not None else cycle
     return cycle
+
+
+def _times(names: list[str]) -> int:
+    """Return how often a period passes the same events in a row."""
+    size = len(names)
+    lengths = (n for n in range(1, size) if size % n == 0 and names == names[n:] + names[:n])
+    return size // next(lengths, size or 1)
 
 
 def _dies(guess: Guess, settle: float) -> bool:

@@ -57,7 +57,10 @@ def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | M
     else:
         coordinate = int(np.argmax(moves))
         yield from _guesses(shooting, motion, Turning(coordinate))
-        yield from _guesses(shooting, motion, _middle(motion, coordinate))
+        middle = _middle(motion, coordinate)
+        yield from _guesses(shooting, motion, middle)
+        # that way it may be too quick for samples
+        yield from _guesses(shooting, motion, replace(middle, sense=-middle.sense))
 
 
 def _middle(motion: Arc, coordinate: int) -> Passing:
