@@ -20,7 +20,10 @@ from wiperjax.vocabulary.kinds import MODELS
 NUMBERS = "must return 1 numbers, one a coordinate, but returned"
 PAIRS = "must return two tuples of 1 numbers, one a coordinate, but returned"
 NUMBER = "must return a number, but returned"
-IF = "must not have an if, a max or a float of values that are known only when it runs"
+IF = (
+    "must not have an if, a max or a float of values that are known only when it runs: "
+    "jnp.where and jnp.maximum choose"
+)
 METHODS = {
     "free_acceleration": [
         (lambda s, t, q, v: -q[0], f"{NUMBERS} one number"),

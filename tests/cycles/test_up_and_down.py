@@ -1,6 +1,7 @@
 """Brute force up and down a range, of what a clock drives."""
 
 from functools import partial
+from importlib import import_module
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -13,7 +14,9 @@ from wiperjax import AbstractSystem
 from wiperjax.cycles import find_cycle, up_and_down
 from wiperjax.cycles.branch.peaks import maxima
 from wiperjax.cycles.return_map import Found
+from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
+from wiperjax.vocabulary.kinds import SYSTEMS
 
 
 class Pushed(AbstractSystem):
@@ -161,3 +164,31 @@ def test_a_turn_right_after_a_release_is_one_maximum():
     x = np.where(late < 0, 0.1 * late, 0.1 * late - 5 * late**2 + 16 * late**3)
     v = np.where(late < 0, 0.1, 0.1 - 10 * late + 48 * late**2)
     assert maxima(x, v, times[1], 5.1e-4, 1e-9).tolist() == [5.1e-4]
+
+
+class Halved(own_systems.Oscillator):
+    """Its frequency hangs on a field that is worked out of its stiffness as it is made."""
+
+    half: float = 0.0
+
+    def __post_init__(self):
+        self.half = self.stiffness / 2
+
+    def free_acceleration(self, t, q, v):
+        return (-2 * self.half * q[0] / self.mass,)
+
+
+def test_a_number_of_which_other_fields_are_made_is_not_varied():
+    """`half` would stay what it was, and the motion with it, at every stiffness."""
+    with pytest.raises(ValueError, match="^values must not be of stiffness: Halved makes other"):
+        up_and_down(Halved(), "stiffness", np.array([1.0, 2.0]), settle=1.0, window=1.0)
+    numbers.check_corners("values", Halved(), {"mass": (1.0, 2.0), "belt_speed": (0.1, 0.2)})
+
+
+@pytest.mark.parametrize("kind", sorted(SYSTEMS))
+def test_shipped_systems_make_no_fields_of_their_numbers(kind):
+    module, _, name = SYSTEMS[kind].partition(":")
+    system = getattr(import_module(module), name)()
+    for name in numbers.routes(system):
+        own = numbers.value(system, name)
+        numbers.check_followed("values", system, name, (own, own + 1e-6))

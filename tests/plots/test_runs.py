@@ -415,6 +415,11 @@ def test_friction_force_lies_on_the_stribeck_curve(squeal):
     expected = friction.coefficient(squeal, -slip[moving])
     np.testing.assert_allclose(ratio[moving], expected, rtol=1e-9)
     assert np.abs(ratio).max() <= 1.0 + 1e-9
+    own = squeal.assign_attrs(friction="laws:Weak")
+    with pytest.raises(
+        ValueError, match="no curve of its law, laws:Weak: only stribeck and coulomb"
+    ):
+        plots.friction_curve(own)
     with pytest.raises(ValueError, match="friction law is known of laws of the package only"):
         plots.friction_curve(bouncing_run().assign(slip_speed=("time", np.zeros(2001))))
 

@@ -152,3 +152,10 @@ def test_a_module_without_the_class_is_named_with_its_file(folders):
     named = rf"module 'twin_law' has no class 'Rising' \(in {folders}/a/twin_law.py\)$"
     with pytest.raises(SpecError, match=named):
         load_sweep(folders / "a/sweep.toml")
+
+
+def test_a_module_that_ends_the_process_is_named(folders):
+    (folders / "a/ending_law.py").write_text("import sys\n\nsys.exit(3)\n")
+    (folders / "a/sweep.toml").write_text(SWEEP.format("ending_law"))
+    with pytest.raises(SpecError, match="module 'ending_law' cannot be imported: SystemExit: 3$"):
+        load_sweep(folders / "a/sweep.toml")

@@ -507,3 +507,25 @@ def test_a_default_outside_its_own_range_is_refused_where_it_is_declared():
     ):
         with pytest.raises(ValueError, match=f"^{words}"):
             wiperjax.parameter(1.0, **ends)
+
+
+def test_a_default_without_an_annotation_is_refused():
+    """Python takes it for no field: the number of the base would be used without a word."""
+
+    class Heavy(own_systems.Oscillator):
+        mass = 3.0
+
+    class Steep(own_systems.Falling):
+        steepness = 9.0
+
+    class Annotated(own_systems.Oscillator):
+        mass: float = 3.0
+
+    class Below(Annotated):
+        unilateral = False
+
+    with pytest.raises(ValueError, match=r"^Heavy.mass must be annotated, .*; was mass = 3.0$"):
+        Heavy()
+    with pytest.raises(ValueError, match=r"^Steep.steepness must be annotated, .*= 9.0$"):
+        Steep()
+    assert Annotated().mass == Below().mass == 3.0

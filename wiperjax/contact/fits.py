@@ -228,7 +228,7 @@ def _called(name: str, function: Callable, *given) -> Any:
         raise ValueError(f"{name} is missing: {error}") from None
     except jax.errors.ConcretizationTypeError as error:
         must = "must not have an if, a max or a float of values that are known only when it runs: "
-        must += "jnp.where and jnp.max choose"
+        must += "jnp.where and jnp.maximum choose"
         raise ValueError(f"{name} {must}") from error
     except Exception as error:  # whatever it does wrong
         said = str(error).splitlines()[0] if str(error) else ""

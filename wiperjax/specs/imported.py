@@ -108,7 +108,7 @@ def _module(key: str, name: str) -> Any:
             where = "beside the file or in the working directory"
             raise Fault(key, f"module {show(name)} is not found, {where} either") from None
         raise Fault(key, f"module {show(name)} cannot be imported: {error}") from None
-    except Exception as error:  # whatever the module does wrong
+    except (Exception, SystemExit) as error:  # whatever the module does wrong
         what = f"{type(error).__name__}: {error}"
         raise Fault(key, f"module {show(name)} cannot be imported: {what}") from None
 

@@ -77,6 +77,8 @@ def check_corners(
     parts: dict[tuple[str, ...], list[str]] = {}
     for name in bounds:
         parts.setdefault(path(system, name)[:-1], []).append(name)
+    for name, ends in bounds.items():
+        check_followed(argument, system, name, ends)
     for part, names in parts.items():
         for corner in product(*(bounds[name] for name in names)):
             changed = at(part)(system)
@@ -90,6 +92,30 @@ def check_corners(
                 there = ", ".join(f"{name} = {digits(end)}" for name, end in pairs)
                 must = f"{argument} must stay within what {type(changed).__name__} may be"
                 raise ValueError(f"{must}, but at {there}: {error}") from None
+
+
+def check_followed(
+    argument: str, system: AbstractSystem, name: str, ends: tuple[float, float]
+) -> None:
+    """Raises ValueError where ``system`` makes other fields of the number ``name`` as it is made:
+    `replaced` puts a number in its place, and those would not follow."""
+    to = path(system, name)
+    try:
+        made = [eqx.tree_at(at(to), _made_anew(system, to, float(end)), 0.0) for end in ends]
+        follows = bool(eqx.tree_equal(*made))
+    except Exception:  # it cannot be made of its fields, or not with such a number
+        return
+    if not follows:
+        must = f"{argument} must not be of {name}: {type(system).__name__} makes other fields of it"
+        raise ValueError(f"{must}, which would not follow; a property would")
+
+
+def _made_anew(module: eqx.Module, to: tuple[str, ...], number: float) -> Any:
+    """Return ``module``, made of its fields once more, with ``number`` at the end of ``to``."""
+    first, *rest = to
+    changed = _made_anew(getattr(module, first), tuple(rest), number) if rest else number
+    given = {f.name: getattr(module, f.name) for f in fields(module) if f.init}
+    return type(module)(**given | {first: changed})
 
 
 def _check_made(module: eqx.Module) -> None:

@@ -81,10 +81,25 @@ def check(system: Any) -> None:
     """Raises `ValueError` unless the parameters that a system or law declares are numbers in their
     ranges; what is traced passes (`checks`). A name of `SET_BY_THE_ENGINE` is none of theirs.
     """
+    _check_annotated(type(system))
     for name, entry in marked(system).items():
         if name in SET_BY_THE_ENGINE:
             raise ValueError(f"parameter must have another name, for the engine sets {name!r}")
         checks.parameter(name, getattr(system, name), entry)
+
+
+def _check_annotated(kind: type) -> None:
+    """Raises `ValueError` for a field that a class gives another default without an annotation:
+    to Python that is no field, and the default of the class it inherits from would stay.
+    """
+    for field in dataclasses.fields(kind):
+        owner = next((each for each in kind.__mro__ if field.name in vars(each)), kind)
+        given = vars(owner).get(field.name)
+        annotated = field.name in vars(owner).get("__annotations__", {})
+        if given is not None and not annotated and not hasattr(given, "__get__"):
+            was = f"{field.name} = {checks.shown(given)}"
+            must = f"must be annotated, as in '{field.name}: float = ...', else it is not used"
+            raise ValueError(f"{owner.__name__}.{field.name} {must}; was {was}")
 
 
 def parameters_of(system: Any, besides: Collection[str] = ()) -> Mapping[str, Parameter]:

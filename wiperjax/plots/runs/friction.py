@@ -96,7 +96,10 @@ def law_of(ds: xr.Dataset) -> str:
 
     Raises: `ValueError` unless its attributes tell it, and its numbers.
     """
-    kind = str(ds.attrs.get("friction", "stribeck")).lower()
+    law = ds.attrs.get("friction", "stribeck")
+    if ":" in (kind := str(law).lower()):  # a class of one's own, of which a run has no curve
+        laws = " and ".join(FRICTION_KINDS)
+        raise ValueError(f"the run has no curve of its law, {law}: only {laws} can be drawn")
     needed = FRICTION_KINDS[checks.choice("friction", kind, FRICTION_KINDS)].keys.values()
     if missing := [name for name in needed if name not in ds.attrs]:
         only = "the friction law is known of laws of the package only"
