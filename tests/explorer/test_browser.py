@@ -267,3 +267,18 @@ def test_words_in_a_map_are_words_on_the_page(browser, servers, cells):  # noqa:
         assert window.page.evaluate("document.querySelectorAll('img').length") == 0
         assert window.faults == []
         window.page.close()
+
+
+def test_a_count_below_the_pointer_is_told_whole(browser, servers, cells):  # noqa: F811
+    """Four digits of it read as another count."""
+    many = cells.assign(steps=cells["steps"].copy(data=0 * cells["steps"].values + 123_456))
+    found = explored(many, "many.h5")
+    window = Window(browser, servers(found))
+    window.until(lambda: window.text(".noise"))
+    window.page.get_by_label("shown").select_option(label=found.variables["steps"])
+    window.until(lambda: window.text(".bar .tick"), seconds=30)
+    window.page.mouse.move(*window.point(3, 0, 4, 2))
+    window.until(lambda: window.text(".readout div"), seconds=30)
+    assert window.text(".readout div").strip().endswith("m/s: 123456")
+    assert window.faults == []
+    window.page.close()

@@ -450,6 +450,17 @@ def test_a_cell_is_told_alike_by_its_run_and_by_the_map(whole, label, result):
         assert re.findall(r'<td class="(?:here|map)">(.*?)</td>', row) == [says, says]
 
 
+@pytest.mark.parametrize(("label", "says"), [("quiet", "quiet"), ("other", "none")])
+def test_a_quiet_cell_has_no_mechanism_in_the_table_either(whole, label, says):
+    """The table said "none" where the map, and the pointer over it, say "quiet"."""
+    run = xr.Dataset({"result": 0}, attrs={"steps": 1, "rejected_steps": 0})
+    told = {"label": LABELS[label], "mechanism": 0, "band": 0}
+    rows = table(run, told, told, whole.ds)
+    for name in ("mechanism", "band"):
+        row = re.search(rf'<tr data-name="{name}">.*?</tr>', rows)[0]
+        assert re.findall(r'<td class="(?:here|map)">(.*?)</td>', row) == [says, says]
+
+
 @pytest.mark.parametrize(("columns", "inner"), [(1, 0), (2, 0), (9, 7), (900, 400)])
 def test_a_spectrogram_is_where_the_windows_are(columns, inner):
     """Those at both ends are wider: one image would draw all columns equally wide."""

@@ -38,7 +38,8 @@ const a = {x: axes.data.x[0], y: axes.data.y[0]}, p = plane.data;
 const spot = (i, j) => {
   const k = j * a.x.length + i, v = p.values[0][k];
   const name = names.data.code.indexOf(v);
-  const number = Number.isFinite(v) ? Number(v.toPrecision(4)) + ' ' + names.tags[1] : 'no number';
+  const short = Number.isInteger(v) && Math.abs(v) < 1e7 ? v : Number(v.toPrecision(4));
+  const number = Number.isFinite(v) ? short + ' ' + names.tags[1] : 'no number';
   const word = names.tags[2] ? (name < 0 ? names.tags[2] : names.data.name[name]) : number;
   const up = names.tags[4] ? `, ${names.tags[4]} ${a.y[j]}` : '';
   return `${names.tags[3]} ${a.x[i]}${up}: ${word}`;

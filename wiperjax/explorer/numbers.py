@@ -8,7 +8,7 @@ import xarray as xr
 
 from ..noise.run_class import words
 from ..noise.samples import sample_interval
-from ..plots.maps.numbers import TONE
+from ..plots.maps.numbers import OF_NOISE, TONE
 from ..plots.style.palette import CLASSES, UNKNOWN, readable
 from ..sound import COARSEST, sound
 from ..vocabulary.cf import flag_names
@@ -52,8 +52,9 @@ def table(run: xr.Dataset, told: dict[str, float], stored: dict[str, float], ds:
     rows, result = [], Result(int(run["result"]))
     named = words(told) if told else {"label": _ended(result)}
     for name, label in (("label", "class"), *CODED):
-        here = readable(named[name]) if name in named else "-"
-        rows.append((name, label, here, _stored_name(ds, name, stored), ""))
+        here = readable(_silent(name, named)) if name in named else "-"
+        names = {key: _stored_name(ds, key, stored) for key in ("label", name)}
+        rows.append((name, label, here, readable(_silent(name, names)), ""))
     for name, label in ROWS:
         here, there = (_told(source, name) for source in (told, stored))
         unit = str(ds[name].attrs.get("units", "1")) if name in ds else "1"
@@ -98,7 +99,12 @@ def _stored_name(ds: Any, name: str, stored: dict[str, float]) -> str:
     """Meaning of a code of the map."""
     if name not in stored or "flag_values" not in ds[name].attrs:
         return ""
-    return readable(flag_names(ds[name]).get(int(stored[name]), "not_computed"))
+    return flag_names(ds[name]).get(int(stored[name]), "not_computed")
+
+
+def _silent(name: str, names: dict[str, str]) -> str:
+    """What is said of a code: of the noise of a quiet cell that it is quiet, as over the map."""
+    return "quiet" if name in OF_NOISE and names["label"] == "quiet" else names[name]
 
 
 def _number(value: float) -> str:
