@@ -9,6 +9,8 @@ import numpy as np
 import own_systems
 import pytest
 from pages import DOCS, blocks
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from systems import Rod
 
 import wiperjax
@@ -18,7 +20,7 @@ from wiperjax.systems.oscillator import Oscillator
 
 SPEEDS = (1.25, 1.4, 1.55, 1.7)
 EXACT = (0.0801969, 0.2122652, 0.3565963, 0.4941116)  # from the unstable cycle, by quadrature
-HOPF, LAST_CYCLE = np.log(10) / 2, 1.8367771041
+HOPF, LAST_CYCLE = np.log(10) / 2, 1.8366009722
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +29,29 @@ def oscillator():
     names = {"wiperjax": wiperjax}
     exec(blocks(DOCS / "basins.md", "python")[0], names)
     return names["FrictionOscillator"]
+
+
+def _return_speed(belt):
+    """Largest slip speed, away from the belt, of the first swing back after a release (scipy)."""
+
+    def slip(t, state):
+        x, v = state
+        return v, 0.5 + 0.5 * np.exp(-(belt - v) / 0.5) - x - 2 * 0.05 * v
+
+    def fastest(t, state):
+        return slip(t, state)[1] if t > 1.0 else -1.0  # at the release it is 0, too
+
+    fastest.direction, fastest.terminal = -1, True
+    fine = {"rtol": 1e-12, "atol": 1e-14, "method": "DOP853"}
+    way = solve_ivp(slip, (0, 12), (1 - 2 * 0.05 * belt, belt), events=fastest, **fine)
+    return way.y_events[0][0][1] - belt
+
+
+def test_the_speed_at_which_the_cycle_dies_is_that_of_the_page():
+    """Released on the belt, the block just comes back to its speed. It said 1.8367771041."""
+    dies = brentq(_return_speed, 1.8, 1.9, xtol=1e-12)
+    assert dies == pytest.approx(LAST_CYCLE, abs=1e-9)
+    assert f"dies at {LAST_CYCLE};" in (DOCS / "basins.md").read_text()
 
 
 def box(count, seed=1):

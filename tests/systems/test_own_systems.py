@@ -388,7 +388,7 @@ def test_a_sweep_up_and_down_finds_the_bistable_zone_of_a_system_of_ones_own():
     axes = {"belt_speed": {"values": [0.8, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.9]}}
     ds = wiperjax.sweep(BISTABLE | {"axes": axes, "starts": starts})
     loud = (ds.label == LABELS["squeal"]).transpose("start", ...)
-    # steady sliding is unstable below ln(10)/2 = 1.151, the cycle ends at 1.8368
+    # steady sliding is unstable below ln(10)/2 = 1.151, the cycle ends at 1.8366
     assert loud.sel(start="up").values.tolist() == [True] * 7 + [False]
     assert loud.sel(start="down").values.tolist() == [True] + [False] * 7
     assert ds.final_position.dims == ("belt_speed", "start", "coordinate")
