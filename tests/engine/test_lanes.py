@@ -194,11 +194,11 @@ def sweep_spec(angles=(-30, 30), speed=0.3, **run):
 @pytest.mark.slow
 def test_flows_and_a_jump_are_one_compiled_function_each(pool):
     """By `jax_settings.COMPILER` (a new XLA may rename its options); and barriers keep it small.
-    So are turns and rounds of both, what a flush writes of four arrays, a refill, what it writes of
-    numbers of three types, and each of the five numbers of an event in the log."""
+    So are rounds of both, what a flush writes of two samples, a refill, what it writes of numbers
+    of three types, and each of the five numbers of an event in the log."""
     wiper, position, _ = pool
     text = compiled.lower(wiper, position, jnp.int32(CASES)).compile().compiled.as_text()
-    assert text.count('xla_cpu_small_call="true"') == 17
+    assert text.count('xla_cpu_small_call="true"') == 14
     assert text.count(" = ") < 30_000
 
 

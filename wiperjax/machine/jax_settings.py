@@ -25,15 +25,8 @@ COMPILER = {
 
 # What is the same in every turn of a loop is found by LLVM too, in the one function that the loop
 # becomes: XLA's own search is a twentieth of compiling, for not a bit and not a microsecond.
-# Nor does it gain by loops made simpler, or by proofs that XLA's own passes are sound: a tenth of
-# compiling a single trajectory.
 # Not on an accelerator: a turn of a loop whose end is not known costs a question to the device.
-SKIPPED = (
-    "while-loop-invariant-code-motion",
-    "while-loop-trip-count-annotator",
-    "simplify-while-loops",
-    "hlo-verifier",
-)
+SKIPPED = ("while-loop-invariant-code-motion", "while-loop-trip-count-annotator")
 
 # On a GPU loops run on the device, as graphs: else every turn waits until the host has read whether
 # it is the last, a seventh of its time (`docs/bench/speed_h200.md`).

@@ -27,7 +27,7 @@ import jax.core
 import jax.numpy as jnp
 from jax import export
 
-from ..machine import files, provenance
+from ..machine import files, jax_settings, provenance
 from ..vocabulary.kinds import is_absent
 from .arrays import check_settings, fields_of
 
@@ -37,6 +37,10 @@ MOST_KEPT = 200  # programs in a folder, some 300 kB each: those longest out of 
 CONFIG: Any = jax.config  # its names are known to jax alone
 ADDRESS = re.compile(" at 0x[0-9a-f]+>")
 EVENT = "/jax/core/compile/kept"  # so that who counts what jax compiles counts this
+# A tenth of compiling a motion goes into XLA's search for simpler loops, and proofs that its passes
+# are sound. In these programs, which are tested, that finds nothing; in a person's own it finds the
+# numbers of a loop that nobody reads, half of a batch of `solve`: those are left alone.
+NEEDLESS = ("simplify-while-loops", "hlo-verifier")
 # The version of jaxlib is in the key: nothing that a program calls needs to last beyond it.
 PROMISED = [export.DisabledSafetyCheck.custom_call(f"lapack_{x}ormqr_ffi") for x in "sd"]
 SETTINGS = (  # of jax: by them other things are traced, or refused
@@ -161,7 +165,9 @@ def _read(path: Path) -> Callable[..., Any] | None:
 
 
 def _answering(traced: export.Exported, shape) -> Callable[..., Any]:
-    call = jax.jit(traced.call)
+    host = jax.default_backend() == "cpu"
+    options = {"xla_disable_hlo_passes": ",".join((*jax_settings.SKIPPED, *NEEDLESS))}
+    call = jax.jit(traced.call, compiler_options=options if host else {})
     return lambda *leaves: jax.tree.unflatten(shape, call(*leaves))
 
 

@@ -165,7 +165,8 @@ class Settings(NamedTuple):
         regimes, log = run.raster is not None, run.event_log or 0
         # by the whole sweep, not the block, its share or a few points of a refinement: numbers do
         # not depend on those
-        room, brief = sample_room(size, run.samples), is_brief(spec.motion)
+        room = sample_room(size, run.samples)
+        brief = spec.sensitivities is None and is_brief(spec.motion)
         return cls(run.precision, run.solver, room, regimes, log, brief)
 
 

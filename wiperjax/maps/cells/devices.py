@@ -105,7 +105,8 @@ def is_brief(motion: float) -> bool:
     """Return whether the program of a sweep of so much ``motion`` [s] shall rather be compiled fast
     than run fast (`Integration.brief`).
 
-    Compiling takes two fifths less time (Dopri8), and a turn three quarters more.
+    Compiling takes two fifths less time (Dopri8), and a turn three quarters more. (With derivatives
+    it takes as long, and turns are many times as dear.)
     """
     return not on_accelerator() and motion <= BRIEF
 
