@@ -25,6 +25,7 @@ from .vocabulary import checks
 from .vocabulary.ranges import FINITE, POSITIVE, Range
 
 RATE = 48_000  # Hz
+HEARD = 20.0  # Hz: lower tones are not
 COARSEST = 1 / 8000  # s between samples: nothing above 4 kHz would be left
 SAMPLES_PER_PERIOD = 10  # of the tone: corners of stick-slip need its harmonics
 FADE = 0.005  # s at both ends, against clicks

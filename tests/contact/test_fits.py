@@ -21,8 +21,8 @@ NUMBERS = "must return 1 numbers, one a coordinate, but returned"
 PAIRS = "must return two tuples of 1 numbers, one a coordinate, but returned"
 NUMBER = "must return a number, but returned"
 IF = (
-    "must not have an if, a max or a float of values that are known only when it runs: "
-    "jnp.where and jnp.maximum choose"
+    r"must be written with jax.numpy \(jnp.sin, jnp.where, jnp.maximum\): no math, numpy, if, "
+    "max, float or list index of values that are known only when it runs$"
 )
 METHODS = {
     "free_acceleration": [
@@ -33,6 +33,9 @@ METHODS = {
         (lambda s, t, q, v: (1j * q[0],), f"{NUMBERS} one complex number for one of them"),
         (lambda s, t, q, v: (jnp.stack([q[0]]),), f"{NUMBERS} an array of shape .1,. for one"),
         (lambda s, t, q, v: (1.0,) if q[0] > 0 else (0.0,), IF),
+        (lambda s, t, q, v: (math.sin(q[0]),), IF),
+        (lambda s, t, q, v: (np.sin(q[0]),), IF),
+        (lambda s, t, q, v: ([0.0, 1.0][jnp.int32(q[0])],), IF),
         (lambda s, t, q, v: (q[3],), "fails: IndexError: tuple index out of range"),
     ],
     "directions": [

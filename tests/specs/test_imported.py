@@ -159,3 +159,16 @@ def test_a_module_that_ends_the_process_is_named(folders):
     (folders / "a/sweep.toml").write_text(SWEEP.format("ending_law"))
     with pytest.raises(SpecError, match="module 'ending_law' cannot be imported: SystemExit: 3$"):
         load_sweep(folders / "a/sweep.toml")
+
+
+def test_an_axis_that_keeps_a_map_from_being_refined_is_noted(folders):
+    """It was refused only when the map was there, to be computed again under another name."""
+    (folders / "a/level_law.py").write_text(LAW.format(3) + "\n    level: float = 1.0\n")
+    text = SWEEP.format("level_law")
+    (folders / "a/sweep.toml").write_text(text.replace("static", "level"))
+    (note,) = load_sweep(folders / "a/sweep.toml").notes()
+    assert note == (
+        "axes.level is called as a variable of borders or levels: the map cannot be refined"
+    )
+    (folders / "a/sweep.toml").write_text(text)
+    assert load_sweep(folders / "a/sweep.toml").notes() == []

@@ -227,7 +227,10 @@ WRONG = {
     "own_systems:NUMBER": r"has no class but something else named 'NUMBER'",
     "no_such_module:Ball": r"module 'no_such_module' is not found",
     "own_systems": r"must be 'wiper', .* or an import path 'module:Class', was 'own_systems'",
-    ":Ball": r"must be an import path such as 'my_module:MyClass'",
+    **{
+        path: r"must be an import path such as 'my_module:MyClass' \(no folder, no .py\) of a class"
+        for path in (":Ball", "own_systems.py:Ball", "./own_systems:Ball", "/own_systems:Ball")
+    },
     "own_systems:Unfinished": r"lacks directions, free_acceleration",
     "own_systems:Nameless": r"must name its coordinates: coordinates = \('x', ...\)",
     "own_systems:Falling": r"is no system \(wiperjax.AbstractSystem\): it lacks",

@@ -143,6 +143,15 @@ def test_scene_is_heard_at_its_pitch(squeal, tmp_path, capsys):
     assert "full scale = 1 m/s" in printed and "not sound pressure" in printed
 
 
+def test_a_tone_that_nobody_hears_is_noted(tmp_path, capsys):
+    for frequency, said in ((5.0, True), (700.0, False)):
+        path = tmp_path / f"{frequency:g}.h5"
+        write_dataset(tone(frequency, seconds=1.0), path)
+        assert main(["listen", str(path)]) == 0
+        noted = "Hz, lies below 20 Hz: nobody hears it, at most its overtones\n"
+        assert (noted in capsys.readouterr().err) == said
+
+
 def test_command_line_refuses_what_is_no_run(tmp_path, capsys):
     write_dataset(xr.Dataset({"label": ("n", [0, 1])}), tmp_path / "map.h5")
     for words, line in (

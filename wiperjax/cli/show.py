@@ -183,7 +183,8 @@ def listen(
     output = output or beside(file, ".wav")
     check_target(output, SOUND_SUFFIXES, force, file)
     check_source(file)
-    from ..sound import sound
+    from ..datasets.run_dataset import pitch
+    from ..sound import HEARD, sound
 
     run, _ = read(file, ["run"], "heard ('wiperjax simulate')")
     heard = sound(
@@ -192,6 +193,9 @@ def listen(
     heard.write(output, force)
     print(f"sound    {output}: {heard.describe()}")
     print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
+    if (tone := pitch(run)) < HEARD:
+        lower = f"its tone, {tone:.3g} Hz, lies below {HEARD:g} Hz"
+        print(f"note: {lower}: nobody hears it, at most its overtones", file=sys.stderr)
     if warning := heard.warning():
         print(f"note: {warning}", file=sys.stderr)
     print_end(run)

@@ -27,6 +27,11 @@ from .system import AbstractSystem, cast
 SAME = 1e-6  # of W_tn and W_nt, relative
 SINGULAR = 1e-12  # relative: a W that is so near to singular is so but for rounding
 PIECES = 2**14  # of a motion that are looked at for a turn: a measured one has many
+UNTRACED = (  # what JAX says of Python, or numpy, where values are known only when it runs
+    jax.errors.ConcretizationTypeError,
+    jax.errors.TracerArrayConversionError,
+    jax.errors.TracerIntegerConversionError,
+)
 
 
 def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple = ()) -> None:
@@ -226,9 +231,9 @@ def _called(name: str, function: Callable, *given) -> Any:
         return eqx.filter_eval_shape(function, *given)
     except NotImplementedError as error:
         raise ValueError(f"{name} is missing: {error}") from None
-    except jax.errors.ConcretizationTypeError as error:
-        must = "must not have an if, a max or a float of values that are known only when it runs: "
-        must += "jnp.where and jnp.maximum choose"
+    except UNTRACED as error:
+        must = "must be written with jax.numpy (jnp.sin, jnp.where, jnp.maximum): no math, numpy, "
+        must += "if, max, float or list index of values that are known only when it runs"
         raise ValueError(f"{name} {must}") from error
     except Exception as error:  # whatever it does wrong
         said = str(error).splitlines()[0] if str(error) else ""

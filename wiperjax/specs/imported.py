@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import importlib
 import inspect
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -94,8 +95,9 @@ def imported(key: str, path: str) -> type:
 def _parts(key: str, path: str) -> tuple[str, str]:
     """Names of module and class."""
     module_name, _, class_name = path.partition(":")
-    if not module_name or not class_name.isidentifier():
-        must = "must be an import path such as 'my_module:MyClass'"
+    named = re.fullmatch(r"[^./\\]+([.][^./\\]+)*(?<![.]py)", module_name)
+    if not named or not class_name.isidentifier():
+        must = "must be an import path such as 'my_module:MyClass' (no folder, no .py)"
         raise Fault(key, f"{must} of a class at the top of its module, was {show(path)}")
     return module_name, class_name
 

@@ -15,7 +15,7 @@ from ..vocabulary.wording import digits
 from .axis import Axis
 from .errors import Fault, as_error, unknown
 from .laws import law_notes
-from .refine import Refine, check
+from .refine import BESIDE_AXES, Refine, check
 from .sensitivities import (
     SLOPE_RTOL,
     SLOPE_SOLVER,
@@ -220,6 +220,9 @@ class SweepSpec(System):
         """Lines on what is allowed but rarely meant, for a person to see."""
         lines = []
         for name, axis in self.axes.items():
+            if name in BESIDE_AXES:
+                what = "is called as a variable of borders or levels: the map cannot be refined"
+                lines.append(f"axes.{name} {what}")
             reach = np.abs(axis.values()).max()
             if self.parameter_table[name].unit == "rad" and 0 < reach <= math.pi / 2:
                 lines.append(f"axes.{name} reaches {reach:g} degrees only; it is not in radians")
