@@ -79,6 +79,16 @@ def test_what_a_notebook_shows_does_not_raise_whatever_was_made_of_it(squeal):
     assert repr(preview(thin)) == "thin: 10001 time x 2 axis"  # of which nothing can be heard
 
 
+def test_a_part_of_a_run_is_said_to_be_as_long_and_to_have_the_events_that_are_left():
+    """It was called by its end, with the events of the whole run."""
+    time = np.linspace(0.0, 0.1, 101)
+    run = xr.Dataset({name: ("time", 0.0 * time) for name in ("position", "velocity", "regime")})
+    run = run.assign_coords(time=time).assign(event_time=("event", [0.01, 0.0445, 0.0455, 0.09]))
+    assert repr(preview(run)) == "dataset: run of 0.1 s, 4 events"
+    part = run.isel(time=slice(40, 46))
+    assert repr(preview(part)) == "dataset: run of 0.005 s, 1 events"
+
+
 def test_words_of_a_dataset_are_words_in_a_notebook():
     found = preview(xr.Dataset(attrs={"title": "<script>alert(1)</script>"}))
     assert found.png == b"" and "<script>" not in found._repr_html_()

@@ -6,6 +6,7 @@ import io
 from collections.abc import Callable, Hashable, Iterable
 from typing import Any, TypeVar
 
+import numpy as np
 import xarray as xr
 
 from ..datasets.kinds import kind_of
@@ -84,7 +85,10 @@ def preview(ds: xr.Dataset) -> Preview:
 
 def _of_run(ds: xr.Dataset) -> tuple[str, Callable[[], bytes]]:
     noise = _tried(lambda: noise_text(ds), "")
-    text = f"run of {float(ds['time'][-1]):.4g} s, {ds.sizes.get('event', 0):,} events"
+    time, moments = np.asarray(ds["time"]), np.asarray(ds.get("event_time", ()))
+    first, last = time.min(), time.max()  # of a part, which keeps the events of the whole run
+    events = np.count_nonzero((first <= moments) & (moments <= last))
+    text = f"run of {last - first:.4g} s, {events:,} events"
     return text + (f"; {noise}" if noise else ""), lambda: _run(ds)
 
 
