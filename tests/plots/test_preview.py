@@ -89,6 +89,15 @@ def test_a_part_of_a_run_is_said_to_be_as_long_and_to_have_the_events_that_are_l
     assert repr(preview(part)) == "dataset: run of 0.005 s, 1 events"
 
 
+def test_a_mean_over_cells_is_no_map_any_more():
+    """It was called a map of one cell."""
+    ds = driver.sweep(make_spec(), evaluate=evaluate, progress=False)
+    found = preview(ds.mean())
+    assert "no map any more: label must be whole codes, but had " in repr(found)
+    assert found.png == b""
+    assert "map of 385 cells" in repr(preview(ds.where(ds["belt_speed"] > 0.2)))
+
+
 def test_words_of_a_dataset_are_words_in_a_notebook():
     found = preview(xr.Dataset(attrs={"title": "<script>alert(1)</script>"}))
     assert found.png == b"" and "<script>" not in found._repr_html_()
