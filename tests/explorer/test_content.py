@@ -57,3 +57,11 @@ def test_the_start_of_a_motion_that_dies_away_is_drawn_finely():
     orbit = content_of(run_of(np.exp(-300 * time) * np.sin(1000 * time))).columns["orbit"]
     x = np.concatenate(orbit["x"])
     assert np.abs(np.diff(x)).max() < 0.02 * np.ptp(x)
+
+
+@pytest.mark.parametrize(("low", "name"), [(400.0, ""), (20.0, "chattering")])
+def test_names_of_bands_do_not_lie_over_each_other(low, name):
+    """Of a narrow band of chattering just below squeal "chatte" was left, under "squeal"."""
+    run = run_of(np.sin(2 * np.pi * 500 * 2e-5 * np.arange(40_001)))
+    content = content_of(run.assign_attrs(class_chatter_band=[low, 500.0]))
+    assert content.columns["classes"]["name"] == ["squeal", name]

@@ -698,6 +698,13 @@ def test_a_band_is_named_where_the_frame_has_room_for_the_word(share, named):
         assert frame.x0 <= box.x0 < box.x1 <= frame.x1
 
 
+@pytest.mark.parametrize(("low", "names"), [(480.0, ["squeal"]), (50.0, ["squeal", "chattering"])])
+def test_names_of_bands_do_not_lie_over_each_other(low, names):
+    bands = {"class_squeal_band": [500.0, 530.0], "class_chatter_band": [low, 500.0]}
+    ax = plots.spectrum(tone().assign_attrs(bands))
+    assert [text.get_text() for text in ax.texts if text.get_text() in palette.CLASSES] == names
+
+
 @pytest.mark.parametrize(
     ("seconds", "words"), [(7.68e-3, "7.68 ms"), (0.9994, "999 ms"), (61.2, "61.2 s"), (1, "1 s")]
 )

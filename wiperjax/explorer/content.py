@@ -35,6 +35,7 @@ MOST_TURNS = 12_000  # points of the phase portrait: a round of it has some twen
 MOST_TICKS = 2000  # of one kind of event
 LONG = 10.0  # s: a run whose times are shown in seconds
 DECADES = 4  # of the spectrum
+NAME = 0.2  # of the axis of the spectrum, that the name of a band takes
 ROOM = 0.08  # of an axis, beside what it shows
 
 PICTURES = ("history", "portrait", "spectrum", "spectrogram", "ticks", "friction", "lip")
@@ -194,11 +195,12 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
     low, high = float(found.frequency[0]), float(found.frequency[-1])
     rows = [(name, max(a, low), min(b, high)) for name, a, b in class_bands(stored(part.attrs))]
     rows = [row for row in rows if row[1] < row[2]]
+    name_room = NAME * np.log(high / low)
     content.columns["classes"] = {
         "left": [a for _, a, _ in rows],
         "right": [b for *_, b in rows],
         "colour": [CLASSES[name] for name, *_ in rows],
-        "name": [name for name, *_ in rows],
+        "name": ["" if 0 < abs(np.log(a / rows[0][1])) < name_room else n for n, a, _ in rows],
     }
     tone = found.strongest
     seen = bool(np.isfinite(tone) and low <= tone <= high)
