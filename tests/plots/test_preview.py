@@ -76,7 +76,26 @@ def test_what_a_notebook_shows_does_not_raise_whatever_was_made_of_it(squeal):
         assert "xarray.Dataset" in _shown(each), what
     few = squeal.isel(time=slice(0, 4), event=slice(0, 2))  # as of a run that collapsed at once
     assert len(colours(preview(few).png)) > 10 and "; " not in repr(preview(few))
-    assert "thin: run of " in repr(preview(thin))
+    assert repr(preview(thin)) == "thin: 10001 time x 2 axis"  # of which nothing can be heard
+
+
+def test_a_part_of_a_run_is_said_to_be_as_long_and_to_have_the_events_that_are_left():
+    """It was called by its end, with the events of the whole run."""
+    time = np.linspace(0.0, 0.1, 101)
+    run = xr.Dataset({name: ("time", 0.0 * time) for name in ("position", "velocity", "regime")})
+    run = run.assign_coords(time=time).assign(event_time=("event", [0.01, 0.0445, 0.0455, 0.09]))
+    assert repr(preview(run)) == "dataset: run of 0.1 s, 4 events"
+    part = run.isel(time=slice(40, 46))
+    assert repr(preview(part)) == "dataset: run of 0.005 s, 1 events"
+
+
+def test_a_mean_over_cells_is_no_map_any_more():
+    """It was called a map of one cell."""
+    ds = driver.sweep(make_spec(), evaluate=evaluate, progress=False)
+    found = preview(ds.mean())
+    assert "no map any more: label must be whole codes, but had " in repr(found)
+    assert found.png == b""
+    assert "map of 385 cells" in repr(preview(ds.where(ds["belt_speed"] > 0.2)))
 
 
 def test_words_of_a_dataset_are_words_in_a_notebook():

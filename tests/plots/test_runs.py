@@ -415,13 +415,32 @@ def test_friction_force_lies_on_the_stribeck_curve(squeal):
     expected = friction.coefficient(squeal, -slip[moving])
     np.testing.assert_allclose(ratio[moving], expected, rtol=1e-9)
     assert np.abs(ratio).max() <= 1.0 + 1e-9
-    own = squeal.assign_attrs(friction="laws:Weak")
-    with pytest.raises(
-        ValueError, match="no curve of its law, laws:Weak: only stribeck and coulomb"
-    ):
-        plots.friction_curve(own)
-    with pytest.raises(ValueError, match="friction law is known of laws of the package only"):
-        plots.friction_curve(bouncing_run().assign(slip_speed=("time", np.zeros(2001))))
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ({}, []),  # as of a run in Python of a law without the numbers of the usual one
+        ({"friction": "laws:Weak"}, []),
+        (
+            {"friction": "coulomb", "mu_static": 1.0, "mu_minimum": 0.5},
+            ["friction law (right: times mean normal force)"],
+        ),
+    ],
+)
+def test_the_curve_of_a_law_is_drawn_and_named_as_far_as_a_run_tells_it(law, words):
+    """A law of one's own was refused, and `plot --all` left the picture out without a word; one of
+    Coulomb was called a Stribeck curve."""
+    run = bouncing_run().assign(slip_speed=("time", np.linspace(-0.5, 0.3, 2001)))
+    run = run.assign_attrs(law)
+    axes = friction.friction_page(run)
+    curve, *dots = axes[0].lines
+    assert np.isfinite(curve.get_ydata()).any() == bool(words)
+    assert sum(line.get_xdata().size for line in dots if line.get_marker() == ".") > 1500
+    (legend,) = axes[0].figure.legends
+    said = [text.get_text() for text in legend.get_texts()]
+    assert said == [*words, "stick", "slip forward", "slip backward"]
+    assert any("slip speed" in ax.get_xlabel() for ax in plots.run_overview(run).axes)
 
 
 def test_phase_portrait_has_the_orbit_and_the_angle_of_the_lip(squeal):
@@ -677,6 +696,13 @@ def test_a_band_is_named_where_the_frame_has_room_for_the_word(share, named):
     frame = ax.get_window_extent()
     for box in (word.get_window_extent() for word in words):
         assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+
+
+@pytest.mark.parametrize(("low", "names"), [(480.0, ["squeal"]), (50.0, ["squeal", "chattering"])])
+def test_names_of_bands_do_not_lie_over_each_other(low, names):
+    bands = {"class_squeal_band": [500.0, 530.0], "class_chatter_band": [low, 500.0]}
+    ax = plots.spectrum(tone().assign_attrs(bands))
+    assert [text.get_text() for text in ax.texts if text.get_text() in palette.CLASSES] == names
 
 
 @pytest.mark.parametrize(

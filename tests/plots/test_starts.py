@@ -12,6 +12,7 @@ from wiperjax.cli import main
 from wiperjax.cli.options import cuts
 from wiperjax.datasets import map_dataset
 from wiperjax.plots.files import usual_of_file
+from wiperjax.plots.preview import preview
 from wiperjax.specs.load import parse_sweep
 from wiperjax.store.whole import write_dataset
 from wiperjax.vocabulary.codes import LABELS
@@ -157,3 +158,11 @@ def test_one_start_that_was_taken_by_hand_is_said(starts):
 def test_a_number_is_no_name_of_a_start():
     with pytest.raises(ValueError, match="'3' is not in this map's starts; it holds up, down"):
         plots.class_map(a_map(names=["up", "down"]), at={"start": 3})
+
+
+def test_a_preview_says_which_start_it_shows():
+    """Of one start nothing did, and of several none was told from the most frequent class."""
+    ds = a_map(random=3, x=[0.0, 1e-3])
+    said = "of 3 starts each; start: 3 random ones, the most frequent class"
+    assert repr(preview(ds)).endswith(said)
+    assert repr(preview(ds.sel(start=2))).endswith("belt_speed); start: number 2 of 3 random ones")

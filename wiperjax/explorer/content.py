@@ -18,7 +18,7 @@ from ..datasets.run_dataset import (
 )
 from ..noise.classes import class_bands, stored
 from ..plots.runs.bands import pieces
-from ..plots.runs.friction import coefficient, has_law
+from ..plots.runs.friction import law_over
 from ..plots.runs.history import MARKED
 from ..plots.runs.levels import levels, lines
 from ..plots.runs.portrait import orbit
@@ -35,6 +35,7 @@ MOST_TURNS = 12_000  # points of the phase portrait: a round of it has some twen
 MOST_TICKS = 2000  # of one kind of event
 LONG = 10.0  # s: a run whose times are shown in seconds
 DECADES = 4  # of the spectrum
+NAME = 0.2  # of the axis of the spectrum, that the name of a band takes
 ROOM = 0.08  # of an axis, beside what it shows
 
 PICTURES = ("history", "portrait", "spectrum", "spectrogram", "ticks", "friction", "lip")
@@ -52,7 +53,7 @@ class Content:
         texts: place -> HTML or plain text.
         hidden: those of `PICTURES` that this motion has not.
         labels: picture -> what is across and what is up.
-        part: what of the motion is drawn over time, in phase and on the law, in words.
+        part: which pictures show what part of the motion, in words.
     """
 
     columns: dict[str, Columns] = field(default_factory=dict)
@@ -78,7 +79,9 @@ def content_of(run: xr.Dataset) -> Content:
     _lip(content, run)
     whole, (first, last) = part.sizes["time"] == run.sizes["time"], content.ranges["time"]
     end = f"the last {last - first:.3g} {_clock(part)[1]}"
-    content.part = "all of the run, its start too" if whole else end
+    named = "Velocity and phase portrait"
+    named = named if "friction" in content.hidden else "Velocity, phase portrait and friction"
+    content.part = f"{named}: {'all of the run, its start too' if whole else end}"
     shows = (signal(run, name, usual_axis(run)) for name in ("position", "velocity"))
     place, speed = (label(_words(run, values), shown(values)[1]) for values in shows)
     judged = signal(run)
@@ -192,11 +195,12 @@ def _spectrum(content: Content, part: xr.Dataset) -> None:
     low, high = float(found.frequency[0]), float(found.frequency[-1])
     rows = [(name, max(a, low), min(b, high)) for name, a, b in class_bands(stored(part.attrs))]
     rows = [row for row in rows if row[1] < row[2]]
+    name_room = NAME * np.log(high / low)
     content.columns["classes"] = {
         "left": [a for _, a, _ in rows],
         "right": [b for *_, b in rows],
         "colour": [CLASSES[name] for name, *_ in rows],
-        "name": [name for name, *_ in rows],
+        "name": ["" if 0 < abs(np.log(a / rows[0][1])) < name_room else n for n, a, _ in rows],
     }
     tone = found.strongest
     seen = bool(np.isfinite(tone) and low <= tone <= high)
@@ -238,26 +242,19 @@ def _spectrogram(content: Content, run: xr.Dataset) -> None:
 
 
 def _friction(content: Content, part: xr.Dataset) -> None:
-    """Friction over normal force by slip speed, on its law."""
+    """Friction over normal force by slip speed, on its law where the run tells it."""
     empty = {"slip": [], "mu": []}
     content.columns |= {"law": empty, "force": empty | {"colour": []}}
-    if not has_law(part):
-        content.hidden.add("friction")
-        return
-    slip = np.asarray(part["slip_speed"], dtype=float)
-    normal = np.asarray(part["normal_force"], dtype=float)
+    normal = np.asarray(part.get("normal_force", ()), dtype=float)
     touching = np.flatnonzero(normal > 1e-6 * normal.max(initial=0.0))
-    if not touching.size:
+    if "slip_speed" not in part or not touching.size:
         content.hidden.add("friction")
         return
-    slip, share = slip[touching], np.asarray(part["friction_force"])[touching] / normal[touching]
-    least = 1e-3 * max(float(np.abs(slip).max()), 1e-6)
-    reach = 1.08 * max(float(np.abs(slip).max()), float(part.attrs.get("stribeck_speed", 1e-6)))
-    low, high = (reach if (sign * slip > least).any() else 0.15 * reach for sign in (-1, 1))
-    speed = np.linspace(-low, high, 401)
-    speed = np.insert(speed, np.searchsorted(speed, 0.0), [-1e-12, 1e-12])
-    law = -np.sign(speed) * coefficient(part, np.abs(speed))
-    content.columns["law"] = {"slip": speed, "mu": law}
+    slip = np.asarray(part["slip_speed"], dtype=float)[touching]
+    share = np.asarray(part["friction_force"])[touching] / normal[touching]
+    speed, law = law_over(part, slip, 401)
+    known = np.isfinite(law)
+    content.columns["law"] = {"slip": speed[known], "mu": law[known]}
     names = flag_names(part["regime"])
     chosen = thinned(slip, share, most=1500)
     codes = np.asarray(part["regime"], dtype=int)[touching][chosen]
@@ -267,7 +264,7 @@ def _friction(content: Content, part: xr.Dataset) -> None:
         "colour": [REGIMES.get(names.get(int(code), ""), UNKNOWN) for code in codes],
     }
     content.ranges["slip"] = (float(speed[0]), float(speed[-1]))
-    content.ranges["mu"] = with_room(np.concatenate([law, share]))
+    content.ranges["mu"] = with_room(np.concatenate([law[known], share]))
 
 
 def _lip(content: Content, run: xr.Dataset) -> None:

@@ -250,7 +250,7 @@ class MotionPanel:
 
     def _friction(self) -> Any:
         picture = self._figure(
-            "Friction on its law", "slip speed (m/s)", "friction / normal force",
+            "Friction", "slip speed (m/s)", "friction / normal force",
             x_range=self.ranges["slip"], y_range=self.ranges["mu"],
         )  # fmt: skip
         picture.line("slip", "mu", source=self.sources["law"], color="black", line_width=1.2)

@@ -29,7 +29,7 @@ COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, bes
 
 def heading(run: xr.Dataset, told: dict[str, float], title: str, part: str) -> str:
     """Class of a motion with its colour, its tone, the parameters of the cell, and which `part` of
-    the motion is drawn, if any is.
+    the motion is drawn, in words, if any is.
     """
     name = words(told)["label"] if told else _ended(Result(int(run["result"])))
     text = readable(name)
@@ -39,7 +39,7 @@ def heading(run: xr.Dataset, told: dict[str, float], title: str, part: str) -> s
     if np.isfinite(tone):
         text += f", {tone:.4g} Hz"
     colour = CLASSES.get(name, UNKNOWN)
-    drawn = f'<p class="note">Velocity, phase portrait and friction: {part}.</p>' if part else ""
+    drawn = f'<p class="note">{part}.</p>' if part else ""
     return (
         f'<div class="head"><span class="chip" style="background:{colour}"></span>'
         f'<b class="noise">{escaped(text)}</b><br>'

@@ -6,18 +6,20 @@ import io
 from collections.abc import Callable, Hashable, Iterable
 from typing import Any, TypeVar
 
+import numpy as np
 import xarray as xr
 
 from ..datasets.kinds import kind_of
 from ..datasets.map_starts import from_start
 from ..datasets.run_dataset import last_periods, usual_axis
+from ..noise.class_counts import whole_codes
 from ..vocabulary import checks
 from .maps.categories import category_legend, category_panel
 from .maps.line import along_axis
 from .maps.planes import choose_plane, cut, map_dims
 from .runs.history import time_history
 from .style.axes import legend_below, page
-from .style.caption import noise_text
+from .style.caption import noise_text, start_text
 
 DPI = 80
 T = TypeVar("T")
@@ -84,17 +86,25 @@ def preview(ds: xr.Dataset) -> Preview:
 
 def _of_run(ds: xr.Dataset) -> tuple[str, Callable[[], bytes]]:
     noise = _tried(lambda: noise_text(ds), "")
-    text = f"run of {float(ds['time'][-1]):.4g} s, {ds.sizes.get('event', 0):,} events"
+    time, moments = np.asarray(ds["time"]), np.asarray(ds.get("event_time", ()))
+    first, last = time.min(), time.max()  # of a part, which keeps the events of the whole run
+    events = np.count_nonzero((first <= moments) & (moments <= last))
+    text = f"run of {last - first:.4g} s, {events:,} events"
     return text + (f"; {noise}" if noise else ""), lambda: _run(ds)
 
 
 def _of_map(ds: xr.Dataset) -> tuple[str, Callable[[], bytes]]:
     starts = ds.sizes.get("start", 1)
     ds = from_start(ds)
+    try:
+        whole_codes(ds["label"])
+    except ValueError as error:
+        return f"no map any more: {error}", bytes
     size, sizes = ds["label"].size, _sizes(ds, map_dims(ds))
     text = f"map of {size:,} cell{'' if size == 1 else 's'}"
     text += f" ({sizes})" if sizes else ""
     text += f" of {starts} starts each" if starts > 1 else ""
+    text += f"; {start}" if (start := start_text(ds)) else ""
     try:
         x, y = choose_plane(ds, None, None)
     except ValueError:

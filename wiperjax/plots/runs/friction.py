@@ -1,11 +1,10 @@
-"""Friction force of a run on the Stribeck curve."""
+"""Friction force of a run over its slip speed, on its law."""
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ...vocabulary import checks
 from ...vocabulary.kinds import FRICTION_KINDS
 from ..style.axes import axes_or_page, label, legend_below, page, shown
 from ..style.caption import is_own, set_caption
@@ -29,28 +28,17 @@ def friction_curve(
     Slip speed is that of the contact over its partner, of a tip x' - V; friction opposes it. In
     flight there is no force, and no point.
 
-    Raises: `ValueError` for a run without the friction law.
+    Of a law that the run does not tell (one's own, say) the samples are drawn alone.
     """
-    kind, (_, unit) = law_of(ds), shown(ds["friction_force"])
-    stribeck = kind == "stribeck"
+    _, unit = shown(ds["friction_force"])
     ax, whole = axes_or_page(ax, (6.4, 5.0))
     slip = np.asarray(ds["slip_speed"], dtype=float)
     normal = np.asarray(ds["normal_force"], dtype=float)
     friction = np.asarray(ds["friction_force"], dtype=float)
     touching = normal > 1e-6 * normal.max(initial=0.0)  # at lift-off 0/0
     scale = 1.0 if normalised else float(normal[touching].mean()) if touching.any() else 0.0
-    least = float(ds.attrs["stribeck_speed"]) if stribeck else 1e-6
-    reach = 1.08 * max(np.abs(slip[touching]).max(initial=0.0), least)
-    least = 1e-3 * reach  # rounding at the end of a stick is no slip
-    low, high = (
-        reach if (sign * slip[touching] > least).any() else 0.15 * reach for sign in (-1, 1)
-    )
-    speed = np.linspace(-low, high, 1001)
-    speed = np.insert(speed, np.searchsorted(speed, 0.0), [-1e-12, 1e-12])
-    law = -np.sign(speed) * coefficient(ds, np.abs(speed)) * scale
-    curve = "Stribeck curve" if stribeck else "friction law"
-    words = curve if normalised else "the same times mean normal force"
-    ax.plot(speed, law, color="black", linewidth=1.0, zorder=2)
+    speed, law = law_over(ds, slip[touching])
+    ax.plot(speed, scale * law, color="black", linewidth=1.0, zorder=2)
     shown_force = friction / np.where(touching, normal, np.nan) if normalised else friction
     for name, mask in regime_masks(ds):
         chosen = mask & touching
@@ -69,7 +57,7 @@ def friction_curve(
     ax.set_xlim(speed[0], speed[-1])
     ax.set_xlabel("slip speed (m/s)" if is_own(ds) else "slip speed, tip over glass (m/s)")
     ax.set_ylabel("friction force / normal force" if normalised else label("friction force", unit))
-    handles = [Line2D([], [], color="black", linewidth=1.0, label=words), *_regime_dots(ds)]
+    handles = _handles(ds, "" if normalised else " times mean normal force")
     if whole:
         if legend:
             legend_below(ax.figure, handles)
@@ -79,9 +67,13 @@ def friction_curve(
     return ax
 
 
-def _regime_dots(ds: xr.Dataset) -> list[Line2D]:
-    """Legend entries of the regimes in contact that occur."""
-    return [
+def _handles(ds: xr.Dataset, scaled: str) -> list[Line2D]:
+    """Legend entries: the law, if it is known, and what it is `scaled` by; the regimes in contact
+    that occur."""
+    kind = law_of(ds)
+    words = ("Stribeck curve" if kind == "stribeck" else "friction law") + scaled
+    line = Line2D([], [], color="black", linewidth=1.0, label=words)
+    return [line] * bool(kind) + [
         Line2D(
             [], [], marker="o", linestyle="", color=REGIMES.get(name, UNKNOWN), markersize=5,
             label=readable(name),
@@ -92,32 +84,40 @@ def _regime_dots(ds: xr.Dataset) -> list[Line2D]:
 
 
 def law_of(ds: xr.Dataset) -> str:
-    """Kind of friction law (`kinds.FRICTIONS`) of a run.
-
-    Raises: `ValueError` unless its attributes tell it, and its numbers.
+    """Kind of friction law (`kinds.FRICTION_KINDS`) of a run; empty of one of one's own, and where
+    its numbers are not told.
     """
-    law = ds.attrs.get("friction", "stribeck")
-    if ":" in (kind := str(law).lower()):  # a class of one's own, of which a run has no curve
-        laws = " and ".join(FRICTION_KINDS)
-        raise ValueError(f"the run has no curve of its law, {law}: only {laws} can be drawn")
-    needed = FRICTION_KINDS[checks.choice("friction", kind, FRICTION_KINDS)].keys.values()
-    if missing := [name for name in needed if name not in ds.attrs]:
-        only = "the friction law is known of laws of the package only"
-        raise ValueError(f"the run has no {missing[0]}: {only}")
-    return kind
+    law = str(ds.attrs.get("friction", "stribeck")).lower()
+    known = law in FRICTION_KINDS and ds.attrs.keys() >= {*FRICTION_KINDS[law].keys.values()}
+    return law if known else ""
 
 
-def has_law(ds: xr.Dataset) -> bool:
-    """Whether a run tells its friction law and its slip speed."""
-    try:
-        return bool(law_of(ds)) and "slip_speed" in ds
-    except ValueError:
-        return False
+def law_over(ds: xr.Dataset, slip: np.ndarray, count: int = 1001) -> tuple[np.ndarray, np.ndarray]:
+    """The law under samples that touch, as a curve.
+
+    Arguments:
+
+    - `slip`: slip speeds (m/s) of the samples.
+    - `count`: points of the curve, about.
+
+    Returns: slip speeds (m/s) that reach a little beyond those, and friction over normal force
+        there; NaN of a law that the run does not tell.
+    """
+    least = float(ds.attrs["stribeck_speed"]) if law_of(ds) == "stribeck" else 1e-6
+    reach = 1.08 * max(np.abs(slip).max(initial=0.0), least)
+    sliding = 1e-3 * reach  # rounding at the end of a stick is no slip
+    low, high = (reach if (sign * slip > sliding).any() else 0.15 * reach for sign in (-1, 1))
+    speed = np.linspace(-low, high, count)
+    speed = np.insert(speed, np.searchsorted(speed, 0.0), [-1e-12, 1e-12])
+    return speed, -np.sign(speed) * coefficient(ds, np.abs(speed))
 
 
 def coefficient(ds: xr.Dataset, speed: np.ndarray) -> np.ndarray:
-    """mu at slip speeds >= 0 (m/s) by the law of a run (docs/model.md, section 4)."""
-    return FRICTION_KINDS[law_of(ds)].of(ds.attrs, speed)
+    """mu at slip speeds >= 0 (m/s) by the law of a run (docs/model.md, section 4); NaN of one that
+    it does not tell.
+    """
+    kind = law_of(ds)
+    return FRICTION_KINDS[kind].of(ds.attrs, speed) if kind else np.full_like(speed, np.nan)
 
 
 def friction_page(ds: xr.Dataset) -> np.ndarray:
@@ -126,13 +126,6 @@ def friction_page(ds: xr.Dataset) -> np.ndarray:
     axes = np.asarray(figure.subplots(1, 2))
     friction_curve(ds, axes[0], legend=False)
     friction_curve(ds, axes[1], normalised=False, legend=False)
-    law = Line2D(
-        [],
-        [],
-        color="black",
-        linewidth=1.0,
-        label="Stribeck curve (right: times mean normal force)",
-    )
-    legend_below(figure, [law, *_regime_dots(ds)])
+    legend_below(figure, _handles(ds, " (right: times mean normal force)"))
     set_caption(figure, ds)
     return axes

@@ -13,7 +13,7 @@ from ..style.axes import legend_below, page, time_text
 from ..style.caption import is_own, partner, set_caption, with_noise
 from ..style.palette import BELT
 from .bands import regime_legend
-from .friction import friction_curve, has_law
+from .friction import friction_curve
 from .history import event_legend, time_history
 from .portrait import phase_portrait
 from .spectra import spectrum
@@ -59,7 +59,7 @@ def history_page(ds: xr.Dataset, quantity: str | None = None) -> np.ndarray:
 
 def run_overview(ds: xr.Dataset, whole: xr.Dataset | None = None) -> Figure:
     """Velocity, position and forces of the last periods of a run, above them all of it if that is
-    more, and beside them phase portrait, friction on the Stribeck curve and spectrum.
+    more, and beside them phase portrait, friction over slip speed and spectrum.
 
     Arguments:
 
@@ -90,10 +90,10 @@ def run_overview(ds: xr.Dataset, whole: xr.Dataset | None = None) -> Figure:
     right = grid[int(framed) :, 1].subgridspec(3, 1, height_ratios=[1.25, 1, 1])
     portrait = figure.add_subplot(right[0])
     phase_portrait(part, portrait, transient=whole if framed else None, legend=False)
-    law = has_law(ds)
-    if law:
+    slides = {"slip_speed", *FORCES} <= part.keys()
+    if slides:
         friction_curve(part, figure.add_subplot(right[1]), legend=False)
-    _spectrum(settled(whole), figure.add_subplot(right[2] if law else right[1:]))
+    _spectrum(settled(whole), figure.add_subplot(right[2] if slides else right[1:]))
     legend_below(figure, _handles(part, whole))
     span = time_text(float(part["time"][-1] - part["time"][0]))
     set_caption(figure, whole, f"lower rows: the {span} in the frame" if framed else "")

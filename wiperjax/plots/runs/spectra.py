@@ -81,8 +81,9 @@ def spectrum(
 
 
 def _bands(ds: xr.Dataset, ax: Axes) -> None:
-    """The bands of squeal and chattering behind a spectrum, named where the frame has the room."""
-    low, top = ax.get_xlim()
+    """The bands of squeal and chattering behind a spectrum, named where the frame has the room, and
+    no other name stands."""
+    (low, top), names = ax.get_xlim(), []
     for name, left, right in class_bands(stored(ds.attrs)):
         left, right = max(left, low), min(right, top)
         if left >= right:
@@ -94,8 +95,11 @@ def _bands(ds: xr.Dataset, ax: Axes) -> None:
         )  # fmt: skip
         box, frame = word.get_window_extent(), ax.get_window_extent()
         beyond = max(frame.x0 - box.x0, box.x1 - frame.x1)
-        if beyond > 0.1 * box.width:  # less is gone with the layout, which widens the axes
+        # less is gone with the layout, which widens the axes
+        if beyond > 0.1 * box.width or any(map(box.overlaps, names)):
             word.remove()
+        else:
+            names.append(box)
 
 
 def spectrogram(
