@@ -95,8 +95,8 @@ def _check_annotated(kind: type) -> None:
     for field in dataclasses.fields(kind):
         owner = next((each for each in kind.__mro__ if field.name in vars(each)), kind)
         given = vars(owner).get(field.name)
-        annotated = field.name in vars(owner).get("__annotations__", {})
-        if given is not None and not annotated and not hasattr(given, "__get__"):
+        # with an annotation it is that of the field, whose default stands in its class, too
+        if given is not None and given is not field.default and not hasattr(given, "__get__"):
             was = f"{field.name} = {checks.shown(given)}"
             must = f"must be annotated, as in '{field.name}: float = ...', else it is not used"
             raise ValueError(f"{owner.__name__}.{field.name} {must}; was {was}")
