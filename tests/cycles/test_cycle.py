@@ -256,6 +256,23 @@ def test_time_of_a_motion_that_comes_back_and_of_one_that_does_not():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("samples", [512, 1024, 8192])
+@pytest.mark.parametrize("way", [1, -1])
+def test_turns_of_one_burst_are_no_period_apart(samples, way):
+    """Of a motion with four small turns in a row 6.2 and 6.3 periods were told as whole ones."""
+
+    def place(t):
+        part = t % 1.0
+        leap = np.where(part > 0.4, np.sin(np.pi * (part - 0.4) / 0.6) ** 2, 0.0)
+        return way * (0.06 * part * (1 - part) + 0.004 * np.sin(20 * np.pi * part) - leap)
+
+    t = np.linspace(0.05, 6.39, samples)
+    states = np.stack([place(t), (place(t + 1e-6) - place(t - 1e-6)) / 2e-6], axis=1)
+    found = float(repeat_time(jnp.asarray(states), t[-1] - t[0], jnp.ones(2), jnp.ones(1, bool)))
+    assert found > 4.9 and found == pytest.approx(round(found), abs=1e-3)
+
+
+@pytest.mark.slow
 def test_neimark_sacker_of_a_driven_oscillator():
     # multipliers of x'' + a x' + x = cos(w t) are exp(-a T/2 +- i ...): on the circle at a = 0
     system = Ring(a=0.2, b=0.0, c=0.0, drive=1.0)

@@ -15,6 +15,7 @@ from wiperjax.cycles import find_cycle, orbit, up_and_down
 from wiperjax.datasets.kinds import kind_of
 from wiperjax.noise.run_class import assess, words
 from wiperjax.remedy import descent
+from wiperjax.remedy.box import Box
 from wiperjax.systems import numbers
 from wiperjax.systems.oscillator import Oscillator
 from wiperjax.systems.woodpecker import Woodpecker
@@ -146,6 +147,14 @@ def test_bounds_that_hold_what_no_blade_may_be_are_refused():
         remedy.stabilise(own, {"friction.dynamic": (0.1, 0.9)})
     with pytest.raises(ValueError, match=r"Woodpecker may be, but at pole_radius = 0.004: "):
         numbers.check_bounds("bounds", Woodpecker(), {"pole_radius": (0.002, 0.004)})
+
+
+def test_a_search_begins_from_the_blade_itself():
+    """Of a blade on an edge it began a hundredth inside, and might end with a worse one."""
+    blade = wiperjax.Wiper(normal_load=20.0, attack_angle=0.1)
+    box = Box.of(blade, {"normal_load": (10.0, 20.0), "attack_angle": (-0.4, 0.0)})
+    shares = box.starts(blade, 3, 0)
+    assert shares[0].tolist() == [1.0, 1.0] and np.all((0 < shares[1:]) & (shares[1:] < 1))
 
 
 @pytest.mark.slow

@@ -41,9 +41,10 @@ class Box(eqx.Module):
         return (at - np.asarray(self.low)) / np.asarray(self.high - self.low)
 
     def starts(self, blade: Wiper, count: int, seed: int) -> np.ndarray:
-        """Shares to begin from, (count, n): the blade as it is and random ones of ``seed``."""
+        """Shares to begin from, (count, n): what is nearest to the blade as it is, and random ones
+        of ``seed``."""
         others = np.random.default_rng(seed).uniform(0.05, 0.95, (count - 1, len(self.names)))
-        return np.clip(np.vstack([self.shares_of(blade), others]), 0.01, 0.99)
+        return np.vstack([np.clip(self.shares_of(blade), 0.0, 1.0), others])
 
     def blade(self, blade: Any, share) -> Any:
         """Return ``blade`` with its numbers at ``share`` of the ranges."""

@@ -51,8 +51,9 @@ def quieten(
 
     **Arguments:** ``bounds``, name -> (low, high), SI units; ``effort``, price of a change by a
     whole range, relative to the noise of the blade as it is: 0 asks for the quietest blade at any
-    price; ``starts``, points in the bounds to begin from, the blade itself and random ones of
-    ``seed``, one after the other (`scipy.optimize.minimize`, L-BFGS-B); ``most`` steps of it.
+    price; ``starts``, points in the bounds to begin from, the blade itself (what is nearest to it,
+    where they leave it out) and random ones of ``seed``, one after the other
+    (`scipy.optimize.minimize`, L-BFGS-B); ``most`` steps of it.
 
     **Returns** a `Quietened`. To the search a failed simulation is twice the noise of the blade as
     it is; where one ends in it, ``velocity_rms`` is NaN, and it comes last. If the simulation of

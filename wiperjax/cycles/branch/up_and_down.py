@@ -5,8 +5,8 @@ setting, say. Only stable motions show; `branch.follow` gives the unstable ones 
 
 A mean over a window that is no whole number of periods misses that of the cycle by some per cent,
 another one at each value. So where no clock says how long a period is, the motion is looked at
-twice: over the window asked for, to find the time in which it comes back to itself most often, and
-then over that time.
+twice: over the window asked for, to find a time in which it comes back to itself, and then over
+that time.
 """
 
 from collections.abc import Callable
@@ -59,7 +59,7 @@ def up_and_down(
 
     **Main arguments:** ``system``; ``over``, its name (`numbers.path`); ``values``, increasing (SI
     units, radians); ``settle`` [s] simulated at each value before it is looked at, for ``window``
-    [s] or, if it is periodic, as many whole periods as fit (in a second look, after as long).
+    [s] or, if it is periodic, whole periods that fill half of it or more (in a second look).
 
     **Other arguments:** ``initial_state`` = (position, q') at either end (default: the system's
     own); ``period(system)`` of what drives it [s], without which nothing may: settle and window are
