@@ -521,6 +521,9 @@ def test_a_default_without_an_annotation_is_refused():
     class Steep(own_systems.Falling):
         steepness = 9.0
 
+    class Smooth(own_systems.Oscillator):
+        friction = None
+
     class Annotated(own_systems.Oscillator):
         mass: float = 3.0
 
@@ -531,4 +534,6 @@ def test_a_default_without_an_annotation_is_refused():
         Heavy()
     with pytest.raises(ValueError, match=r"^Steep.steepness must be annotated, .*= 9.0$"):
         Steep()
+    with pytest.raises(ValueError, match=r"^Smooth.friction must be annotated, .*= None$"):
+        Smooth()
     assert Annotated().mass == Below().mass == 3.0
