@@ -188,12 +188,11 @@ def test_a_number_of_which_other_fields_are_made_is_not_varied():
 class ByInit(own_systems.Oscillator):
     """The same by an `__init__` of its own, which does not take what it works out."""
 
-    half: float
+    half: float = 0.0
 
     def __init__(self, stiffness=1.0, mass=1.0):
-        self.stiffness, self.mass, self.half = stiffness, mass, stiffness / 2
-        self.load, self.tilt = 1.0, 0.0
-        self.friction, self.belt = wiperjax.Coulomb(0.5), wiperjax.SteadyBelt(0.2)
+        super().__init__(stiffness=stiffness, mass=mass)
+        self.half = stiffness / 2
 
 
 class Tabulated(own_systems.Oscillator):
