@@ -185,6 +185,34 @@ def test_a_number_of_which_other_fields_are_made_is_not_varied():
     numbers.check_corners("values", Halved(), {"mass": (1.0, 2.0), "belt_speed": (0.1, 0.2)})
 
 
+class ByInit(own_systems.Oscillator):
+    """The same by an `__init__` of its own, which does not take what it works out."""
+
+    half: float = 0.0
+
+    def __init__(self, stiffness=1.0, mass=1.0):
+        super().__init__(stiffness=stiffness, mass=mass)
+        self.half = stiffness / 2
+
+
+class Tabulated(own_systems.Oscillator):
+    """What it makes of no number is another object each time, or no number."""
+
+    table: tuple = (1.0, float("nan"))
+    curve: object = None
+
+    def __post_init__(self):
+        self.curve = lambda x: x
+
+
+def test_fields_made_of_no_number_do_not_hinder_and_those_of_an_init_are_seen():
+    ends = {"stiffness": (1.0, 2.0)}
+    with pytest.raises(ValueError, match="^values must not be of stiffness: ByInit makes other"):
+        numbers.check_corners("values", ByInit(), ends)
+    numbers.check_corners("values", ByInit(), {"mass": (1.0, 2.0)})
+    numbers.check_corners("values", Tabulated(), ends)
+
+
 @pytest.mark.parametrize("kind", sorted(SYSTEMS))
 def test_shipped_systems_make_no_fields_of_their_numbers(kind):
     module, _, name = SYSTEMS[kind].partition(":")

@@ -521,6 +521,15 @@ def test_a_default_without_an_annotation_is_refused():
     class Steep(own_systems.Falling):
         steepness = 9.0
 
+    class Smooth(own_systems.Oscillator):
+        friction = None
+
+    class Fast(wiperjax.SteadyBelt):
+        speed = 3.0
+
+    class Loose(wiperjax.SteadyBelt):
+        slack: float = wiperjax.parameter(0.1, low=0, high=1)
+
     class Annotated(own_systems.Oscillator):
         mass: float = 3.0
 
@@ -531,4 +540,10 @@ def test_a_default_without_an_annotation_is_refused():
         Heavy()
     with pytest.raises(ValueError, match=r"^Steep.steepness must be annotated, .*= 9.0$"):
         Steep()
+    with pytest.raises(ValueError, match=r"^Smooth.friction must be annotated, .*= None$"):
+        Smooth()
+    with pytest.raises(ValueError, match=r"^Fast.speed must be annotated, .*= 3.0$"):
+        Fast()
+    with pytest.raises(ValueError, match=r"^slack must lie inside \[0, 1\], but was 7$"):
+        Loose(slack=7.0)
     assert Annotated().mass == Below().mass == 3.0

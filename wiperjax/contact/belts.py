@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..vocabulary import checks, kinds
+from ..vocabulary import checks, declared, kinds
 from ..vocabulary.kinds import BELTS
 from ..vocabulary.parameters import REFERENCE, longest_ramp
 from .card import card, kind_parameters
@@ -29,6 +29,7 @@ class AbstractBelt(eqx.Module):
     def __check_init__(self):
         names = BELTS.get(self.kind, {})
         checks.parameters({key: getattr(self, key) for key in names}, names)
+        declared.check(self)
 
     def _repr_html_(self) -> str:
         """Its parameters with their units, as a notebook shows them."""

@@ -6,6 +6,7 @@ A name is the path of a field, ``belt.speed`` or ``attack_angle``; the names of 
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
+from inspect import signature
 from itertools import product
 from typing import Any
 
@@ -101,8 +102,11 @@ def check_followed(
     `replaced` puts a number in its place, and those would not follow."""
     to = path(system, name)
     try:
-        made = [eqx.tree_at(at(to), _made_anew(system, to, float(end)), 0.0) for end in ends]
-        follows = bool(eqx.tree_equal(*made))
+        made = [
+            eqx.tree_at(at(to), _made_anew(system, to, float(end)), 0.0) for end in (ends[0], *ends)
+        ]
+        differ = not eqx.tree_equal(*made[:2])  # a NaN, a function made anew: it tells nothing
+        follows = differ or bool(eqx.tree_equal(*made))
     except Exception:  # it cannot be made of its fields, or not with such a number
         return
     if not follows:
@@ -114,7 +118,11 @@ def _made_anew(module: eqx.Module, to: tuple[str, ...], number: float) -> Any:
     """Return ``module``, made of its fields once more, with ``number`` at the end of ``to``."""
     first, *rest = to
     changed = _made_anew(getattr(module, first), tuple(rest), number) if rest else number
-    given = {f.name: getattr(module, f.name) for f in fields(module) if f.init}
+    taken = signature(type(module)).parameters.values()  # of an `__init__` of its own, too
+    names = {each.name for each in taken}
+    every = any(each.kind is each.VAR_KEYWORD for each in taken)
+    init = (f.name for f in fields(module) if f.init and (every or f.name in names))
+    given = {name: getattr(module, name) for name in init}
     return type(module)(**given | {first: changed})
 
 

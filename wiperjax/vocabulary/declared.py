@@ -96,7 +96,8 @@ def _check_annotated(kind: type) -> None:
         owner = next((each for each in kind.__mro__ if field.name in vars(each)), kind)
         given = vars(owner).get(field.name)
         # with an annotation it is that of the field, whose default stands in its class, too
-        if given is not None and given is not field.default and not hasattr(given, "__get__"):
+        stated = field.name in vars(owner)  # None too: `friction = None` would leave the law
+        if stated and given is not field.default and not hasattr(given, "__get__"):
             was = f"{field.name} = {checks.shown(given)}"
             must = f"must be annotated, as in '{field.name}: float = ...', else it is not used"
             raise ValueError(f"{owner.__name__}.{field.name} {must}; was {was}")
