@@ -15,6 +15,7 @@ import pytest
 from wiperjax import SteadyBelt, Wiper, WipingBelt
 from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.contact.regimes import slip_sign
+from wiperjax.machine import jax_settings
 from wiperjax.numerics import kept
 from wiperjax.numerics.kept import Kept, as_arrays
 from wiperjax.systems.numbers import traceable
@@ -262,3 +263,15 @@ def test_a_wiper_has_few_programs():
         assert eqx.tree_equal(*(eqx.partition(x, eqx.is_array)[1] for x in (slow, fast)))
         bent = eqx.partition(made(replace(plain, stribeck_shape=2.0)), eqx.is_array)[1]
         assert bent.stribeck_shape is None
+
+
+@pytest.mark.skipif(jax.default_backend() != "cpu", reason="options of XLA on a host")
+def test_passes_of_xla_that_the_user_leaves_out_stay_left_out(monkeypatch):
+    """A program's own list of them replaces that of ``XLA_FLAGS``, which was lost in these."""
+    name, ours = "xla_disable_hlo_passes", ",".join(jax_settings.SKIPPED)
+    for flags in ("", "--xla_cpu_prefer_vector_width=512", f"--a=b --{name}={ours}"):
+        monkeypatch.setenv("XLA_FLAGS", flags)
+        assert kept._options() == {name: ",".join((ours, *kept.NEEDLESS))}
+    for flags in (f"--{name}=fusion", f"--a=b --{name}={ours},fusion"):
+        monkeypatch.setenv("XLA_FLAGS", flags)
+        assert kept._options() == {}

@@ -165,10 +165,18 @@ def _read(path: Path) -> Callable[..., Any] | None:
 
 
 def _answering(traced: export.Exported, shape) -> Callable[..., Any]:
-    host = jax.default_backend() == "cpu"
-    options = {"xla_disable_hlo_passes": ",".join((*jax_settings.SKIPPED, *NEEDLESS))}
-    call = jax.jit(traced.call, compiler_options=options if host else {})
+    call = jax.jit(traced.call, compiler_options=_options())
     return lambda *leaves: jax.tree.unflatten(shape, call(*leaves))
+
+
+def _options() -> dict[str, Any]:
+    """Return how XLA shall compile a program. A list that the user has set would be replaced."""
+    name, ours = "xla_disable_hlo_passes", ",".join(jax_settings.SKIPPED)
+    flags = os.environ.get("XLA_FLAGS", "").split()
+    users = any(f"{name}=" in flag and flag != f"--{name}={ours}" for flag in flags)
+    if users or jax.default_backend() != "cpu":
+        return {}
+    return {name: ",".join((ours, *NEEDLESS))}
 
 
 def _clear(place: Path) -> None:
