@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 import wiperjax
 from wiperjax import Result
 from wiperjax.noise.run_class import assess
+from wiperjax.runs import dataset
 from wiperjax.runs.dataset import OF_A_RUN
 
 CLASSES = {"squeal_band": [0.2, 1.0], "chatter_band": [0.0, 0.2]}
@@ -140,3 +141,11 @@ def test_a_slip_costs_what_it_costs_without_a_belt_too():
     assert float(again["slip_rate"]) == pytest.approx(2 / (2 * np.pi), rel=0.1)
     assert float(again["energy_per_slip"]) == pytest.approx(exact, rel=0.06)
     assert np.isnan(assess(run.drop_vars("slip_speed"), transient=61.0)["energy_per_slip"])
+
+
+def test_a_law_that_is_called_as_one_of_the_package_is_not_taken_for_it():
+    """Its run said that it was of that law, whose curve was drawn beside the samples."""
+    own = type("Stribeck", (wiperjax.Stribeck,), {"__module__": "laws"})
+    named = [dataset._class(law(1.0, 0.3, 0.1)) for law in (wiperjax.Stribeck, own)]
+    assert named == ["Stribeck", "laws:Stribeck"]
+    assert dataset._class(wiperjax.SteadyBelt(0.3)) == "SteadyBelt"

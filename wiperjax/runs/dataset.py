@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from ..contact.belts import AbstractBelt
-from ..contact.friction import AbstractFriction
+from ..contact.friction import CLASSES, AbstractFriction
 from ..contact.system import AbstractSystem, system_attributes
 from ..engine.carry.problem import Problem
 from ..engine.carry.state import EventLog, State, final_velocity
@@ -153,6 +153,14 @@ def _worked_out(system: AbstractSystem, samples: Any, times: np.ndarray) -> dict
     return {name: ("time", found[name], attrs[name]) for name in names}
 
 
+def _class(value: eqx.Module) -> str:
+    """Name of the class of a law or belt; with its module where a law of one's own is called as one
+    of the package, whose curve would be taken for its."""
+    own, name = type(value) not in CLASSES.values(), type(value).__name__
+    clash = own and isinstance(value, AbstractFriction) and name.lower() in CLASSES
+    return f"{type(value).__module__}:{name}" if clash else name
+
+
 def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, tuple[Any, str | None]]:
     """Name -> (value, unit if it is known) of each numeric field, those of modules inside prefixed;
     and their classes. The numbers of a system of one's own are pure ones unless it says more.
@@ -164,7 +172,7 @@ def _parameters(module: eqx.Module, prefix: str = "") -> dict[str, tuple[Any, st
         if field.name in SET_BY_THE_ENGINE or field.name in getattr(module, "idle", ()):
             continue
         if isinstance(value, eqx.Module):
-            found[name] = type(value).__name__, None
+            found[name] = _class(value), None
             if isinstance(value, AbstractFriction):
                 the_law = value is getattr(module, "law", None)
                 keys = FRICTIONS.get(value.kind, {}) if the_law else {}  # as in files
