@@ -493,6 +493,7 @@ def test_a_cycle_of_several_periods_that_are_nearly_alike(zeta, aside, periods):
     assert cycle.stable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "periods"), [(0.005, 7.3), (1e-4, 10)])
 def test_slip_that_lies_between_two_samples_is_of_every_period(speed, periods):
     """Between sticks of 1/V s a block slips for some pi s: where samples saw that in some periods
