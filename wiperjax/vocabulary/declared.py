@@ -9,6 +9,7 @@ jax: `parameters_of` reads any dataclass.
 import dataclasses
 import math
 from collections.abc import Collection, Mapping
+from functools import lru_cache
 from typing import Any
 
 from . import checks
@@ -88,6 +89,7 @@ def check(system: Any) -> None:
         checks.parameter(name, getattr(system, name), entry)
 
 
+@lru_cache(maxsize=256)  # a class passes once: systems are made in loops
 def _check_annotated(kind: type) -> None:
     """Raises `ValueError` for a field that a class gives another default without an annotation:
     to Python that is no field, and the default of the class it inherits from would stay.

@@ -166,8 +166,7 @@ class Settings(NamedTuple):
         # by the whole sweep, not the block, its share or a few points of a refinement: numbers do
         # not depend on those
         room = sample_room(size, run.samples)
-        brief = spec.sensitivities is None and is_brief(spec.motion)
-        return cls(run.precision, run.solver, room, regimes, log, brief)
+        return cls(run.precision, run.solver, room, regimes, log, is_brief(spec))
 
 
 class Run(NamedTuple):
