@@ -53,7 +53,7 @@ def test_time_of_waiting_is_of_no_phase_and_what_others_did_leaves_the_rest_idle
     with account() as spent, during("storing"):
         with during(None):
             time.sleep(0.05)
-        spent.take({"engine": 0.02, "naming": 0.01})
+        spent.take({"engine": 0.02, "naming": 0.01}, elsewhere=True)
         found, idle = spent.seconds(), spent.idle()
     assert found.pop("storing") < 0.04
     assert found == {"engine": 0.02, "naming": 0.01}

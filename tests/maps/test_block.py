@@ -99,9 +99,10 @@ def test_a_closer_look_needs_no_more_than_samples(monkeypatch):
         np.testing.assert_array_equal(lean[name], values)
 
 
-def test_blocks_hold_some_time_of_motion_and_are_alike():
+def test_blocks_hold_some_time_of_motion_and_are_alike(monkeypatch):
     """What a kill can cost is bounded, lanes idle at the end of a block are few, and no short
     block is compiled once more."""
+    monkeypatch.setattr(block, "accelerated", lambda: False)
     for angles, window, blocks in ((50, 0.2, 3), (50, 2.0, 14), (2000, 0.2, 98), (2000, 0.01, 62)):
         spec = make_spec(angles=angles, loads=10, speeds=100, window=window)
         size = block_size(spec)

@@ -17,7 +17,7 @@ from contextvars import ContextVar
 
 
 class Account:
-    """Seconds of each phase, since it was opened."""
+    """Seconds of each phase, since it was opened, of the thread that opened it."""
 
     def __init__(self) -> None:
         self._seconds: defaultdict[str, float] = defaultdict(float)
@@ -38,11 +38,13 @@ class Account:
         """Books `seconds` on a phase, or takes them off it: those of other processes or threads."""
         self._seconds[phase] += seconds
 
-    def take(self, phases: Mapping[str, float]) -> None:
-        """Books what other processes did, each second shared by all of them, on its phases."""
+    def take(self, phases: Mapping[str, float], elsewhere: bool) -> None:
+        """Books what another thread did on its phases; or, `elsewhere`, what other processes did,
+        each second shared by all of them."""
         for phase, seconds in phases.items():
             self.add(phase, seconds)
-        self._others += sum(phases.values())
+        if elsewhere:
+            self._others += sum(phases.values())
 
     def seconds(self) -> dict[str, float]:
         """Seconds of each phase up to now."""

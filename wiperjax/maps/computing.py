@@ -1,14 +1,19 @@
 """Who computes the blocks of a sweep: this process, or the workers of a cluster."""
 
-import time
+import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ..machine.phases import account, during
 from ..vocabulary import checks
 from .block import Block, Evaluate, engine, evaluate_block, made_by
+
+AT_A_TIME = 2  # blocks of this process: one that moves, one that is named
 
 Spans = Mapping[int, tuple[int, int]]  # number of a block -> first cell, the one after the last
 Blocks = Callable[[Any, Spans], Iterator[Block]]
@@ -30,11 +35,53 @@ def computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[st
     if evaluate is None:
         evaluate, described = engine()
         known |= described
-    return partial(_one_by_one, evaluate=evaluate), known
+    return partial(_overlapping, evaluate=evaluate), known
 
 
-def _one_by_one(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]:
-    for number, (start, stop) in spans.items():
-        begun = time.perf_counter()
-        columns, occupancy = evaluate_block(spec, np.arange(start, stop), evaluate)
-        yield Block(number, columns, occupancy, time.perf_counter() - begun)
+def _overlapping(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]:
+    """Blocks in their order, two at a time: one moves, on all cores or the accelerator, while the
+    one before it is named, which fills few cores, and the one before that is stored.
+    """
+    turn, stopped = threading.Lock(), threading.Event()
+
+    def compute(number: int, before: threading.Event, begun: threading.Event) -> Block:
+        def in_turn(*given: Any, **named: Any) -> Mapping[str, Any]:
+            with during(None):
+                before.wait()  # the first look of the block before this one
+                turn.acquire()
+            try:
+                begun.set()
+                if stopped.is_set():
+                    raise CancelledError
+                return evaluate(*given, **named)
+            finally:
+                turn.release()
+
+        try:
+            with account() as spent:
+                found = evaluate_block(spec, np.arange(*spans[number]), in_turn)
+                phases = spent.seconds()
+            return Block(number, *found, sum(phases.values()), phases)
+        finally:
+            begun.set()  # also where it failed before
+
+    def computed(block: Future[Block]) -> Block:
+        with during(None):  # it comes with phases of its own
+            return block.result()
+
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        flying: deque[Future[Block]] = deque()
+        before = threading.Event()
+        before.set()
+        try:
+            for number in spans:
+                begun = threading.Event()
+                flying.append(pool.submit(compute, number, before, begun))
+                before = begun
+                if len(flying) > AT_A_TIME:
+                    yield computed(flying.popleft())
+            while flying:
+                yield computed(flying.popleft())
+        finally:
+            stopped.set()
+            pool.shutdown(cancel_futures=True)

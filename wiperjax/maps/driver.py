@@ -30,7 +30,7 @@ from ..store.whole import listed, open_map
 from ..vocabulary import checks
 from ..vocabulary.ranges import MOST_CELLS, Range
 from .auto_model import as_chosen_for, on_chosen_model
-from .block import Block, Evaluate, block_size
+from .block import FILLING, Block, Evaluate, accelerated, block_size
 from .computing import Blocks, Spans, computing
 from .estimate import check_memory, check_room
 from .progress import Report
@@ -95,6 +95,9 @@ def sweep(
     blocks, known = computing(spec, evaluate, workers)
     block = whole_lines(spec, block or block_size(spec, 1 if workers is None else workers.count))
     known |= dict(identity or {})
+    if workers is None and evaluate is None and spec.size < FILLING and accelerated():
+        slow = "%d cells leave most of an accelerator idle: with JAX_PLATFORMS=cpu the processor's "
+        log.warning(slow + "cores may be faster", spec.size)
     with account() as spent:
         task = Task(spec, blocks, int(block), known, progress, command, spent, workers)
         if output is None:
@@ -203,7 +206,7 @@ def _compute(task: Task, store: BlockStore, report: Report, check: Callable[[], 
 def _computed(task: Task, spans: Spans, report: Report) -> Iterator[Block]:
     """Blocks, each counted by the account and by the report."""
     for block in task.blocks(task.spec, spans):
-        task.spent.take(block.phases)
+        task.spent.take(block.phases, elsewhere=task.workers is not None)
         start, stop = spans[block.number]
         report.update(block.columns, stop - start, block.occupancy)
         yield block

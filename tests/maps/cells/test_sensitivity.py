@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from types import SimpleNamespace
 
 import jax
@@ -188,6 +189,8 @@ def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, f
 
     def dies(spec, index):
         if index[0]:
+            while not open_map(parts_of(path)).done.any():  # it is stored beside this
+                time.sleep(0.01)
             os.kill(os.getpid(), signal.SIGKILL)
         return blocks[0]
 

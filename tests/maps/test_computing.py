@@ -1,0 +1,94 @@
+"""Blocks of this process: one moves while the one before it is named."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from stub_sweep import evaluate, make_spec
+
+from wiperjax.machine.phases import account, during
+from wiperjax.maps import block, driver
+from wiperjax.maps.computing import computing
+
+SPANS = {number: (50 * number, 50 * number + 50) for number in range(6)}
+
+
+def test_blocks_come_in_order_and_move_one_at_a_time_beside_what_is_named(monkeypatch):
+    moving, together, named = threading.Lock(), [], threading.Event()
+
+    def one(spec, index, *look):
+        assert moving.acquire(blocking=False)
+        if index[0] == 50:  # the second does not end before the first is being named
+            together.append(named.wait(20))
+        moving.release()
+        return evaluate(spec, index, *look)
+
+    plain = block.naming
+
+    def naming(spec, columns):
+        named.set()
+        return plain(spec, columns)
+
+    monkeypatch.setattr(block, "naming", naming)
+    blocks, _ = computing(make_spec(), one, None)
+    found = list(blocks(make_spec(), SPANS))
+    assert together == [True]
+    assert [part.number for part in found] == list(SPANS)
+    for part in found:
+        alone, _ = block.evaluate_block(make_spec(), np.arange(*SPANS[part.number]), evaluate)
+        assert part.columns.keys() == alone.keys()
+        for name, values in alone.items():
+            np.testing.assert_array_equal(part.columns[name], values, err_msg=name)
+
+
+def test_a_block_brings_its_phases_without_the_waiting_for_its_turn():
+    def slow_at_first(spec, index, *look):
+        with during("engine"):
+            time.sleep(1.0 if index[0] == 0 else 0.0)
+        return evaluate(spec, index)
+
+    with account() as spent:
+        blocks, _ = computing(make_spec(), slow_at_first, None)
+        found = list(blocks(make_spec(), SPANS))
+        assert spent.seconds() == {}  # nobody's time twice
+    assert found[0].phases["engine"] >= 1.0
+    assert all(part.seconds == sum(part.phases.values()) for part in found)
+    assert found[1].seconds < 1.0  # it has waited for as long, if it did not come first
+
+
+def test_nothing_begins_behind_a_block_that_fails():
+    begun = []
+
+    def fails(spec, index, *look):
+        begun.append(index[0])
+        if index[0] == 50:
+            raise MemoryError("no room")
+        return evaluate(spec, index)
+
+    blocks, _ = computing(make_spec(), fails, None)
+    coming = blocks(make_spec(), SPANS)
+    assert next(coming).number == 0
+    with pytest.raises(MemoryError, match="no room"):
+        next(coming)
+    assert len(begun) < len(SPANS) and threading.active_count() < 50
+    ended = list(begun)
+    time.sleep(0.1)
+    assert begun == ended
+
+
+def test_few_cells_on_an_accelerator_are_told_of(monkeypatch, caplog):
+    class Told(Exception):
+        """Instead of a sweep."""
+
+    def stop(*_):
+        raise Told
+
+    monkeypatch.setattr(driver, "accelerated", lambda: True)
+    monkeypatch.setattr(driver, "account", stop)
+    with pytest.raises(Told):
+        driver.sweep(make_spec(), progress=False)
+    assert caplog.messages == [
+        "385 cells leave most of an accelerator idle: with JAX_PLATFORMS=cpu the processor's cores "
+        "may be faster"
+    ]
