@@ -38,7 +38,11 @@ FIRST = """kills commands sensitivity cycle notebooks cluster measures failures 
 hard_scenes against_reference reverse known_answers saltation_wiper""".split()
 
 
+@pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.slow)
     names = [f"test_{name}" for name in FIRST]
     items.sort(key=lambda i: names.index(i.path.stem) if i.path.stem in names else len(names))
 

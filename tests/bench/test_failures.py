@@ -39,7 +39,7 @@ CLOSE = {"growth": 1e-3}
 UNLIKE = ("near_painleve", "growth")  # a hinge mass; no tolerance of the loop sees what grows
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", hard.SCENES)
 def test_two_independent_codes_confirm_the_reference(name):
     scene = hard.SCENES[name]()
@@ -73,7 +73,7 @@ def test_growth_out_of_nothing_is_that_of_the_linear_motion():
     np.testing.assert_array_less(np.abs(found - place - linear), 0.01 * size)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_growth_out_of_nothing_needs_steps_that_see_it():
     """At a loose tolerance it is right with ten steps a period, and early without."""
     scene = hard.growth()
@@ -142,7 +142,7 @@ def chart():
     return failures.measure([coarse, loop, Still(), Absent()], few)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_chart_tells_right_from_wrong_and_from_not_run(chart):
     code = lambda method, scene: list(chart.outcome.sel(solver=method, scene=scene).values)
     assert code("Moreau-Jean", "grazing") == [Outcome.WRONG, Outcome.RIGHT, Outcome.RIGHT]
@@ -162,7 +162,7 @@ def test_a_chart_tells_right_from_wrong_and_from_not_run(chart):
     assert first[0].tolist() == [1, -1, 1] and first[2].tolist() == [-1, -1, -1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_chart_is_drawn_written_and_read(chart, tmp_path):
     chart.to_netcdf(tmp_path / "f.h5", engine="h5netcdf")
     figure = failures_plot.draw(chart)
@@ -187,14 +187,14 @@ def test_stability_regions():
     assert radius(theory_of.theta_function(0.0), 2.0) == pytest.approx(-2 * np.cos(2.0))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("problem", ["friction", "contact"])
 def test_measured_limit_of_smooth_contact_is_that_of_theory(problem):
     theory, measured = limits.methods(problem)["smooth contact, Tsit5"](limits.POINTS[problem][2])
     assert measured == pytest.approx(theory, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_engine_has_the_limit_of_its_solver():
     theory, measured = limits.methods("spring")["engine, Tsit5"](5.0)
     assert measured == pytest.approx(theory, rel=0.01)

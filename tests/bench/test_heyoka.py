@@ -17,7 +17,7 @@ def test_without_it_one_line_says_what_to_install(monkeypatch):
     assert METHOD.available() == "heyoka is not installed (pip install heyoka)"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(METHOD.available() is not None, reason=f"{METHOD.available()}")
 @pytest.mark.parametrize("name", ["squeal", "chatter", "reversal", "zeno", "grazing", "block"])
 def test_events_and_states_are_those_of_the_loop(name):

@@ -94,7 +94,7 @@ def test_the_scalar_loop_converges_to_the_exact_block():
     assert off[1] < 0.05 * off[0] and off[2] < 0.05 * off[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_batch_of_one_thread_equals_that_of_all():
     scene = families.batch(200)
     one, all_ = (compiled.prepared(scene, 1e-6, n, mark=0.0)() for n in (1, None))
@@ -379,7 +379,7 @@ def test_the_text_of_the_speeds_says_what_is_met():
 # --- the command ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_quick_chart(tmp_path, capsys):
     """What CI runs: two scenes, three methods; every curve falls."""
     file = tmp_path / "chart.h5"
@@ -457,7 +457,7 @@ def test_the_rule_leaves_out_what_a_sweep_cannot_ask_for_or_did_not_finish(tmp_p
         rule.rows(xr.Dataset())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("target", [1e-3, 1e-5])
 def test_the_error_asked_for_is_met_on_blades_never_seen(target):
     from wiperjax.numerics.runge_kutta import SOLVERS

@@ -10,7 +10,7 @@ from wiperjax_bench.measurements import profile  # noqa: E402
 from wiperjax_bench.measurements.operations import Work  # noqa: E402
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_work_is_that_of_one_lane_on_its_way():
     bench = profile.Bench("float64", 16, rounds=20)
     assert np.all(bench.state.result == RUNNING) and np.all(bench.state.time > 0)

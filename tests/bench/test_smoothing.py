@@ -86,7 +86,7 @@ def test_smoothed_friction_converges_on_the_exact_block():
     assert slope(widths, errors) > 0.7
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_penalty_converges_on_rigid_bounces_where_friction_is_constant():
     """With a Stribeck curve it does not: there mu changes during the impact, here it is held."""
     stribeck = hard.zeno().head(1)

@@ -51,7 +51,7 @@ def test_the_text_gives_rates_and_shares():
     assert [cell.split()[0] for cell in cells[11:]] == ["0.50", "3.00", "2.00"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_is_measured_as_users_run_it():
     found = sweep.command(1000)
     told = ("start", "compiling", "engine", "naming", "storing")

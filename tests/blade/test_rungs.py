@@ -91,7 +91,7 @@ def test_a_bar_keeps_its_side_of_the_corner_where_it_begins_to_slide_freely():
 # --- the block ------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("degrees", [-30, -10, 0, 10, 30])
 @pytest.mark.parametrize("speed", [0.3, -0.6])
 def test_block_has_the_linearisation_of_the_lip(degrees, speed):
@@ -141,7 +141,7 @@ def unstable_speeds(rung):
     return scale * low, scale * brentq(excess, top, far, xtol=1e-15)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("degrees", "hopf"), [(-30, 0.5766), (-10, 0.5017), (0, 0.4511), (10, 0.3937), (30, 0.2470)]
 )
@@ -189,7 +189,7 @@ def test_range_of_unstable_speeds():
     assert unstable_speeds(oscillator(1.0, 0.2, -1.0)) == (0.0, np.inf)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_squeal_oscillator_grows_inside_its_range_and_dies_outside():
     low, high = unstable_speeds(oscillator(2.0, 0.2, 3.0))
     span = 0.03  # s, 17 periods
@@ -250,7 +250,7 @@ def test_wrong_rungs_are_refused():
         ladder.on_rung(replace(WIPER, hinge_mass=1e-3), "bar")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["bar", "block"])
 def test_a_scene_file_runs_on_a_lower_rung(model):
     spec = load_scene(noises.SWEEPS / "scenes" / "squeal.toml", model)
@@ -264,7 +264,7 @@ def test_a_scene_file_runs_on_a_lower_rung(model):
     assert pitch == pytest.approx({"bar": 780.8, "block": 783.7}[model], abs=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_on_the_bar_gives_the_map_of_the_lip(steady_scenes):
     like = noises.remedies("squeal")
     names = ("squeal", "squeal_slip", "chatter", "quiet", "quiet_wet")
@@ -358,7 +358,7 @@ def test_a_model_that_cannot_stand_for_a_scene_says_so(tmp_path, monkeypatch, ca
     assert row == "| s | block | cannot stand for it |  |  |  |  |  |  |  | no |"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ladder_of_squeal():
     rungs = compare_rungs.compare(
         noises.SWEEPS / "scenes" / "squeal.toml", hinged=False, costs=lambda s: dict.fromkeys(s, 2)

@@ -104,7 +104,7 @@ def test_hopf_speeds_of_the_reference_blade():
     assert np.all(below.k_eff > 0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_three_branches_on_the_leading_side_and_their_hopf_speed():
     blade = wiperjax.Wiper(attack_angle=np.radians(-30.0))
     below, above = (steady_slip_branches(blade, 0.2842 + d) for d in (-5e-5, 5e-5))
@@ -136,7 +136,7 @@ def test_branches_are_seen_where_they_are_born():
     assert np.degrees(-np.diff(branches(two).phi[:2])) < 1e-5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_mirror_image():
     blade, speed = random_blades(2)
     mirrored = replace(blade, attack_angle=-blade.attack_angle)
@@ -211,7 +211,7 @@ def slip_by_hand(w, i, speed, x, velocity):
     return np.linalg.solve(matrix, [f_t - h_t, f_n - h_n])[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_hinge_mass():
     blade, speed = random_blades(3, hinge_mass=1.2e-3, hinge_damping=1e-5, gravity=9.81)
     r = steady_slip(blade, speed)
@@ -258,7 +258,7 @@ def test_simulations_beside_the_boundary_grow_as_linearised(angle, hopf, branch,
     assert turn == pytest.approx(value.imag, rel=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_simulations_beside_the_boundary_all_over_the_map():
     """Random blades, each at 3 % below and above its own Hopf speed, 1e-6 L from equilibrium."""
     blade, _ = random_blades(2)
@@ -305,7 +305,7 @@ def test_simulations_beside_the_boundary_all_over_the_map():
     np.testing.assert_allclose(np.angle(wave), 0, atol=3e-3)  # after whole periods
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cell_does_not_depend_on_how_many_there_are():
     """Bit for bit: a block of a map may be of any size."""
     angles = np.radians(np.linspace(-40, 40, 140))

@@ -14,7 +14,7 @@ def overloaded(wiper):
     return wiperjax.solve(wiper, 0.05, rtol=1e-9, max_events=32)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_lip_meets_its_shoulder_and_collapses_behind_it(side):
     """One switch watches both ends of the stretch that the lip is in, and tells them apart."""
@@ -40,7 +40,7 @@ def test_a_lip_meets_its_shoulder_and_collapses_behind_it(side):
     assert Event.KINK not in kinds and kinds[-1:] == [Event.COLLAPSE]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_attack_angle_behind_the_collapse_does_not_move_it():
     """Neither shoulder can be reached: the lip collapses at its own angle."""
     wiper = Wiper(attack_angle=np.deg2rad(80.0), shoulder_angle=0.1, collapse_angle=np.pi / 3)

@@ -723,7 +723,7 @@ def test_version_is_that_of_the_package():
     assert wiperjax.__version__ == version
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_memory_is_that_of_this_process_alone():
     """The peak that the system hands out begins with that of the process that started this one."""
     held = np.ones(2**27)  # 1 GiB

@@ -415,7 +415,7 @@ def test_a_picture_of_somebody_else_is_kept_on_resume(folder, monkeypatch, capsy
     assert Path("m.png").read_bytes() == b"precious"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_picture_of_this_sweep_is_drawn_again(folder, monkeypatch, capsys):
     """Killed between the picture and the end: the same command must come to an end."""
     assert sweep() == 0

@@ -81,6 +81,7 @@ def test_it_ends_where_slip_becomes_too_fast():
     assert SPEED < slip < 1.1 * SPEED and slip < free
 
 
+@pytest.mark.long
 def test_flight_over_a_fast_belt_goes_on_to_the_first_slip():
     fall = 0.5
     run = trajectory(Thrown(belt=SteadyBelt(5.0)), 2.0, ((0.0, fall), (0.0, 0.0)))

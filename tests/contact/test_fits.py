@@ -279,7 +279,7 @@ class AtOnce(Breaking):
         return jnp.where(piece < 2, self.at + piece * self.ramp, jnp.inf)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_belt_that_starts_at_once_is_a_steep_ramp():
     """What rests on it is left behind: it slips from there, by 0.15 t^2."""
     block = Oscillator(damping=0.0, stiffness=1e-6, friction=Coulomb(0.3), belt=AtOnce(0.3, at=0.5))

@@ -107,7 +107,7 @@ def test_what_is_rounding_is_no_jump():
     fits.check(Swung(), (0.0,), (0.0,))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_begins_with_an_acceleration_goes_on():
     """The ball leaves a table that falls faster than it, and stays on one that does not; the block
     is carried by ground that starts softly, and left behind by other ground, by 0.05 t^2."""

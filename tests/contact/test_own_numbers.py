@@ -22,7 +22,7 @@ def ends(blade, **options):
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("number", [np.uint8(1), jnp.uint8(1), np.uint64(1)])
 def test_a_belt_of_a_whole_number_turns_back(number):
     """The plateau of -1 m/s was one of 255 m/s."""
@@ -32,7 +32,7 @@ def test_a_belt_of_a_whole_number_turns_back(number):
     assert float(run.belt_velocity.min()) == pytest.approx(-1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("number", [np.float32(SINGLE), jnp.float32(SINGLE)])
 def test_a_length_in_single_precision_leaves_the_tolerance(number):
     """Its reciprocal was one of seven digits: at rtol = 1e-10 the tip was off by 4e-10 m."""

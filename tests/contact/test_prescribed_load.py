@@ -48,7 +48,7 @@ class Leaning(AbstractBeltSystem):
         return (0.0, 0.0), (SPEED, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("lean", [-0.3, 0.0, 0.3])
 def test_stick_holds_against_what_the_load_drives(lean):
     """A load that holds y = 0 leaves x = V t to friction, until it is mu. Without the load's part
@@ -71,7 +71,7 @@ def release(lean, static, speed):
 release_slopes = jax.jit(jax.jacfwd(release, (0, 1, 2)))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("lean", [-0.3, 0.3])
 def test_the_time_of_release_has_the_exact_derivatives(lean):
     """t = mu / V, whatever the lean."""
@@ -133,7 +133,7 @@ def test_a_motion_that_begins_under_a_load_below_zero_ends_there():
         assert Result(int(result)) == Result.NO_CONSISTENT_REGIME and float(place) == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_load_that_dips_below_zero_within_a_step_ends_a_motion():
     """By a thousandth, here; looked at where steps end alone, 13 of 64 went on."""
 
@@ -209,7 +209,7 @@ def scipys(lean: float, beat: float, stop: float) -> list[tuple[float, Event]]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("lean", [-0.3, 0.3])
 def test_events_under_a_load_that_changes_are_those_of_scipy(lean):
     exact = scipys(lean, 0.2, 30.0)

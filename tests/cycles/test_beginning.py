@@ -14,7 +14,7 @@ from wiperjax.cycles.return_map import Shooting
 from wiperjax.systems import numbers
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_branch_goes_on_where_its_section_misses_the_cycles():
     """Circles that shrink below the level at which they begin: the branch ended there."""
     cycle = find_cycle(
@@ -38,7 +38,7 @@ def test_a_branch_goes_on_where_its_section_misses_the_cycles():
     np.testing.assert_allclose(a, b**2 / 4, atol=2e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_branch_goes_on_where_its_section_touches_the_cycles():
     """The first block turns without acceleration at a link of 2.3518: multipliers of -9.4 and 6.8
     were told there, and the branch "came back on itself".

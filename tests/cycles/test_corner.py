@@ -56,7 +56,7 @@ def runs():
         for step in (0.02, 0.03)
     ]
     quick = every[:4]
-    return [run if run in quick else pytest.param(*run, marks=pytest.mark.slow) for run in every]
+    return [run if run in quick else pytest.param(*run, marks=pytest.mark.long) for run in every]
 
 
 def no_gaps(branch, step):
@@ -148,7 +148,7 @@ def test_what_begins_at_a_corner_is_the_shortest_phase(lasts, kind):
     assert corner_kind(*pair) == corner_kind(*pair[::-1]) == kind
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_block_stops_at_its_turns_up_to_den_hartogs_frequency():
     """Below, at 0.18047292 (a solution in closed form between stops), it goes on once more on its
     way: that was called a stick which begins at a turn."""
@@ -188,7 +188,7 @@ def test_a_grazing_of_many_hits_from_afar_is_told_from_one(one, other, far, jump
     assert corner.jumped(None, edge, step) == jumps
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cycle_that_is_small_since_the_belt_is_slow_comes_to_no_hopf_point():
     """Far below the speed of Stribeck's curve friction falls in a line, and stick alone bounds the
     motion: it is as large as the belt is fast, and steady slip unstable down to rest."""
@@ -211,7 +211,7 @@ class Isola(Ring):
         return (-damping * v[0] - q[0],)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_closed_branch_is_walked_once():
     system = Isola(a=-0.5, b=-2.0, c=1.0, offset=1.0)
     cycle = find_cycle(system, settle=60.0, initial_state=((1.3,), (0.0,)), over="a")
@@ -234,7 +234,7 @@ class Mathieu(Ring):
         return (beat - self.a * v[0] - (1 + self.b * beat) * q[0],)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_tongue_narrower_than_a_step_is_not_passed_over():
     """Multipliers pass -1 at w = 1.985 and come back at 2.015: tests of both ends were positive."""
     damping, depth = 0.02, 0.05
@@ -269,7 +269,7 @@ def two_impacts():
     return cycle
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_doubled_branch_ends_where_its_halves_are_alike(two_impacts):
     """Beyond, the halves have changed places: the same cycles again."""
     e = 0.8
@@ -338,7 +338,7 @@ def test_a_walk_that_comes_back_on_itself_says_so(two_impacts, monkeypatch):
     assert branch.parameters[0] < 2.655  # a few steps at most, where cycles are close together
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_branch_goes_on_beyond_a_grazing_impact():
     """Free vibrations reach the stop at an amplitude |1 - w^2|; with impacts the branch turns."""
     w, e = 1.3, 0.8
@@ -368,7 +368,7 @@ class Damped(StopOscillator):
         return (super().free_acceleration(t, q, v)[0] - 0.1 * v[0],)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_branch_of_impacts_turns_where_it_grazes_once_more():
     """It was said to have no cycle beyond. Exact: equations of the flights between the impacts."""
     graze = abs(1 - 2.9**2 + 0.29j)  # of the free vibration
@@ -459,7 +459,7 @@ class Uneven(Ring):
         return (push - 0.1 * v[0] - q[0] - 0.1 * q[0] ** 3,)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_resonance_under_uneven_pushes_goes_on_over_its_fold():
     cycle = find_cycle(
         Uneven(frequency=1.0),

@@ -53,7 +53,7 @@ def ring():
     return branch, follow_curves(branch, "b", -1.05, 0.5, step=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fold_and_hopf_curve_of_circles_meet_where_the_onset_turns_soft(ring):
     """a + b r^2 + c r^4 = 0: Hopf points at a = 0, folds at a = b^2 / 4c, b < 0."""
     _, curves = ring
@@ -107,7 +107,7 @@ class TwoFolds(Ring):
         return (-(self.a + self.b * s + s**3) * v[0] - q[0],)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_folds_meet_in_a_cusp():
     system = TwoFolds(a=0.3, b=-0.4)
     cycle = find_cycle(system, settle=60.0, initial_state=((1.0,), (0.0,)), over="a")
@@ -192,7 +192,7 @@ class Scaled(Ring):
         return (-(self.a + self.b * r2 + self.c * r2**2) * v[0] - q[0],)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_folds_that_only_become_small_go_on_and_nothing_turns_back():
     """They ended at a hundredth of the scale as if they shrank onto steady slip, and ``a``, which
     is the same all along, turned back five times."""
@@ -246,7 +246,7 @@ def touching_belt(damping: float) -> float:
     return scipy.optimize.brentq(gain, 0.8 * guess, 1.25 * guess, xtol=1e-11)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_stick_slip_ends_where_an_independent_code_has_it():
     """Over belt and damping: the grazing-sliding fold, and the Hopf point by hand."""
     start = ((0.0,), (0.2,))
@@ -265,7 +265,7 @@ def test_stick_slip_ends_where_an_independent_code_has_it():
     assert _at(hopf, 5.746) == pytest.approx(STRIBECK_HOPF, abs=2e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_curve_passes_through_the_fold_that_it_began_at():
     """Friction that falls within a thirtieth of the belt's speed: the cycles on which stick begins
     are no straight line in what slip is left. Folds by scipy: release, and back to rest."""
@@ -563,7 +563,7 @@ def test_first_lyapunov_coefficient_is_that_of_guckenheimer_and_holmes():
     assert first_lyapunov(matrix, w, second, third) == pytest.approx(2 * a / 16 / w)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_map_swept_up_and_down_has_its_borders_on_the_curves():
     """At 0 degrees and 15 N/m squeal begins at 0.4511 m/s and lives on to 1.4302 m/s; at all loads
     the noise of a map swept up ends, and of one swept down begins, within 0.025 m/s of the curves

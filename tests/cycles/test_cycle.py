@@ -38,7 +38,7 @@ def ring():
     return cycle, follow(cycle, -0.1, 0.3, step=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_circle_from_a_simulation(ring):
     cycle, _ = ring
     r2 = 0.5 + math.sqrt(0.25 - 0.1)
@@ -54,7 +54,7 @@ def test_circle_from_a_simulation(ring):
     assert cycle.word == ""
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.8])
 def test_a_section_finds_the_cycle_that_the_motion_settles_on(ring, place):
     """A state moved straight onto it came to the unstable circle inside, or to rest."""
@@ -165,7 +165,7 @@ def test_pictures_of_a_branch_file(ring, tmp_path):
         plots.plot_file(tmp_path / "branch.h5", made[1], quantity="loudness", **cycles)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_up_and_down_shows_what_coexists():
     values = np.linspace(-0.38, 0.32, 8)
     ds = up_and_down(
@@ -180,7 +180,7 @@ def test_up_and_down_shows_what_coexists():
     np.testing.assert_allclose(high.sel(way="down"), circle, atol=3e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_another_number_to_vary_compiles_nothing(monkeypatch):
     """Which one was in the program: 15 s for the same cycle of the wiper over its load."""
     block = Oscillator(belt=wiperjax.SteadyBelt(0.5))
@@ -211,7 +211,7 @@ def test_values_at_which_a_belt_is_none_are_refused():
         up_and_down(Oscillator(belt=belt), "belt_ramp", [6.0, 9.0, 16.0], **times)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_simulated_means_are_those_of_whole_periods():
     """A window of 6.3 periods at one value, 5.7 at another: the shares are the exact ones.
 
@@ -255,7 +255,7 @@ def test_time_of_a_motion_that_comes_back_and_of_one_that_does_not():
     assert comes_back(whole, sizes, both) and not comes_back(jnp.asarray(wave), sizes, both)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("samples", [512, 1024, 8192])
 @pytest.mark.parametrize("way", [1, -1])
 def test_turns_of_one_burst_are_no_period_apart(samples, way):
@@ -272,7 +272,7 @@ def test_turns_of_one_burst_are_no_period_apart(samples, way):
     assert found > 4.9 and found == pytest.approx(round(found), abs=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_neimark_sacker_of_a_driven_oscillator():
     # multipliers of x'' + a x' + x = cos(w t) are exp(-a T/2 +- i ...): on the circle at a = 0
     system = Ring(a=0.2, b=0.0, c=0.0, drive=1.0)
@@ -296,7 +296,7 @@ def test_neimark_sacker_of_a_driven_oscillator():
     np.testing.assert_allclose([c.maximum for c in branch.cycles], response, rtol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_v5_stick_slip_over_the_belt_speed():
     m, k, fs, fd, v = 1.0, 100.0, 0.4, 0.25, 0.05
     start = ((0.0,), (v,))
@@ -314,7 +314,7 @@ def test_v5_stick_slip_over_the_belt_speed():
     np.testing.assert_allclose([c.maximum for c in branch.cycles], highest, rtol=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_v8_multipliers_and_period_doubling_over_the_frequency():
     e = 0.8
     system = StopOscillator(amplitude=1.0, frequency=2.5, restitution=e, side=-1.0)
@@ -348,7 +348,7 @@ def test_v8_multipliers_and_period_doubling_over_the_frequency():
     assert special.parameter == pytest.approx(exact, abs=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_squeal_and_the_unstable_cycle_that_bounds_it():
     """Subcritical Hopf at the known speed; squeal ends where stick does, on the same branch."""
     blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(1.35))
@@ -374,7 +374,7 @@ def test_squeal_and_the_unstable_cycle_that_bounds_it():
         assert (float(late.std()) > 0.5) == squeals
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_cycles_grow_out_of_the_hopf_point_of_v11():
     from wiperjax.cycles import cycle as cycles
     from wiperjax.cycles import return_map
@@ -493,7 +493,7 @@ class Second(AbstractSystem):
         return 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_vibrates_in_another_coordinate_is_not_at_rest():
     start = ((0.1, 1.0), (0.0, 0.0))
     cycle = find_cycle(Second(), settle=100.0, initial_state=start, over="a")
@@ -509,7 +509,7 @@ def test_a_coordinate_moves_by_its_own_size():
     assert list(moving(samples, np.array([1.0, 1e-2, 1.0, 1.0]))) == [False, False]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_smallest_change_that_makes_steady_slip_stable():
     from wiperjax import remedy
 
@@ -540,7 +540,7 @@ def test_smallest_change_that_makes_steady_slip_stable():
     assert float(none.parameters.growth_rate[0]) > -50
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_smallest_change_beyond_an_edge_where_branches_are_born():
     """The rate of the branch that leans farthest jumps from 7 to -130 1/s there: searches by its
     slope ended on the near side, and none met what can be met."""
@@ -574,7 +574,7 @@ def test_a_measure_of_zero_has_no_way_down(ring):
     assert path.end == "stick_fraction is 0" and path.steps.sizes["step"] == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_least_noise_from_several_starts():
     """Each search ends lower than where it began, and what it reports is what a run shows."""
     from wiperjax import remedy
@@ -605,7 +605,7 @@ def test_least_noise_from_several_starts():
         remedy.quieten(blade, bounds, duration=0.1, window=1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_has_come_to_rest_is_reported_at_rest():
     """The floor under the search's root, 1e-6 of the belt's speed, was reported as its noise."""
     from wiperjax import remedy
@@ -622,7 +622,7 @@ def test_what_has_come_to_rest_is_reported_at_rest():
     assert max(levels) < 5e-7 * blade.belt.speed  # the steps of a loose tolerance
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_derivatives_hold_where_a_recalled_stay_ends_on_its_other_side():
     """On a belt that turns one stick lasts as long as the one before, but ends at the other edge of
     the cone. The step that was made to end at the first ended at the second, was taken whole, and
@@ -653,7 +653,7 @@ class Knocked(Block):
         return ((push - self.stiffness * q[0]) / self.mass,)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_push_within_a_long_stick_is_seen_by_steps_that_are_short_enough():
     block, begin = Knocked(1.0, 1.0), ((0.0,), (0.0,))
     given = {"settle": 120.0, "initial_state": begin, "period": 60.0}

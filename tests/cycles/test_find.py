@@ -102,7 +102,7 @@ class Struck(AbstractSystem):
         return Coulomb(1.0, 0.6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cycle_whose_velocity_falls_through_zero_at_a_blow_only():
     """The jump was taken for a turning, in stick: no section of that state."""
     cycle = find_cycle(Struck(), settle=100.0, initial_state=((0.0,), (0.0,)), over="belt")
@@ -192,7 +192,7 @@ def bounce(table: float, aside: float):
     return (height + aside,), (0.5 - left,)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("share", "settle", "aside", "word"),
     [(0.97, 10.0, 0.1, "impact"), (1.00002, 40_000.0, 1e-3, "impact impact")],
@@ -216,7 +216,7 @@ def test_on_either_side_of_a_doubling_the_cycle_is_that_settled_on(share, settle
         np.testing.assert_allclose(np.sort(np.real(cycle.multipliers)), pair, rtol=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_ball_that_lies_on_the_table_leaves_no_coordinate_free():
     """Newton's method had nothing to solve for: a traceback. It lies until the table falls faster
     than it, from table (2 pi)^2 = 1 on."""
@@ -285,7 +285,7 @@ class Beside(AbstractSystem):
         return v[0] - 100.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_pitchfork_that_the_first_coordinate_does_not_feel():
     """Its mirror image had the same extremes of the first coordinate: it counted as met before."""
     start = ((0.1, 0.7), (0.0, 0.0))
@@ -302,7 +302,7 @@ def test_a_pitchfork_that_the_first_coordinate_does_not_feel():
     np.testing.assert_allclose(y**2, -branch.parameters, atol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_creep_towards_stick_is_no_cycle():
     """It closes to 5e-10, but a multiplier is 2e-4 from 1: the cycles that it creeps to, of stick,
     are a family and lie elsewhere."""
@@ -323,7 +323,7 @@ class Measured(wiperjax.AbstractFriction):
         return jnp.interp(speed, speeds, jnp.array([0.9, 0.85, 0.7, 0.55, 0.42, 0.36, 0.35, 0.38]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_squeal_by_a_law_with_corners_is_found_and_followed():
     """Steps over its corners are as rough as the tolerance allows: Newton's method came to 4e-9 of
     the motion and no nearer, and the answer was that it may be chaotic."""
@@ -358,7 +358,7 @@ class Shaken(own_systems.OnePiece):
         return self.speed
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_squeal_that_creeps_to_the_beat_of_a_belt_is_told_to_settle():
     """Just beside where it locks in: the answer said nothing."""
     blade = wiperjax.Wiper(belt=Shaken())
@@ -407,7 +407,7 @@ def test_no_number_of_periods_is_in_step_with_the_samples_of_a_look(up):
         assert len(falls(swings)) > 14
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("periods", [248, 256, 264])
 def test_samples_in_step_with_the_periods_tell_no_other_cycle(periods):
     """The quarter of ``settle`` that is looked at held about as many periods as samples: a cycle
@@ -430,7 +430,7 @@ class Leaning(Ring):
         return (0.8 - q[0] - 0.1 * v[0] - 50 * jnp.maximum(depth, 0.0),)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("phase", [0.0, 1.5 * np.pi, 1.75 * np.pi])
 def test_a_wall_that_is_felt_at_some_phase_only_is_seen(phase):
     """All states that were asked had the phase 0 of the clock. Where the wall is not felt there, a
@@ -478,7 +478,7 @@ class Grazing(AbstractSystem):
         return v[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("zeta", "aside", "periods"), [(0.8, 1e-3, 2), (1.5, 4e-3, 4)])
 def test_a_cycle_of_several_periods_that_are_nearly_alike(zeta, aside, periods):
     """Behind a grazing one period in several has an impact, and hardly differs from the others by
@@ -493,7 +493,7 @@ def test_a_cycle_of_several_periods_that_are_nearly_alike(zeta, aside, periods):
     assert cycle.stable
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("speed", "periods"), [(0.005, 7.3), (1e-4, 10)])
 def test_slip_that_lies_between_two_samples_is_of_every_period(speed, periods):
     """Between sticks of 1/V s a block slips for some pi s: where samples saw that in some periods

@@ -41,7 +41,7 @@ def exact(link, second, rate, period, belt):
     return z[3], z[2]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_places_are_those_of_an_independent_code_all_along_the_curve():
     """Where the way to rest led along the curve the limit was guessed from a tenth of a range
     away, 1e-3 beside it, and the curve ran back over itself and ended at a link of 7.09."""

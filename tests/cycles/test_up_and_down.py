@@ -52,7 +52,7 @@ def test_what_is_driven_is_not_swept_without_its_period():
         call(period=lambda system: 1.3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_drive_that_is_felt_on_the_way_only_is_not_swept_without_its_period():
     rest = (0.0,), (0.0,)
     with pytest.raises(ValueError, match="^period must be given"):
@@ -66,7 +66,7 @@ class Late(Pushed):
         return super().free_acceleration(t + 1.5 * np.pi, q, v)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_states_in_step_with_a_window_of_whole_periods_hide_no_drive():
     """Eight of a window of eight periods were looked at, all in one phase."""
     turn = 2 * np.pi
@@ -109,7 +109,7 @@ class Falling(AbstractSystem):
         return v[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_kick_does_not_lead_into_the_belt():
     """Where the first coordinate leads there, all was an inconsistent start."""
     found = up_and_down(own_systems.Hung(), "belt.speed", [0.1, 0.2], settle=2.0, window=2.0)
@@ -117,7 +117,7 @@ def test_a_kick_does_not_lead_into_the_belt():
     np.testing.assert_allclose(found.maximum[..., 0], 0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_falls_repeats_but_for_its_height():
     """Its maxima hung on how long it had fallen, and its means were over parts of periods: 3 % off
     here, without a word."""

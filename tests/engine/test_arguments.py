@@ -507,7 +507,7 @@ def test_arrays_pass():
     wiperjax.Wiper(tip_mass=np.float64(1e-3), gravity=np.int64(9), hinge_mass=0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tolerances_that_only_jax_knows_end_as_a_result():
     """Inside `jax.jit` no message can be given: such a trajectory ends at once, with a code, and
     alone. A duration below 0 was gone backwards, and `finished`. This test compiles one program.

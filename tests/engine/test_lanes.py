@@ -79,7 +79,7 @@ def same(a, b):
         np.testing.assert_array_equal(np.asarray(x), np.asarray(y))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_cases_differ(pool):
     outcome = pool[2][0]
     assert len(set(np.asarray(outcome.steps).tolist())) > CASES // 2
@@ -87,7 +87,7 @@ def test_the_cases_differ(pool):
     assert np.asarray(outcome.events).max() > 20
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_each_case_equals_the_same_alone(pool):
     wiper, position, (outcome, _, _) = pool
     for case in (0, 7, 23):
@@ -99,7 +99,7 @@ def test_each_case_equals_the_same_alone(pool):
             assert abs(found) < 1e-7 * wiper.lip_length  # steps differ in their caps: rtol is 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_event_log_of_each_case_is_that_of_the_same_alone(pool):
     wiper, position, (outcome, _, _) = pool
     log = jax.tree.map(np.asarray, outcome.log)
@@ -223,7 +223,7 @@ def test_blocks_do_not_matter():
             np.testing.assert_array_equal(values, joined, err_msg=name)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_program_that_is_compiled_fast_makes_the_same_motion(monkeypatch):
     """That of a brief sweep: stages in a loop, which round otherwise, and a jump apart."""
     spec = sweep_spec(rtol=1e-9)
@@ -306,7 +306,7 @@ def test_dear_cells_begin_first():
     assert devices.dearest_first(same_load, 3).tolist() == [0, 1, 2]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
     spec = sweep_spec(event_log=12, raster=20)  # by the program of `test_cluster`
     columns = batch.evaluate(spec, np.arange(7))
@@ -340,7 +340,7 @@ def test_the_event_log_of_a_cell_is_that_of_its_settled_window():
         np.testing.assert_array_equal(values, columns[name], err_msg=name)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_float32_sees_the_same_events():
     index = np.arange(7)
     double = batch.evaluate(sweep_spec(), index)
@@ -350,7 +350,7 @@ def test_float32_sees_the_same_events():
     np.testing.assert_allclose(single["stick_fraction"], double["stick_fraction"], atol=5e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_a_tip_that_is_carried_has_the_share_one_exactly(precision):
     """The times in a regime are sums of steps, which miss the window by 1e-15 of it or, in float32,
@@ -363,7 +363,7 @@ def test_a_tip_that_is_carried_has_the_share_one_exactly(precision):
     assert np.all(found["mechanism"] == codes.MECHANISMS["carried"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_float32_does_not_creep_behind_a_stiff_shoulder():
     """The last digit of x, times the shoulder's stiffness, is an error that no short step lowers:
     steps that tried took nine times as many. And steps shorter than that digit must add up: where

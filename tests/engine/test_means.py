@@ -42,7 +42,7 @@ def recorded(monkeypatch, signal, parts):
     return record
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_instant_of_a_long_step_has_its_regime(monkeypatch):
     """Where a full ring was emptied within a step, the first instant after it had none: 7 of the 50
     of a raster."""

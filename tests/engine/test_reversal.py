@@ -38,7 +38,7 @@ def both(request):
     return [run.statistics for run in found]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_times_within_the_window_are_exact(both):
     # at the start, around three passages, and none at the end
     for record in both:
@@ -46,7 +46,7 @@ def test_times_within_the_window_are_exact(both):
         assert float(record.vibration_time) == pytest.approx(4 * WINDOW, rel=1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "accuracy"),
     [
@@ -61,7 +61,7 @@ def test_they_do_not_depend_on_the_steps(both, name, accuracy):
     assert long == pytest.approx(short, rel=accuracy)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_largest_force_is_that_of_the_window_also_where_strokes_press_harder():
     """Against samples of the same motion: no node of a stroke counts, and no vertex is missed."""
     wiper = Wiper(
@@ -89,7 +89,7 @@ def test_what_lies_within_the_window_is_not_of_the_strokes_by_rounding(both, whi
         assert float(time) == 0 or float(time) > 1e-9
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_carried_by_a_turning_belt_moves_as_the_belt():
     """In stick there is no error to limit a step: one of half a period was 1 % off in the whole and
     14 % around V = 0."""
@@ -111,7 +111,7 @@ def seen(phase, window):
     return wiperjax.solve(wiper, 0.02, observer=ReversalTotals(0.0, window)).statistics
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_no_time_lay_in_has_no_force():
     """The mean of strokes of no length was infinite, the largest force of no turn 0 N/m."""
     of_the_turn = {"normal_force_max_reversal", "velocity_rms_reversal"}

@@ -33,7 +33,7 @@ def measure(p, phase, **options):
     return total, (s.result, s.steps, t.stick_time > 0, t.flight_time > 0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_forward_and_reverse_agree():
     """Half of the blades start in the air, and half of them see the belt turn round."""
     rng = np.random.default_rng(0)
@@ -60,7 +60,7 @@ def test_forward_and_reverse_agree():
     assert sticks >= 8 and flies >= 8 and max(steps) > 300
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_memory_grows_like_the_square_root_of_the_steps():
     """And the gradient of a bouncing ball's speed is exact, whatever the room."""
 

@@ -47,7 +47,7 @@ def matrix(linear, duration):
     return expm(np.asarray(linear, float) * duration)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_capture():
     k, fd, v, start, end = 1.0, 0.3, 0.2, (0.2, -0.4), 3.0
     derivative, s = solved(Block(0.9, fd, 1.0, k, belt=v), end, start)
@@ -75,7 +75,7 @@ def test_slip_onset():
     np.testing.assert_allclose(derivative[:, 1], 0.0, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_lift_off():
     """Nothing jumps there, but the motion after it has one freedom more."""
     mu, g, rise, end = 0.2, 10.0, 3.0, 2.0
@@ -89,7 +89,7 @@ def test_lift_off():
     np.testing.assert_allclose(derivative[:, [0, 2]], closed[:, [0, 2]], rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_begins_to_slip_from_rest_keeps_the_derivative_by_its_speed():
     """And on the ground none by the speed away from it."""
     derivative, _ = solved(Ramp(0.3, push=5.0), 0.7, [0, 0, 0, 0])
@@ -160,7 +160,7 @@ def test_end_of_a_zeno_sequence():
     np.testing.assert_allclose(derivative, closed, rtol=0, atol=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_impact_just_behind_a_known_time():
     """A step of a last digit or two ends at the event: what it tells of bends is rounding, which
     made the derivatives 5e-4 wrong."""

@@ -98,7 +98,7 @@ def impact(given, side, complete, y):
     return jnp.stack([y[0] + lasts * (first + given[2]), 0.0, slip, 0.0]), lasts
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("angle", "stiffness", "height", "duration", "kinds"),
     [
@@ -161,7 +161,7 @@ def test_the_product_of_all_flows_and_saltation_matrices(angle, stiffness, heigh
     np.testing.assert_allclose(derivative / scale, product[:, free] / scale, rtol=0, atol=2e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_belt_of_ramps():
     """By all its parameters, through its reversal and its corners: central differences."""
     given = numbers(10.0, 2000.0, speed=0.3, frequency=15.0, ramp=4e-3)
@@ -181,7 +181,7 @@ def test_a_belt_of_ramps():
         assert worst.max() < 1e-5, name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_jam_has_the_derivative_of_its_time():
     """Slip is braked to D = 0. The time of that was taken for fixed: its derivative was 0, those
     of all behind it were wrong, that of the integral of forces by seven orders."""

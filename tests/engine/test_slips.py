@@ -9,7 +9,7 @@ import pytest
 import wiperjax
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_slips_of_a_block_with_two_coefficients_of_friction_are_the_closed_form():
     """A block on a spring, stuck to a belt of speed V until k x = mu_s N, slips back by half a
     period of its spring but for V; energy of a slip: work of the spring between its ends."""
@@ -44,7 +44,7 @@ def test_slips_of_a_block_with_two_coefficients_of_friction_are_the_closed_form(
     assert ds.force_drop.attrs["units"] == "N" and ds.energy_per_slip.attrs["units"] == "J"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_never_sticks_has_no_slips():
     ds = wiperjax.sweep(
         {

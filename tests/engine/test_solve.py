@@ -23,7 +23,7 @@ from wiperjax.systems.oscillator import Oscillator
 LANES = 16  # as many as `test_against_reference` has: one program
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_lane_equals_the_same_trajectory_alone_in_any_order_with_failing_neighbours():
     values, speed = draw(LANES)
     values["normal_load"][2] = np.nan  # cannot be computed
@@ -140,7 +140,7 @@ def test_what_is_earlier_than_rounding_is_before_the_start():
     np.testing.assert_array_equal(from_start(np.array([0.7 - 1e-9]), 0.7), [0.7 - 1e-9])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sample_at_the_very_start_moves_with_its_time():
     @jax.jit
     def slope(first):
@@ -205,7 +205,7 @@ def test_single_precision_goes_with_an_output_that_knows_the_time():
     assert found.observed.output_integral.dtype == jnp.float32
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("belt", [WipingBelt(0.4, 0.1), TrapezoidBelt(0.4, 0.1, 2.0)])
 def test_single_precision_goes_with_a_belt_that_knows_the_time(belt):
     """Its speed has the time's double precision: the work of friction ended in a traceback."""
@@ -227,7 +227,7 @@ def test_elastic_ball_never_rests_and_keeps_its_energy():
     assert {k for _, k in events(s)} == {Event.IMPACT}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_event_log_overflow_is_flagged_and_counted():
     s = trajectory(Ball(9.81, 0.5), 3.0, ((1.0,), (0.0,)), max_events=4)
     full = trajectory(Ball(9.81, 0.5), 3.0, ((1.0,), (0.0,)))  # 256
@@ -250,7 +250,7 @@ def test_wrong_arguments_are_refused():
         wiperjax.solve(Wiper(belt=WipingBelt(0.3, 100.0)), 0.02, start=1e9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_another_value_compiles_nothing(monkeypatch):
     """By itself a call traced its loop again, 0.8 s, and compiled it anew for every other number,
     3 s: 7 s with a derivative, 19 s backwards."""

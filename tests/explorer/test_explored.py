@@ -514,7 +514,7 @@ def test_a_strip_of_events_says_what_happened_that_it_does_not_draw():
     assert content_of(run.isel(event=[])).columns["rows"]["row"] == ["no events"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_slow_system_is_sampled_and_shown_by_its_own_time():
     spec = {
         "system": "own_systems:Oscillator",
@@ -711,6 +711,7 @@ def test_the_first_motion_is_computed_once_before_a_window_asks(whole, monkeypat
     worker.stop()
 
 
+@pytest.mark.long
 def test_a_cell_of_another_map_at_the_same_place_is_another_motion(whole, monkeypatch):
     monkeypatch.setattr(motion, "motion_of", lambda asked, *rest: asked.name)
     worker, place, shown = Worker(), motion.first_place(whole), []

@@ -49,7 +49,7 @@ def drag(page, worker, **ends):
     worker.box()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_frame_of_a_held_cell_is_where_that_cell_is(window):
     page, worker = window
     held = page.map.held
@@ -128,7 +128,7 @@ def test_rows_of_events_do_not_lie_over_each_other():
     assert heights[1] - heights[2] == 3 * (heights[2] - heights[0]) > 3 * 12
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("starts", "chosen", "says"),
     [

@@ -3,10 +3,24 @@
 import re
 from pathlib import Path
 
+import pytest
+
 CHECKOUT = Path(__file__).parents[2]
 DOCS = CHECKOUT / "docs"
 PAGES = [CHECKOUT / "README.md", *sorted(DOCS.glob("**/*.md"))]
 DOORS = ("wiperjax", "wiperjax.cycles", "wiperjax.remedy", "wiperjax.plots", "wiperjax.sound")
+
+
+def as_params(pages: list[Path], *, run: bool = False) -> list:
+    """Pages for `parametrize`; where what they show is to `run`, all but README's take long."""
+    return [
+        pytest.param(
+            page,
+            id=str(page.relative_to(CHECKOUT)),
+            marks=[pytest.mark.long] * (run and page.name != "README.md"),
+        )
+        for page in pages
+    ]
 
 
 def write_files(page: Path, folder: Path) -> None:

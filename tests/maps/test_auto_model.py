@@ -203,7 +203,7 @@ def test_what_cannot_have_a_model_chosen(said, given):
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_says_which_and_goes_on_with_it(tmp_path, monkeypatch, capsys):
     stub = engine({"block": 0.5, "bar": 0.05})
     monkeypatch.setattr("wiperjax.maps.computing.engine", lambda: (stub, {}))
@@ -226,6 +226,7 @@ def test_the_command_says_which_and_goes_on_with_it(tmp_path, monkeypatch, capsy
     assert path.with_suffix(".png").stat().st_mtime_ns > drawn
 
 
+@pytest.mark.long
 def test_a_scene_has_no_cells_to_probe(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text("[run]\nduration = 0.1\n")

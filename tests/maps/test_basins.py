@@ -59,7 +59,7 @@ def box(count, seed=1):
     return (rng.uniform(-2, 2, count),), (rng.uniform(0, 2, count),)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_shares_of_the_friction_oscillator_are_the_exact_ones(oscillator):
     count, ends = 4000, (HOPF - 0.05, LAST_CYCLE + 0.02)
     speeds = np.repeat((*SPEEDS, *ends), count)
@@ -75,7 +75,7 @@ def test_shares_of_the_friction_oscillator_are_the_exact_ones(oscillator):
     assert share[4] == 0 and share[5] == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_start_is_what_it_would_be_alone(oscillator, monkeypatch):
     (x,), (v,) = box(5)
     speeds = np.array([1.2, 1.3, 1.4, 1.5, 1.6])
@@ -109,7 +109,7 @@ class _Named(Oscillator):
     coordinates = ("place",)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_reached_its_end_has_numbers_where_several_motions_were_possible():
     """They were NaN, and a start of no motion counted as one of the other."""
     (x, y, lean), rates = Rod().start(math.radians(60), 1.0, spin=5.0)
@@ -119,7 +119,7 @@ def test_what_reached_its_end_has_numbers_where_several_motions_were_possible():
     assert ds.attrs["source"].startswith("wiperjax") and ds.attrs["system"] == "Rod"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_table_is_no_number_of_each_start():
     """With as many starts as the table has speeds, each start would get one speed of it."""
     system = _Named(friction=_Tabulated())

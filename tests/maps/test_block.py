@@ -20,7 +20,7 @@ def test_blocks_shrink_as_cells_grow():
     assert block_size(make_spec(**many, samples=2**20)) * 4 * 2**20 <= 2**27
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("belt", ["steady", "wiping"])
 def test_samples_are_analysed_in_parts(belt, monkeypatch):
     """Filters and spectra hold many times the memory of the samples; what they find in a cell does

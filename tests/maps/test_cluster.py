@@ -65,6 +65,7 @@ def test_a_cluster_makes_the_same_map(tmp_path, workers):
     xr.testing.assert_identical(stub.data_of(in_memory), stub.data_of(stub.whole(spec)))
 
 
+@pytest.mark.long
 def test_a_killed_worker_costs_a_retry(tmp_path, workers):
     spec, path = stub.make_spec(angles=28), tmp_path / "map.h5"
     before = pids(workers)
@@ -86,6 +87,7 @@ def test_a_killed_worker_costs_a_retry(tmp_path, workers):
     assert killed and killed[0] in before  # two, unless the machine is very busy
 
 
+@pytest.mark.long
 def test_a_block_that_kills_its_workers_is_named_and_the_rest_is_kept(tmp_path):
     spec, path = stub.make_spec(), tmp_path / "map.h5"
 
@@ -184,6 +186,7 @@ def test_every_worker_takes_an_accelerator_of_its_own(tmp_path, monkeypatch):
         end(process)
 
 
+@pytest.mark.long
 def test_one_process_deals_a_block_to_all_its_accelerators():
     """Devices of the host stand in for them; what each would compute is only written down."""
     code = """
@@ -235,6 +238,7 @@ event_log = 12
 """
 
 
+@pytest.mark.long
 def test_the_real_engine_on_cores_and_on_a_cluster(tmp_path):
     """One core in one block (more cells than lanes), two cores in blocks of 90, two processes in
     blocks of 40: the same bits. The last two have lanes of one shape: with a cache they are
@@ -336,6 +340,7 @@ LOST = """
 """
 
 
+@pytest.mark.long
 def test_a_lost_scheduler_is_one_line(tmp_path):
     ran = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(LOST), tmp_path],
@@ -350,6 +355,7 @@ def test_a_lost_scheduler_is_one_line(tmp_path):
     assert ran.stderr == ""
 
 
+@pytest.mark.long
 def test_a_local_cluster_without_workers_is_one_line(monkeypatch):
     monkeypatch.setattr(cluster, "ALONE", 1)
     with pytest.raises(cluster.ClusterError, match="^no worker of this machine started within 1 s"):

@@ -163,7 +163,7 @@ def test_the_event_log_survives_like_all_else(tmp_path, capsys):
     assert f"room for 5 of each, {(counts > 5).sum()} of 385 cells had more" in said
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("blocks", [0, 1, 5, 8])
 def test_resume_goes_on_where_it_stopped(tmp_path, blocks):
     spec, path, calls = make_spec(), tmp_path / "map.h5", []

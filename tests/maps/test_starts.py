@@ -115,7 +115,7 @@ def test_a_failure_hands_nothing_on(tmp_path):
     assert (squeals == (ds.belt_speed < REST)).where(after, True).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("block", [1, 22, 1000])
 def test_blocks_are_whole_lines_and_do_not_matter(tmp_path, block):
     spec, path = several(), tmp_path / "map.h5"
@@ -289,7 +289,7 @@ def test_a_map_of_one_start_is_what_it_was(tmp_path):
     assert_same_map(path, spec)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_damaged_map_is_mended_by_its_lines(tmp_path):
     spec, path, calls = random_spec(), tmp_path / "map.h5", []
     whole = driver.sweep(spec, progress=False, **options(block=11))

@@ -23,7 +23,7 @@ from wiperjax.systems.head_and_tip import HeadAndTip
 from wiperjax.systems.soft_lip import SoftLip
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("mu", [0.0, 0.5, 0.7, 0.8, 1.0])
 def test_the_minimal_model_locks_in_as_published(mu):
     """omega^2 = 2 -+ sqrt(1 - 4 mu/3) (Hoffmann et al. 2002)."""
@@ -42,7 +42,7 @@ def test_the_minimal_model_locks_in_as_published(mu):
         assert abs(float(found.shape_phase[:, 0].max() - found.shape_phase[:, 0].min())) > 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_motion_grows_at_the_rate_of_the_eigenvalue():
     system = ModeCoupling()
     mode = wiperjax.modes(system)
@@ -82,7 +82,7 @@ def test_modes_of_the_rigid_lip_are_its_steady_slip():
     np.testing.assert_allclose(found.damping_ratio, ratio, rtol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_belt_that_turns_is_judged_at_its_peak_as_in_a_map():
     """At t = 0 it rests: no steady sliding was found, where a map has its growth rate."""
     turning = wiperjax.Wiper(belt=wiperjax.WipingBelt(0.3, 5.0), attack_angle=math.radians(5))
@@ -111,7 +111,7 @@ class SameWiper(wiperjax.Wiper):
     """A class of one's own that changes nothing."""
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("degrees", [-30, 5, 40])
 def test_what_moves_like_the_lip_has_the_modes_of_the_lip(degrees):
     """Of its three equilibria the one that leans farthest with the belt, not a saddle."""
@@ -123,7 +123,7 @@ def test_what_moves_like_the_lip_has_the_modes_of_the_lip(degrees):
             np.testing.assert_allclose(found[name], lip[name], rtol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_where_slip_pulls_itself_off_there_is_no_steady_sliding():
     """phi = -20 degrees balances, the glass pressing; but D = W_nn + mu W_nt < 0 there."""
     m, h, mu, phi = 2.4e-3, 0.1, 0.5, -0.3492285791581798
@@ -134,7 +134,7 @@ def test_where_slip_pulls_itself_off_there_is_no_steady_sliding():
     assert float(wiperjax.modes(wiper).position[0]) > 0  # another one is sound
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stiffer_glass_makes_the_rigid_lip_at_first_order():
     belt, angle = wiperjax.SteadyBelt(0.3), math.radians(5)
     exact = float(wiperjax.steady_slip(wiperjax.Wiper(belt=belt, attack_angle=angle)).growth_rate)
@@ -146,7 +146,7 @@ def test_a_stiffer_glass_makes_the_rigid_lip_at_first_order():
     np.testing.assert_allclose(orders, -1.0, atol=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("weights", [{}, {"hinge_mass": 3e-3, "gravity": -50.0}])
 @pytest.mark.parametrize("degrees, speed", [(-30, 0.3), (-37, 0.9), (10, 0.3), (20, -0.5)])
 def test_steady_sliding_of_a_soft_lip_is_found_where_moments_balance(degrees, speed, weights):
@@ -176,7 +176,7 @@ def test_steady_sliding_of_a_soft_lip_is_found_where_moments_balance(degrees, sp
     np.testing.assert_allclose(lip.sliding_near(), exact, rtol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_soft_glass_flutters_within_the_closed_border():
     """4 k t (mu k_c - k t) > (k + k_c - k t^2 - k_theta)^2, with the geometric part of the load and
     the moment in k_theta."""
@@ -307,7 +307,7 @@ def test_a_clamped_head_leaves_the_lip_on_soft_glass():
     assert errors[1] < 1e-2 and errors[0] / errors[1] == pytest.approx(10, rel=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_blade_that_chatters_grows_at_its_eigenvalue_and_then_sticks_and_slips():
     system = HeadAndTip(attack_angle=np.radians(-20))
     mode = wiperjax.modes(system)
@@ -388,7 +388,7 @@ SWEEP = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses(tmp_path, capsys):
     found = wiperjax.modes_over(SWEEP)
     assert kind_of(found) == "modes_over"
@@ -418,7 +418,7 @@ def test_modes_over_a_sweep_know_the_range_of_unstable_speeds_and_what_it_misses
     assert not (tmp_path / "other.h5").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_map_is_judged_in_the_order_of_its_sweep_only():
     """Cells are paired by their place: of a map that was turned round or cut, none would fit."""
     short = SWEEP | {"run": {"transient": 1.0, "window": 1.0, "samples": 256}}

@@ -219,7 +219,7 @@ def test_numbers_that_switch_terms_off_stay_numbers():
     assert made["on"].dtype == made["each"].dtype == jnp.float32
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_derivative_of_steady_slip_is_kept(place):
     """Its root is differentiated by a quotient: a solver of equations would have a callback."""
     first = Kept(growth_and_slope)

@@ -74,7 +74,7 @@ def test_unsuitable_solvers_are_refused(solver):
         check_solver(solver)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_compiled_program_does_not_repeat_itself():
     # 20 480 lines; without the fusion barriers (see `fusion_barrier`) 66 000
     def run(angle):

@@ -38,7 +38,7 @@ def points(ax, regime):
     return next(x.get_xydata() for x in found if x.get_color() == REGIMES[regime])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_sticks_has_no_slip_wherever_the_contact_is(head_and_tip):
     """The tip of a head and tip is its third coordinate."""
     ax = plots.friction_curve(head_and_tip)
@@ -48,7 +48,7 @@ def test_what_sticks_has_no_slip_wherever_the_contact_is(head_and_tip):
     np.testing.assert_allclose(ratio, 0.8, rtol=1e-9)  # Coulomb
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_belt_is_drawn_over_the_velocity_of_the_contact_only(head_and_tip):
     assert contact_axis(head_and_tip) == 2
     rows = page.history_page(head_and_tip)
@@ -122,7 +122,7 @@ def test_a_heading_has_every_parameter_whoever_computed_it(head_and_tip):
     assert "head mass 0.05 kg/m" in shipped and ", load 15 N/m" in shipped
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_blade_by_any_model_is_headed_as_a_blade():
     """Of a soft lip with what the wiper does not have."""
     run = {"run": {"duration": 0.01}}
@@ -156,7 +156,7 @@ class Block(own_systems.Oscillator):
         return (0.0, 0.01, 0.02), (0.0, 0.0, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_system_of_ones_own_is_what_it_is_whatever_its_names():
     run = wiperjax.simulate(Block(friction=wiperjax.Coulomb(0.5)), 1.0, sample_interval=0.01)
     assert caption.is_own(run)

@@ -292,7 +292,7 @@ def test_no_two_rows_of_an_overview_show_the_same():
         assert ("in the frame" in figure.get_suptitle()) == framed
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nothing_reaches_beyond_a_page_of_a_run(squeal):
     run = bouncing_run()
     kinds = run["event_kind"].copy(data=np.resize([e for e in Event if e != Event.NONE], 15))

@@ -95,7 +95,7 @@ def carried():
     return remedy.quieten(blade, bounds, **times).parameters
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_remedies_say_their_units(beside_an_edge, carried):
     """Angles are radians in Python, where files have degrees: a dataset did not say which."""
     steadied = beside_an_edge[1].parameters
@@ -157,14 +157,14 @@ def test_a_search_begins_from_the_blade_itself():
     assert shares[0].tolist() == [1.0, 1.0] and np.all((0 < shares[1:]) & (shares[1:] < 1))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_whole_periods_of_a_belt_are_judged(carried):
     """The lip is carried to and fro: rms 0.3 / sqrt(2) m/s, of 2.14 periods 0.208."""
     levels = [float(carried.velocity_rms[0]), carried.attrs["velocity_rms_before"]]
     assert levels == pytest.approx([0.3 / math.sqrt(2)] * 2, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_verdict_is_what_a_run_is_called():
     """One slip in the window was told as 21.9 Hz, and as chattering where `assess` says other."""
     blade = chattering(0.05)
@@ -180,7 +180,7 @@ def test_a_verdict_is_what_a_run_is_called():
         assert found[name] == pytest.approx(float(seen[name]), rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_verdict_looks_on_until_it_has_seen_periods():
     found = remedy.verdict(chattering(0.02))
     assert found["label"] == "chattering" and found["window"] == pytest.approx(1.6)
@@ -196,7 +196,7 @@ def test_a_quiet_blade_has_no_frequency():
     assert found["velocity_rms"] > 0 and math.isnan(found["dominant_frequency"])  # of rounding
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_best_answer_lies_on_the_right_side_of_an_edge(beside_an_edge):
     """Beside the edge two branches are within 0.1 degrees of each other; unseen, they made the
     growth rate that of the third, -1190 1/s where it is +1198."""
@@ -218,7 +218,7 @@ def test_the_best_answer_lies_on_the_right_side_of_an_edge(beside_an_edge):
         assert float(slip.growth_rate) == pytest.approx(float(one.growth_rate), abs=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_way_that_a_belt_of_ones_own_runs_is_judged():
     """A damping was said to make it steady that does so on a belt that runs the other way."""
     blade = wiperjax.Wiper(attack_angle=math.radians(20.0), belt=RunsBack())
@@ -228,7 +228,7 @@ def test_the_way_that_a_belt_of_ones_own_runs_is_judged():
     assert float(found.parameters.growth_rate[0]) == pytest.approx(grows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_steady_slip_decays_both_ways_of_a_belt_that_turns():
     """The way back was not looked at: the demand was said to be met where that grew."""
     blade = wiperjax.Wiper(
@@ -241,7 +241,7 @@ def test_steady_slip_decays_both_ways_of_a_belt_that_turns():
     assert max(both) == pytest.approx(-50.0, abs=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_period_that_is_a_number_has_no_derivative_by_the_frequency():
     """It was taken for that of every frequency; `find_cycle` refuses it where it is told."""
     system = Oscillator(belt=wiperjax.WipingBelt(1.0, 0.1))
@@ -271,7 +271,7 @@ class Own(wiperjax.SteadyBelt):
     kind: ClassVar[str] = ""
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_verdict_on_a_belt_of_ones_own():
     angle = math.radians(5.0)
     own, known = (

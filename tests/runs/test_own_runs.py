@@ -17,7 +17,7 @@ from wiperjax.runs.dataset import OF_A_RUN
 CLASSES = {"squeal_band": [0.2, 1.0], "chatter_band": [0.0, 0.2]}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_parameter_does_not_take_the_place_of_an_attribute_of_the_run():
     """`duration` of a pulse was the length of the run for all that reads it."""
     scene = {"system": "odd_systems:Pulsed", "run": {"duration": 20.0}, "classes": CLASSES}
@@ -58,7 +58,7 @@ class Started(wiperjax.AbstractBelt):
     peak = rms = property(lambda self: self.speed)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("interval", [0.05, 0.2])
 def test_the_belt_of_a_run_is_asked_for_one_time_after_the_other(interval):
     """All at once, the sum over its ends was that over all times, or the whole run ended in a
@@ -87,7 +87,7 @@ def test_a_motion_of_micrometres_whose_scales_are_not_stated_is_noted(caplog):
     assert not notes(1e-6, type("Mine", (own_systems.Oscillator,), stated))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_push_in_a_long_stick_is_seen_by_steps_as_short_as_it():
     """Between events a step is as long as guards are smooth: the push was stepped over."""
     system = odd_systems.Struck()
@@ -109,7 +109,7 @@ def test_the_longest_step_holds_before_statistics_begin_too():
     assert int(solve().events.count) > 0 and int(solve().steps) >= 600
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_takes_the_longest_step_of_its_file():
     sweep = {
         "system": "odd_systems:Struck",

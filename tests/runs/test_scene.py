@@ -332,7 +332,7 @@ def test_start_from_steady_slip_stays_there():
     assert json.loads(run.attrs["start"]) == {"equilibrium": 1e-6}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_varied_parameter_is_computed_with_where_it_is_zero(squeal, monkeypatch):
     """Scenes that differ in it have one program (else a Python 0 is left out: another one)."""
     traces = []
@@ -352,7 +352,7 @@ def test_a_varied_parameter_is_computed_with_where_it_is_zero(squeal, monkeypatc
         scene.run_scene(parse_scene(told), varied=["atack_angle"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_reversal_file_has_its_pulse():
     """SCENES.md 4: 15.0 N/m 13.0 ms after V = 0, ratio 4.08, no flight, no squeal between."""
     spec = load_scene(SCENES / "reversal.toml")

@@ -255,7 +255,7 @@ def test_accumulating_bounces_end_at_rest():
     np.testing.assert_allclose(lying.normal_force, 2.0 * weight, rtol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_one_compilation_serves_all_values(squeal, flying, monkeypatch):
     traces = []
 

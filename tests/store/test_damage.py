@@ -148,6 +148,7 @@ def test_a_file_that_lost_its_end_has_no_checksums(path, cut):
         open_map(path, check=True)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 def test_a_file_that_hdf5_cannot_read_is_one_line(path):
     """What reads it complained again when it was let go, a traceback of eight lines."""

@@ -110,7 +110,7 @@ def test_a_write_that_is_lost_is_noticed(tmp_path, monkeypatch):
     assert_same_map(path, spec)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_memory_is_that_of_a_block(tmp_path, monkeypatch):
     """The same peak for 2 500 cells and for 25 000, event log included, but for the record of
     checksums: 2 kB for each of its chunks, which here have 500 numbers and ordinarily 32 768.

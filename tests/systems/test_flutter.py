@@ -35,7 +35,7 @@ def ridden(speed, height, rtol):
     return wiperjax.solve(hopper(speed), LENGTH, initial_state=begin, rtol=rtol, max_events=64)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_rides_on_a_belt_and_hops_rides_on():
     """A third of them ended with steps too small, all that began in the air at their start: where
     the slip speed is zero and stays so, no polynomial of it is above its rounding."""
@@ -56,7 +56,7 @@ def test_what_rides_on_a_belt_and_hops_rides_on():
     np.testing.assert_array_equal(np.asarray(found.final_regime) == Regime.STICK, touching)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_dropped_on_a_belt_takes_its_speed():
     """Friction gives it the belt's momentum while it hops, and is then no more."""
     speed, mu = 1.7, 0.3

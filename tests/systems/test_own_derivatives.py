@@ -32,7 +32,7 @@ def found(tmp_path_factory):
     return open_map(path).load()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_block_that_slips_under_constant_friction_has_those_of_its_closed_form(found):
     """Drawn by F = static * load it vibrates with F / sqrt(k m) about a rest position. The window
     of four periods is fixed: a stiffness that changes the period takes a quarter more off the
@@ -75,7 +75,7 @@ def test_names_units_and_what_another_system_lacks(found):
     assert found.d_velocity_rms_d_belt_speed.attrs["units"] == "(m/s)/(m/s)"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_system_made_of_the_wiper_is_checked_by_what_its_map_has():
     """It has no growth rate there, which a cell that was checked was asked for."""
     found = wiperjax.sweep(

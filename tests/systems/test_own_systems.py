@@ -57,7 +57,7 @@ def oscillators():
     return wiperjax.sweep(SWEEP)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_leines_oscillator_swept_has_the_period_and_the_shares_of_an_independent_code(oscillators):
     assert dict(oscillators.sizes) == {"belt_speed": 3, "stiffness": 2, "coordinate": 1}
     for speed in oscillators.belt_speed.values:
@@ -70,7 +70,7 @@ def test_leines_oscillator_swept_has_the_period_and_the_shares_of_an_independent
             assert float(cell.acceleration_max) == pytest.approx(steepest, rel=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_map_tells_units_names_and_classes_of_a_system_of_ones_own(oscillators):
     assert oscillators.stiffness.attrs["units"] == "N/m"
     assert oscillators.stiffness.attrs["long_name"] == "stiffness of the spring"
@@ -168,7 +168,7 @@ def test_the_law_of_a_file_counts():
     assert set(wiperjax.parse_sweep(coulomb).parameter_names) >= {"mu_static", "mu_minimum"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_bouncing_ball_swept_over_its_restitution_keeps_what_it_must():
     height, gravity, time = 0.5, 9.81, 3.0
     values = [0.0, 0.3, 0.7, 0.9, 1.0]
@@ -204,7 +204,7 @@ def test_a_bouncing_ball_swept_over_its_restitution_keeps_what_it_must():
     assert "belt_speed_rms" not in ds and ds.attrs["class_quiet_velocity"] == 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_blocks_share_the_parameters_of_one():
     ds = wiperjax.sweep(
         {
@@ -385,7 +385,7 @@ BISTABLE = {  # the friction oscillator of docs/basins.md, whose bistable zone i
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_up_and_down_finds_the_bistable_zone_of_a_system_of_ones_own():
     starts = {"names": ["at_rest", "up", "down"], "kick": 1e-3}
     axes = {"belt_speed": {"values": [0.8, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.9]}}
@@ -433,7 +433,7 @@ def test_the_kick_of_a_cell_leads_away_from_what_it_would_lead_into():
     np.testing.assert_allclose((y, x, vy), [[0.0985], [0.01], [0.2]])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_shares_of_random_starts_are_those_of_bstab():
     starts = {"random": 128, "position": [[-2.0, 2.0]], "velocity": [[0.0, 2.0]]}
     axes = {"belt_speed": {"values": [1.4, 1.55]}}
@@ -464,7 +464,7 @@ def test_starts_that_do_not_suit_the_system_are_one_line():
         wiperjax.parse_sweep({"axes": axes, "run": run, "starts": starts})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_map_of_ones_own_is_refined_verified_and_resumed(tmp_path):
     path = tmp_path / "map.h5"
     axes = {
@@ -481,7 +481,7 @@ def test_a_map_of_ones_own_is_refined_verified_and_resumed(tmp_path):
     assert at == pytest.approx(exact, abs=1.0 / 16)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_wiper_takes_a_law_of_ones_own_from_a_file():
     scene = {
         "blade": {"friction": "own_systems:Falling", "attack_angle": 5.0},

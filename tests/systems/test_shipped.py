@@ -91,7 +91,7 @@ def test_a_chain_keeps_the_names_that_it_gives_its_blocks():
     assert Chain3().coordinates == ("x1", "x2", "x3")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("chain", [Chain2, Chain3, Chain8])
 def test_a_chain_sticks_and_slips_when_scipy_says(chain):
     system = chain(damping=0.05)
@@ -104,7 +104,7 @@ def test_a_chain_sticks_and_slips_when_scipy_says(chain):
     np.testing.assert_allclose(run.event_time, [time for time, _ in told], atol=2e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_block_is_carried_through_the_reversal_and_thrown_where_friction_gives_way():
     """On a ramp of slope -a through rest the block sticks from V = 0 at mu N/k until
     k (mu N/k - a s^2/2) - m a - c a s = -mu N, and leaves at the belt's speed there.
@@ -160,7 +160,7 @@ def swept(name):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", CELLS)
 def test_a_shipped_sweep_shows_what_it_says(name):
     heard, ds = CELLS[name][1], swept(name)
@@ -169,7 +169,7 @@ def test_a_shipped_sweep_shows_what_it_says(name):
     assert [names[int(code)] for code in ds.label.values.ravel()] == heard
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_map_of_the_woodpecker_hears_its_pecking():
     """At 0.1452 s a peck, as is published; down the pole by 4.0 s of it."""
     cell = swept("woodpecker").isel(beak_restitution=0)

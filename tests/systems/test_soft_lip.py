@@ -35,7 +35,7 @@ def held(lip: SoftLip, t: float, z) -> tuple[float, float, float]:
     return up, friction, load
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("hinge_mass", [0.0, 1e-3])
 def test_stick_holds_the_hinge_too(hinge_mass):
     """The load pushes the hinge up, and so the tip along: friction in stick was -3.2 for -4.0."""
@@ -77,7 +77,7 @@ def test_stick_holds_the_hinge_too(hinge_mass):
     assert int(run.result) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_nothing_takes_stays_energy():
     """Bounces on the glass's spring without friction or dashpot: the spring was not in it."""
     lip = SoftLip(

@@ -41,7 +41,7 @@ def run():
     return simulated(3.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_events_are_those_of_a_code_of_three_contacts(run):
     told, q, v = reference.simulated(*START, 3.0)
     found = log(run)

@@ -60,10 +60,10 @@ def draw(rng, kind, hinge):
 
 
 GROUPS = [
-    ("steady", False, 80),
-    ("wiping", False, 45),
+    pytest.param("steady", False, 80, marks=pytest.mark.long),
+    pytest.param("wiping", False, 45, marks=pytest.mark.long),
     ("trapezoid", False, 45),
-    ("steady", True, 30),
+    pytest.param("steady", True, 30, marks=pytest.mark.long),
     ("wiping", True, 20),
 ]
 
@@ -117,7 +117,7 @@ def test_random_blades(kind, hinge, count, record_property, capsys):
     assert worst_place < 1e-7
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_batch_gives_the_same_as_the_scalar_engine():
     """Sixteen blades at once under `jax.vmap`, every event."""
     rng = np.random.default_rng(5)

@@ -11,7 +11,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from pages import CHECKOUT, PAGES, blocks, write_files
+from pages import CHECKOUT, PAGES, as_params, blocks, write_files
 
 import wiperjax
 from wiperjax.cli import main
@@ -69,7 +69,7 @@ def commands(page: Path) -> list[str]:
     return found
 
 
-WITH_COMMANDS = [pytest.param(p, id=str(p.relative_to(CHECKOUT))) for p in PAGES if commands(p)]
+WITH_COMMANDS = [page for page in PAGES if commands(page)]
 
 
 def test_pages_have_commands():
@@ -107,7 +107,7 @@ def folder(made, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", WITH_COMMANDS)
+@pytest.mark.parametrize("page", as_params(WITH_COMMANDS, run=True))
 def test_commands_run(page, folder, capsys):
     write_files(page, folder)
     for command in commands(page):

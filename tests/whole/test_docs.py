@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pages import CHECKOUT, DOCS, DOORS, PAGES, blocks, write_files
+from pages import CHECKOUT, DOCS, DOORS, PAGES, as_params, blocks, write_files
 
 import wiperjax
 from wiperjax.cli import main
@@ -116,10 +116,10 @@ def test_the_api_pages_name_everything_public(door):
 # --- the code in the pages ------------------------------------------------------------------------
 
 
-def those_with(language: str) -> list:
+def those_with(language: str, *, run: bool = False) -> list:
     found = [page for page in PAGES if blocks(page, language)]
     assert found
-    return [pytest.param(page, id=str(page.relative_to(CHECKOUT))) for page in found]
+    return as_params(found, run=run)
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,7 @@ def maps(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", those_with("python"))
+@pytest.mark.parametrize("page", those_with("python", run=True))
 def test_python_runs(page, maps, monkeypatch):
     """Block after block, as a reader would; `__name__` is not `__main__`, so scripts for a queue of
     jobs, whose library is not installed here, are compiled and their imports checked, no more."""

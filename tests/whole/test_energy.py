@@ -54,7 +54,7 @@ def test_energy_balance_over_smooth_phases(i):
     assert checked >= 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_dissipation_at_impacts_is_not_negative():
     """T- - T+ + V p_t >= 0 at every bounce of a coupled blade on a moving belt."""
 

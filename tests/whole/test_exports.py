@@ -74,7 +74,7 @@ def test_test_software_finds_the_coordinates_of_any_system(squeal, tmp_path):
     assert sets["position_crank"]["ordinate_spec_data_type"] == 8
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("system", "node"), [("Pulled", 2), ("Pendulum", 2), ("TwoBlocks", 1)])
 def test_what_is_of_the_contact_stands_at_its_point(system, node, tmp_path):
     """The second coordinate, the rim of a shaft (no coordinate: one point more), the first one."""

@@ -28,6 +28,7 @@ def test_dir_shows_the_public_names_alone():
     assert not {"cycles", "state", "lanes", "jax", "lazy_loader"} & set(names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "first",
     ["import wiperjax; wiperjax.Wiper", "import jax, wiperjax", "import wiperjax.numerics.types"],
@@ -37,7 +38,7 @@ def test_numbers_are_64_bit_ones_whatever_is_imported_first(first):
     assert python(code) == "float64\n"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_public_name_is_the_same_whatever_was_imported_before():
     code = """
 import wiperjax.runs.simulate, wiperjax.maps.verify, wiperjax.cycles

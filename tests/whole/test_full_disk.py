@@ -58,7 +58,7 @@ def small_disk(tmp_path):
     subprocess.run(["umount", folder], check=True)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_full_disk_loses_no_finished_block(small_disk):
     """At every level of filling: one clear line, finished blocks and other files kept, and room
     makes it go on.

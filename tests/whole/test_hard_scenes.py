@@ -89,7 +89,7 @@ def test_wiper_scene_against_the_reference(name):
     assert Result(int(solution.result)) == code
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("depth", [1e-9, -1e-9])
 def test_grazing_from_both_sides(depth):
     """q = 1 + (1 + depth) cos t dips by `depth` below the stop at t = pi."""
@@ -103,7 +103,7 @@ def test_grazing_from_both_sides(depth):
         assert first[0] == pytest.approx(math.pi - math.sqrt(2 * depth), abs=2e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("depth", [1e-9, -1e-9])
 def test_tangent_capture(depth):
     """Slip speed 1 - depth - sin t touches zero at pi / 2 and goes on: no friction, no stick."""
@@ -118,7 +118,7 @@ def test_tangent_capture(depth):
         assert kinds == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_simultaneous_capture_and_lift_off():
     """Normal force g - 2 g sin(w t) and slip speed vanish at one instant, w t = pi / 6."""
     mu, g, w = 0.3, 10.0, 7.0
@@ -250,7 +250,7 @@ def _heavy(blade, speed, start, duration, rtol):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_hinge_mass_energy_balance():
     blade = {**BLADE, **HEAVY, "attack_angle": -0.4}
     start = (LENGTH * math.sin(-0.4), 0.0, 0.0, 0.0)
@@ -289,7 +289,7 @@ CORNERED = {  # its shoulder is reached as it lifts off, and presses it down aga
 }  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_lift_off_at_a_shoulder_that_takes_it_back():
     """A flight of no length ended in an impact of rounding, taken for one that piles up. (The times
     are those of the reference in long double.)"""
@@ -303,7 +303,7 @@ def test_a_lift_off_at_a_shoulder_that_takes_it_back():
         assert leaves == pytest.approx(4.2733e-3, abs=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_vanishing_hinge_mass_is_the_wiper():
     blade = {**BLADE, "attack_angle": -0.4}
     start = (LENGTH * math.sin(-0.4), 2e-4, 0.0, 0.0)
@@ -324,7 +324,7 @@ def test_vanishing_hinge_mass_is_the_wiper():
 # --- Painleve -------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rod_released_at_31_degrees_is_followed_to_the_singular_point():
     """tan phi = 1 is the border D = 0 for mu = 5/3; the motion ends there in a named way."""
     rod = Rod()
@@ -542,7 +542,7 @@ def test_bounces_die_out_whose_impacts_gain():
     np.testing.assert_allclose(*places, rtol=0, atol=5e-6 * blade["lip_length"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_indeterminate_start_is_flagged():
     """D < 0 while the rod turns fast enough to leave the ground: both motions are possible."""
     rod = Rod()
@@ -551,7 +551,7 @@ def test_indeterminate_start_is_flagged():
     assert float(s.final_position[1]) > math.sin(float(s.final_position[2]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("rtol", [1e-3, 1e-5])
 def test_a_grazing_pass_at_a_loose_tolerance(rtol):
     """Half of the blades just touch, by 1e-7 to 1e-2 of the grazing speed, half just miss: all of
@@ -567,7 +567,7 @@ def test_a_grazing_pass_at_a_loose_tolerance(rtol):
         assert list(loose.event_kinds[i]) == list(kinds), (i, rtol)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_single_precision_goes_on_or_says_that_it_cannot():
     """Seven of these blades slid without end from event to event: what rounding left out of the
     place was forgotten at each. The eighth comes to rest, and steps in which a guard stays at zero

@@ -24,7 +24,7 @@ from wiperjax.store.manifest import parts_of
 from wiperjax.store.whole import borders, open_map
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_kills_at_random_times(tmp_path):
     """SIGKILL at random times, from before the first block to while the map is put together."""
     spec, path = make_spec(), tmp_path / "map.h5"
@@ -99,7 +99,7 @@ def test_a_kill_before_any_call_that_counts(tmp_path):
     assert places > 25 and kept >= {0, 8, 16, 20}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_refinement_killed_before_any_call_leaves_nothing_in_the_end(tmp_path):
     path = tmp_path / "map.h5"
     coarse_map(path, HALVES, axes=("belt_speed",))
@@ -117,7 +117,7 @@ def test_a_refinement_killed_before_any_call_leaves_nothing_in_the_end(tmp_path)
     assert places > 25 and complete > 5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_mending_killed_before_any_call_keeps_the_borders(tmp_path):
     path = tmp_path / "map.h5"
     spec = coarse_map(path, HALVES, axes=("belt_speed",))

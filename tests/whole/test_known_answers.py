@@ -128,7 +128,7 @@ def advanced(state, system, period):
     return jax.numpy.concatenate([s.final_position, s.final_velocity])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("w, e, psi, speed, multipliers", IMPACT_CASES)
 def test_forced_impact_oscillator(w, e, psi, speed, multipliers):
     phase, v = periodic_impacts(w, e)
@@ -171,7 +171,7 @@ def test_lowest_point():
     assert vertex == pytest.approx(-0.800586609, abs=2e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rests_after_zeno_with_its_weight():
     e, height = 0.6, 0.4
     end = math.sqrt(2 * height / 9.81) * (1 + e) / (1 - e)
@@ -214,7 +214,7 @@ def test_impact_without_collision(e, v_n, p_t):
     assert float(blow.normal_speed) == pytest.approx(v_n, abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_impact_without_collision_in_a_trajectory():
     """The inconsistent rod is resolved at once, by an event of its own name."""
     rod, angle = Rod(restitution=0.5, gravity=10.0), math.radians(60)

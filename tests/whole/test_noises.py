@@ -49,7 +49,7 @@ def test_remedies_start_from_their_scene_and_reach_what_is_claimed(name):
         assert (other.run, other.classes) == (spec.run, spec.classes)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_finer_tolerance_leaves_every_settled_class(steady_scenes):
     """Class, mechanism and band of each motion that has settled; those that are told so at both."""
     finer, kept = evaluated(STEADY, "squeal", rtol=1e-8), 0
@@ -139,7 +139,7 @@ def test_squeal_before_and_after_the_turn(cells):
         assert cured["velocity_rms_stroke"] < quiet and cured["stick_count"] <= 10
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_squeal_before_and_after_the_turn_period_by_period():
     """The same from the events of a run: the stick phases, and their distance in time."""
     run = play(load_scene(SWEEPS / "scenes" / "squeal_reversal.toml"))
@@ -264,7 +264,7 @@ def test_reversal_pulses(cells):
     assert ratio(cells["reversal damped"]) > 0.98 * ratio(cells["reversal"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_lip_that_rides_until_the_last_sample_has_not_failed():
     """A cell of `million.toml`: stick, and a slip that begins after the last sample."""
     spec = load_sweep(SWEEPS / "million.toml")

@@ -14,7 +14,11 @@ DRAWS = re.compile(r"\bplots\.\w+\(|\bplt\.subplots\(")  # a cell that is to sho
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=[pytest.mark.long] * (p.stem[0] != "1")) for p in NOTEBOOKS],
+    ids=lambda p: p.stem,
+)
 def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt

@@ -134,7 +134,7 @@ def test_the_sdist_has_the_tests_and_what_they_read(built):
     assert set(wanted) <= names
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_wheel_runs_without_the_checkout(installed, tmp_path):
     where = outside(
         installed, "python", "-c", "import wiperjax; print(wiperjax.__file__)", cwd=tmp_path
@@ -150,7 +150,7 @@ def test_the_wheel_runs_without_the_checkout(installed, tmp_path):
     assert "squeal" in outside(installed, "wiperjax", "info", "run.h5", cwd=tmp_path).stdout
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_type_checker_sees_the_public_names_from_outside(installed, tmp_path):
     """Without `py.typed`, pyright would guess from the source; with it, names must be public."""
 

@@ -140,6 +140,7 @@ def tame(blade, found):
     return apart.max() < 1e-7 and int(close.events.count) == int(found.events.count)
 
 
+@pytest.mark.long
 @few
 @given(BLADES)
 def test_a_glass_at_rest_only_takes_energy(blade):
@@ -182,6 +183,7 @@ def test_the_mirror_image_moves_as_the_mirror_image(blade):
     assert int(mirrored.events.count) == int(found.events.count)
 
 
+@pytest.mark.long
 @few
 @given(BLADES, st.integers(-3, 3), st.integers(-3, 3), st.integers(-3, 3))
 def test_units_are_of_no_account(blade, mass, length, time):
@@ -245,6 +247,7 @@ def test_on_a_steady_belt_no_instant_is_special(blade, start):
     assert np.allclose(state(later) / size(blade), state(found) / size(blade), rtol=0, atol=1e-6)
 
 
+@pytest.mark.long
 @few
 @given(st.lists(BLADES, min_size=LANES, max_size=LANES), st.permutations(range(LANES)))
 def test_lanes_do_not_know_each_other(blades, order):

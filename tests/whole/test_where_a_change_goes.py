@@ -46,7 +46,7 @@ class Rising(wiperjax.SteadyBelt):
         return self.speed + self.acceleration * time
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_law_and_a_belt_from_outside():
     """The lip slips on the glass that draws away: friction is the law's, speed the belt's."""
     blade = wiperjax.Wiper(
@@ -90,7 +90,7 @@ def test_a_statistic_from_outside(monkeypatch):
     np.testing.assert_array_equal(stored["wear"], [3.0, 3.0])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_wiper_with_the_law_of_its_own_numbers_is_the_same_motion():
     law = wiperjax.Stribeck(1.0, 0.3, 0.1, 1.0, 0.02)
     own, given = (
@@ -100,7 +100,7 @@ def test_a_wiper_with_the_law_of_its_own_numbers_is_the_same_motion():
     np.testing.assert_array_equal(own.final_position, given.final_position)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_coulomb_from_a_file_and_from_python_is_one_motion():
     of_file = scene.run_scene(
         parse_scene(SCENE | {"blade": {"friction": "coulomb", "mu_static": 0.6, "mu_minimum": 0.5}})

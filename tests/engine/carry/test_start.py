@@ -27,7 +27,7 @@ class Pressed(Puck):
         return self.push + self.draw * t, -self.gravity - self.growth * t
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("gravity", [0.0, 1e-30, -1e-30])
 @pytest.mark.parametrize(
     ("push", "draw", "regime", "place"),
@@ -62,7 +62,7 @@ def slide(angle, speed):
     return wiperjax.solve(Wiper(attack_angle=angle), 1e-3, initial_state=start).result
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_tip_that_slides_where_its_dashpot_lifts_the_whole_load():
     """Zero to rounding: its sign stopped one in four at 1e-17 s. All soon fold over."""
     angles = np.linspace(0.2, 0.8, 40) * np.tile([-1.0, 1.0], 20)
@@ -96,7 +96,7 @@ def test_a_gap_between_large_numbers_is_closed_as_far_as_these_tell(dtype):
     assert not np.any(np.asarray(result(x, jnp.asarray(np.cos(x), dtype))) >= 0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_release_of_what_begins_in_stick_has_its_derivatives():
     """The belt alone carries it there, at t = F / (k V): the speed that it was given has no
     part."""
@@ -114,7 +114,7 @@ def test_the_release_of_what_begins_in_stick_has_its_derivatives():
     assert float(by_start) == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_wiper_on_a_belt_that_turns_round_at_the_start():
     """By the belt's phase: central differences, whichever way it then moves off first."""
 

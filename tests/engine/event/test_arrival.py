@@ -70,7 +70,7 @@ def test_a_stay_that_repeats_itself_ends_in_one_step():
     assert tries[4:] == [0] * 20
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stick_that_is_released_to_either_side_in_turn():
     """Den Hartog's problem, on the belt: what a stay before foretells is the other side of the
     cone, and a step may end within a tick of the clock before this one. One cell in thirty died of

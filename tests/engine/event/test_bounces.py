@@ -29,7 +29,7 @@ def test_a_ball_comes_to_rest_on_a_table_wherever_it_stands(restitution, table, 
         assert ends == pytest.approx(fall * (1 + restitution) / (1 - restitution), abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("angle", [0.3, 0.9, 1.7, 2.2])
 def test_what_is_placed_on_the_ground_begins_there(angle):
     """Its gap and normal speed are differences, 0 but for rounding: a rod that bounced by 1e-17 m

@@ -46,7 +46,7 @@ class Struck(wiperjax.AbstractSystem):
         return v[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_cycle_multipliers_and_branch_are_those_of_the_impact_oscillator():
     """Derivatives pass through the blow, its time among them: e^2 is the determinant."""
     start = ((-0.5,), (0.0,))
@@ -65,7 +65,7 @@ def test_cycle_multipliers_and_branch_are_those_of_the_impact_oscillator():
         assert np.sum(each.multipliers).real == pytest.approx(trace, rel=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_what_presses_against_a_stop_ends_with_its_code(restitution):
     """With the program of the cycle: under a constant force the blows pile up, or it rests."""

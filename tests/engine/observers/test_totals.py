@@ -42,7 +42,7 @@ def test_a_jam_that_nothing_is_gathered_in_front_of_leaves_derivatives():
         np.testing.assert_array_equal(change, slope)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_a_stick_gathers_is_as_good_as_the_tolerance():
     """A lip that sticks is carried by the belt: x = x0 + V t, and its normal force follows. In its
     motion there is no error that could limit the steps; mean and largest force were off by 2e-7 and
@@ -115,7 +115,7 @@ def test_the_largest_acceleration_knows_no_unit():
         assert largest(unit) == pytest.approx(largest(1.0), rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_largest_force_at_an_event_has_the_derivative_of_the_force_there():
     """The slip that ends in a capture presses hardest as it ends. The slope of a step's quartic,
     times that of the event's time, made 8 % of it (rtol 1e-9), and more the finer the tolerance."""
@@ -166,7 +166,7 @@ def test_an_observer_of_its_own_start_gathers_all_from_there_on():
     assert all(np.array_equal(a, b) for a, b in zip(own, usual, strict=True))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_work_done_on_friction_has_its_derivative():
     """A part of it carried none: it came out small, and of the wrong sign."""
 

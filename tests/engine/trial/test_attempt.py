@@ -10,7 +10,7 @@ from wiperjax.engine.observers.totals import RegimeTotals
 from wiperjax.systems.oscillator import Oscillator
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_asked_for_at_a_break_does_not_move_with_the_break():
     """After whole periods of a belt the end moved with the belt's frequency, and not with the
     duration; statistics from there on moved with it, and not with their beginning."""
@@ -38,7 +38,7 @@ def test_what_is_asked_for_at_a_break_does_not_move_with_the_break():
     alike(slopes(np.array([0.2, 5.3, 2.5])), slopes(np.array([0.2, 5.3, 2.5 + beside])))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_statistics_that_begin_on_a_piece_of_no_length_begin_once():
     """There both the piece and what follows it told how they begin: the time in stick changed by
     -2 s per second of the beginning, and with the belt's frequency, on which it does not hang."""
@@ -58,7 +58,7 @@ def test_statistics_that_begin_on_a_piece_of_no_length_begin_once():
         assert float(at[0][2]) == pytest.approx(-1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pieces_of_no_length_change_nothing():
     """The plateaus of a trapezoid with the longest ramps begin and end at once, to rounding. One
     that ended a digit before it began let time run backwards (4.5 ms once, with events on the way);

@@ -92,7 +92,7 @@ class SlidingWaves(FlyingWaves):
 
 
 @pytest.mark.parametrize("waves_of", [FlyingWaves, SlidingWaves])
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_no_zero_hides_between_the_nodes_of_a_step(dtype, waves_of):
     """Every crossing is found and none twice, where the guard changes faster than the motion."""

@@ -19,7 +19,7 @@ RUN = {"transient": 0.05, "window": 0.05}
 FINE = RUN | {"rtol": 1e-9}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("belt", "angle"),
     [
@@ -57,7 +57,7 @@ def test_a_walk_over_what_changes_nothing_is_one_long_run(belt, angle):
                 assert float(state[f"final_v{name}"]) == pytest.approx(there[1], abs=3e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_both_answers_of_a_blade_that_has_two(tmp_path):
     speeds = [0.3, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.5, 1.6]
     spec = parse_sweep(

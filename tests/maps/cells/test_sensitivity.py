@@ -87,7 +87,7 @@ def columns(found):
     return {name: np.concatenate([b[name] for b in blocks]) for name in per_cell}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_derivatives_agree_with_central_differences(found, columns):
     """Issue 7, item 6: over stick-slip, chatter with flight and reversal."""
     fine = columns["sensitivity_code"] == codes.VALIDITY["fine"]
@@ -107,7 +107,7 @@ def test_derivatives_agree_with_central_differences(found, columns):
         assert largest < 1e-4, name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_closer_look_is_at_the_same_motion_by_the_same_program(columns, monkeypatch):
     """Two samples of half the length make up one."""
     monkeypatch.setattr(batch, "compute", None)  # the plain program: seconds to compile
@@ -177,7 +177,7 @@ def test_units_are_those_of_files(columns):
     assert units == "(m/s)/(degrees)"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.filterwarnings("default")  # of dask
 def test_a_killed_sweep_goes_on_to_the_same_derivatives_on_a_cluster(tmp_path, found):
     """The first block is kept by a process that is killed in the second, which a worker of dask
@@ -445,7 +445,7 @@ def test_what_a_quiet_cell_keeps_of_its_start_has_no_derivative():
     assert known["final_x"] == [True, True, True]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_mirrored_blade_has_mirrored_derivatives():
     """(alpha, V, x) -> -(alpha, V, x), also by a parameter at an end of its range: of steady slip,
     which no motion, and so no program of one, is needed for."""
@@ -469,7 +469,7 @@ def test_a_mirrored_blade_has_mirrored_derivatives():
         assert np.all(here != 0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_vertex_of_a_largest_force_is_found_and_its_derivative_with_it(monkeypatch):
     """A lip that sticks to a belt which slows down, in closed form, from many places. Through the
     ramp in one step the vertex is missed where the quartic is not hollow (2e-4 of 18 N/m) and the

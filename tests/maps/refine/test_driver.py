@@ -261,7 +261,7 @@ def damage(path, name):
         open_map(path, check=True)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["velocity_rms", "belt_speed"])
 def test_a_map_is_mended_with_its_borders_and_its_levels(tmp_path, name):
     path, other = tmp_path / "map.h5", tmp_path / "other.h5"
@@ -349,7 +349,7 @@ BAD = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("line", BAD)
 def test_what_cannot_be_meant_is_one_clear_line(tmp_path, line):
     path = tmp_path / "map.h5"

@@ -39,7 +39,7 @@ def test_points_are_computed_by_the_program_of_their_map_however_many_are_asked_
         assert Settings.of(Points(spec, Grid(spec.axes, 8), np.arange(count)), 4096) == of_map
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_with_borders_from_the_command_line(tmp_path, capsys):
     file, path = tmp_path / "map.toml", tmp_path / "map.h5"
     file.write_text(FILE)

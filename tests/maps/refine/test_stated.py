@@ -47,7 +47,7 @@ def asked(path, told, names, count=20_000):
     return search, code != truth, depth, search.sure(places)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("told", "names"), [(hard, tuple(AXES)), (flat, PLANE)])
 def test_every_wrong_answer_lies_within_the_stated_bracket(tmp_path, capsys, told, names):
     path, calls = tmp_path / "map.h5", []
@@ -79,7 +79,7 @@ def test_every_wrong_answer_lies_within_the_stated_bracket(tmp_path, capsys, tol
     assert sum(calls) == said["simulations"] and len(calls) < 45  # few requests, and so large ones
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("most", [1, 30, 100, 300, 600])
 def test_it_is_true_too_where_the_budget_ended_it(tmp_path, most):
     def disc(x, y):
@@ -125,7 +125,7 @@ def test_cubes_that_touch_are_those_whose_corners_are_in_one_another():
     assert len(np.unique(cubes.size)) == 3 and which.any()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_border_finer_than_the_smallest_cube_is_not_promised_beside_it_either(tmp_path):
     def rough(x, y, z):
         ripple = 0.03 * np.sin(61 * x + 7) * np.sin(53 * y) * np.sin(47 * z + 1)
