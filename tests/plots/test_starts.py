@@ -129,6 +129,9 @@ def test_numbers_say_which_start_they_are_of():
     ds = a_map(names=["up", "down"])
     ax = plots.value_map(ds, "velocity_rms", at={"start": "down"})
     assert "start: down (" in ax.figure.get_suptitle()
+    some = a_map(names=["up", "down"])[["label", "velocity_rms"]]  # without its class_set
+    said = plots.value_map(some, "velocity_rms").figure.get_suptitle()
+    assert "start: up (" in said
 
 
 def test_a_random_start_is_asked_for_by_its_number_also_in_a_part_of_them():
