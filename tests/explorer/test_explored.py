@@ -265,6 +265,19 @@ def test_what_stands_still_has_the_lowest_colour(whole):
     assert (paint.shades[0] == 0).all() and "no number" not in paint.legend
 
 
+def test_derivatives_have_two_colours_that_part_at_zero_whatever_their_signs(whole):
+    """As in the picture `value`: one that is positive everywhere says so by its colour."""
+    place = {"attack_angle": 0, "normal_load": 0, "belt_speed": 0}
+    plane = whole.plane("attack_angle", "belt_speed", place, None, set()).copy(deep=True)
+    plane["label"][:] = LABELS["squeal"]
+    name = "d_velocity_mean_d_belt_speed"
+    plane[name] = (plane["label"].dims, np.ones(plane["label"].shape))
+    paint = painted(plane, name)
+    assert paint.palette[0] != paint.palette[-1] and (paint.shades == len(paint.palette) - 1).all()
+    assert paint.palette == painted(plane.assign({name: -plane[name]}), name).palette
+    assert (painted(plane.assign({name: -plane[name]}), name).shades == 0).all()
+
+
 def test_cells_that_ended_early_have_no_numbers_and_say_so(whole):
     """They hold what was counted until they failed."""
     place = {"attack_angle": 0, "normal_load": 0, "belt_speed": 0}

@@ -433,6 +433,20 @@ def test_a_map_is_judged_in_the_order_of_its_sweep_only():
 
 
 @pytest.mark.slow
+def test_cells_that_were_taken_out_of_a_map_are_not_judged():
+    place = {"belt_speed": [0.3, 0.6]}
+    rates = {"growth_rate": ("belt_speed", [1.0, -1.0]), "exists": ("belt_speed", [1, 1])}
+    found = xr.Dataset(rates, place)
+    simulated = xr.Dataset({"label": ("belt_speed", [1, 0])}, place)
+    for kept in (0, 1):
+        part = simulated.where(simulated.belt_speed == place["belt_speed"][kept])
+        verdict = beside(found, part).verdict
+        expected = beside(found, simulated).verdict
+        assert verdict[kept] == expected[kept] and verdict[1 - kept] == VERDICTS["not_told"]
+    with pytest.raises(ValueError, match="label must be whole codes, but had 0.5"):
+        beside(found, 0.5 * simulated)
+
+
 def test_what_has_no_modes_is_one_line():
     with pytest.raises(ValueError, match=r"^system must have friction, but Ball has none$"):
         wiperjax.modes(own_systems.Ball())

@@ -370,7 +370,7 @@ def test_codes_between_two_codes_are_no_class(small_map):
     """Squeal and quiet average to what no cell did; it was drawn, and counted, as a class."""
     between = small_map.interp(attack_angle=np.linspace(-39.0, 39.0, 7))
     says = r"^label must be whole codes, but had [0-9.]+: .* ds\.sel takes whole cells$"
-    for picture in (plots.class_map, plots.regime_map, plots.map_overview):
+    for picture in (plots.class_map, plots.regime_map, plots.map_overview, plots.frequency_map):
         with pytest.raises(ValueError, match=says):
             picture(between)
     with pytest.raises(ValueError, match=says):

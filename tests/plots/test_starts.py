@@ -11,6 +11,7 @@ from wiperjax import plots
 from wiperjax.cli import main
 from wiperjax.cli.options import cuts
 from wiperjax.datasets import map_dataset
+from wiperjax.datasets.map_starts import hangs_on_start
 from wiperjax.plots.files import usual_of_file
 from wiperjax.plots.preview import preview
 from wiperjax.specs.load import parse_sweep
@@ -128,6 +129,9 @@ def test_numbers_say_which_start_they_are_of():
     ds = a_map(names=["up", "down"])
     ax = plots.value_map(ds, "velocity_rms", at={"start": "down"})
     assert "start: down (" in ax.figure.get_suptitle()
+    some = a_map(names=["up", "down"])[["label", "velocity_rms"]]  # without its class_set
+    said = plots.value_map(some, "velocity_rms").figure.get_suptitle()
+    assert "start: up (" in said
 
 
 def test_a_random_start_is_asked_for_by_its_number_also_in_a_part_of_them():
@@ -141,6 +145,23 @@ def test_a_random_start_is_asked_for_by_its_number_also_in_a_part_of_them():
     assert "6 of 9 random" in plots.value_map(part, "velocity_rms").figure.get_suptitle()
     with pytest.raises(ValueError, match="one of this map's starts, 3 to 8, was 2"):
         plots.class_map(part, at={"start": 2})
+
+
+@pytest.mark.parametrize(
+    ("starts", "kept", "share"),
+    [
+        ({"names": ["up", "down", "at_rest"]}, [0, 1], "25.0%"),  # lasts 3, 2, 1
+        ({"names": ["up", "down", "at_rest"]}, [0], ""),
+        ({"random": 9, "x": [0.0, 1e-3]}, slice(4, 9), "25.0%"),  # lasts 2 to 1
+    ],
+)
+def test_in_a_part_of_the_starts_a_class_hangs_on_those_alone(starts, kept, share):
+    part = a_map(**starts).isel(start=kept)
+    figure = plots.class_map(part)[0].figure
+    words = [text.get_text() for legend in legends(figure) for text in legend.get_texts()]
+    hangs = [text for text in words if text.startswith("depends")]
+    assert hangs == ([f"depends on the start ({share})"] if share else [])
+    assert int(hangs_on_start(part).sum()) == (3 if share else 0)
 
 
 @pytest.mark.parametrize("starts", [{"names": ["up", "down"]}, {"random": 9, "x": [0.0, 1e-3]}])

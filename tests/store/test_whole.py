@@ -37,6 +37,24 @@ def test_a_map_opens_with_the_variables_that_are_asked_for(tmp_path):
             open_map(held, ["labl"])
 
 
+def test_cells_that_a_joined_map_does_not_have_are_saved_without_a_class(tmp_path):
+    """Saved in the type of the file, int8, NaN would be 0: quiet."""
+    path, joined = tmp_path / "map.h5", tmp_path / "joined.h5"
+    stub.run(stub.make_spec(), path)
+    with open_map(path) as ds:
+        parts = ds.isel(belt_speed=[0]), ds.isel(belt_speed=slice(1, None))
+        over = xr.DataArray([0.1, 0.2], dims="stiffness", name="stiffness")
+        xr.concat(parts, over, join="outer").to_netcdf(joined, engine="h5netcdf")
+    with open_map(joined) as found:
+        lacks, codes = found["velocity_rms"].isnull(), found["label"]
+        assert lacks.sum() == ds["label"].size
+        assert codes.isnull().equals(lacks)
+    with open_map(path) as ds:  # what is whole stays as it was
+        ds.to_netcdf(joined, engine="h5netcdf")
+        with open_map(joined) as found:
+            assert {n: x.dtype for n, x in found.items()} == {n: x.dtype for n, x in ds.items()}
+
+
 def test_of_two_programs_that_write_one_new_file_the_later_is_told(tmp_path, monkeypatch):
     path, run = tmp_path / "run.h5", xr.Dataset({"position": ("time", [1.0])})
     monkeypatch.setattr(checksums, "add", lambda buffer: path.write_bytes(b"precious"))

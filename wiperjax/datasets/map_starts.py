@@ -1,5 +1,6 @@
 """A map of several starts: one of them chosen, and where the class hangs on it."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ def from_start(ds: xr.Dataset, start: Any = None) -> xr.Dataset:
             has = "but one" if only is None else f"{only} alone"
             raise ValueError(f"start must be left out: each cell of this map has {has}")
         return ds if only is None else _told(ds, only)
-    values = ds["start"].values
+    ds, values = _with_own_set(ds), ds["start"].values
     drawn = ds.attrs.get("starts_random", len(values))  # of which the map may be a part
     if start is None and "class_share" in ds:
         many = f"{len(values)}" if len(values) == drawn else f"{len(values)} of {drawn}"
@@ -72,6 +73,7 @@ def hangs_on_start(ds: xr.Dataset) -> xr.DataArray | None:
     """
     if "class_set" not in ds:
         return None
+    ds = _with_own_set(ds)
     classes = _met(ds) & ~_FAILED
     return (classes & (classes - 1)) != 0
 
@@ -79,6 +81,19 @@ def hangs_on_start(ds: xr.Dataset) -> xr.DataArray | None:
 def failed_somewhere(ds: xr.Dataset) -> xr.DataArray:
     """Whether a start of each cell failed, in a map of several."""
     return (_met(ds) & _FAILED) != 0
+
+
+def _with_own_set(ds: xr.Dataset) -> xr.Dataset:
+    """A map whose `class_set` is of the starts that it holds, where they are a part of those that
+    were swept: else a class hangs on starts that nobody sees.
+    """
+    named = json.loads(str(ds.attrs.get("starts_names", "[]")))
+    swept = ds.attrs.get("starts_random", len(named))
+    if not {"class_set", "label"} <= {*ds} or ds["label"].sizes.get("start", swept) == swept:
+        return ds
+    codes = range(max(LABELS.values()) + 1)
+    met = sum((ds["label"] == code).any("start") * (1 << code) for code in codes)
+    return ds.assign(class_set=met.where(met > 0, ds["class_set"]).assign_attrs(ds.class_set.attrs))
 
 
 def _met(ds: xr.Dataset) -> xr.DataArray:

@@ -15,6 +15,7 @@ from ..plots.style.axes import LogMarks, axis_numbers, shown
 from ..plots.style.palette import HATCHES, UNKNOWN, readable
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import NOT_COMPUTED
+from ..vocabulary.columns import derivative
 from .explored import escaped, plain
 
 SHADES = 250
@@ -116,7 +117,8 @@ def _scale(variable: str, values: np.ma.MaskedArray) -> tuple[Normalize, str]:
         return tones(values), "viridis"
     if variable.startswith("velocity_rms") and positive.size:
         return LogNorm(1e-3 * positive.max(), positive.max()), "magma"
-    norm, cmap = suited(values, variable == "growth_rate")
+    signed = variable == "growth_rate" or derivative(variable) is not None
+    norm, cmap = suited(values, signed)
     if norm is None:
         low, high = (float(some.min()), float(some.max())) if some.size else (0.0, 1.0)
         norm = Normalize(low, high if high > low else low + (abs(low) or 1.0))

@@ -11,12 +11,13 @@ import xarray as xr
 
 from ..contact.system import AbstractSystem
 from ..datasets.map_dataset import describe
+from ..noise.class_counts import whole_codes
 from ..specs.load import parse_sweep
 from ..specs.sweep import SweepSpec
 from ..systems.build import build
 from ..vocabulary import checks
 from ..vocabulary.cf import flags
-from ..vocabulary.codes import LABELS
+from ..vocabulary.codes import LABELS, NOT_COMPUTED
 from .linear import linear_over
 from .table import CONVENTION, modes_of
 
@@ -81,7 +82,8 @@ def beside(found: xr.Dataset, simulated: xr.Dataset) -> xr.Dataset:
     """Return modes of a sweep with the variable ``verdict`` (`VERDICTS`): what the linear test says
     of each cell, beside the class in the map of the same sweep.
 
-    Raises ValueError for a map of other axes or values of these, or of several starts.
+    Raises ValueError for a map of other axes or values of these, of several starts, or of classes
+    that were averaged.
     """
     names = tuple(str(name) for name in found["growth_rate"].dims)
     label = simulated["label"]
@@ -93,9 +95,10 @@ def beside(found: xr.Dataset, simulated: xr.Dataset) -> xr.Dataset:
         if axis.shape != own.shape or not np.allclose(axis, own, rtol=1e-12, atol=0):
             must = "must be those of its sweep, in the same order"
             raise ValueError(f"the map's values of {name} {must}, were others")
-    label = np.asarray(label.transpose(*names))
+    label = whole_codes(label.transpose(*names))
     grows, told = np.asarray(found["growth_rate"]) > 0, np.asarray(found["exists"]) > 0
-    told &= ~np.isin(label, [LABELS["failed"], LABELS["collapsed"], -1])
+    told &= ~np.isin(label, [LABELS["failed"], LABELS["collapsed"], NOT_COMPUTED])
+    told &= ~np.isnan(label)  # of cells that `ds.where` took out
     quiet = label == LABELS["quiet"]
     cases = [~told, quiet & ~grows, ~quiet & grows, quiet & grows]
     codes = [VERDICTS[name] for name in ("not_told", "quiet", "noisy", "over_predicted")]

@@ -88,6 +88,9 @@ def open_map(
     if level is not None:
         with ds:
             return at_level(ds, path, level, variables)
+    for variable in ds.variables.values():
+        if variable.dtype.kind in "iu":  # else the cells that `xr.concat` has no code for are saved
+            variable.encoding.pop("dtype", None)  # as 0, which is quiet
     if variables is None:
         return ds
     try:

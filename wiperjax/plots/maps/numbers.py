@@ -19,7 +19,12 @@ OF_NOISE = ("mechanism", "band")  # names of a noise: none of cells that make no
 def told(ds: xr.Dataset, name: str) -> xr.DataArray:
     """The number `name` of each cell; NaN in those that ended early, whose counts are of a part of
     their motion, and for the frequency of quiet ones, which is that of rounding noise.
+
+    Raises: `ValueError` for a frequency beside classes that were averaged, as `whole_codes`: which
+        of the cells were quiet is lost, and rounding noise is in the mean.
     """
+    if name == TONE:
+        whole_codes(ds["label"])
     ended = ds["label"].isin(list(_untold(name).values()))
     return ds[name].astype(float).where(~ended)
 

@@ -199,7 +199,8 @@ def _fault(ds: xr.Dataset) -> str:
 
 def start_text(ds: xr.Dataset) -> str:
     """Which of several starts is shown; empty where each cell has but one."""
-    return f"start: {ds.attrs['start']}" if "class_set" in ds and "start" in ds.attrs else ""
+    several = "class_set" in ds or not ds.attrs.keys().isdisjoint({"starts_names", "starts_random"})
+    return f"start: {ds.attrs['start']}" if several and "start" in ds.attrs else ""
 
 
 def footnote(ds: xr.Dataset) -> str:
