@@ -148,9 +148,10 @@ def print_sensitivities(dataset: Any) -> None:
     from ..vocabulary.cf import flag_names
 
     codes, counts = dataset["sensitivity_code"], {}
+    cells = max(int(codes.notnull().sum()), 1)  # `ds.where` may have taken others out
     for code, name in flag_names(codes).items():
         counts[name] = int((codes == code).sum())
-        print(f"derivatives {name:<20}{counts[name]:>9}{counts[name] / codes.size:>9.1%}")
+        print(f"derivatives {name:<20}{counts[name]:>9}{counts[name] / cells:>9.1%}")
     found = dataset["sensitivity_agreement"].values
     found = found[np.isfinite(found)]
     if found.size:
