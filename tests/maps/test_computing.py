@@ -75,12 +75,31 @@ def test_nothing_begins_behind_a_block_that_fails():
     blocks, _ = computing(make_spec(), fails, None)
     coming = blocks(make_spec(), SPANS)
     assert next(coming).number == 0
+    time.sleep(0.3)  # the first is stored, while the second fails
     with pytest.raises(MemoryError, match="no room"):
         next(coming)
-    assert len(begun) < len(SPANS) and threading.active_count() < 50
-    ended = list(begun)
+    assert begun == [0, 50] and threading.active_count() < 50
     time.sleep(0.1)
-    assert begun == ended
+    assert begun == [0, 50]
+
+
+def test_a_block_before_one_that_fails_is_finished():
+    failed = threading.Event()
+
+    def fails(spec, index, finer=1, room=None):
+        if index[0] == 100:
+            failed.set()
+            raise MemoryError("no room")
+        if index[0] >= 50 and finer > 1:
+            assert failed.wait(20)
+        return evaluate(spec, index, finer)
+
+    spec = make_spec(samples=64)  # which do not tell the frequency
+    blocks, _ = computing(spec, fails, None)
+    coming = blocks(spec, SPANS)
+    assert [next(coming).number, next(coming).number] == [0, 1]
+    with pytest.raises(MemoryError, match="no room"):
+        next(coming)
 
 
 def test_nothing_of_a_block_that_fails_is_kept():
@@ -108,17 +127,21 @@ def test_nothing_of_a_block_that_fails_is_kept():
 def test_a_second_ctrl_c_while_blocks_end_is_not_dropped_with_a_traceback(
     monkeypatch, tmp_path, file
 ):
-    pressed, ended, dropped = threading.Event(), threading.Event(), []
+    moving, pressed, ended = (threading.Event() for _ in range(3))
+    dropped = []
     where, name = (BlockStore, "write") if file else (driver.Report, "update")
     plain = getattr(where, name)
 
     def press(self, *given):  # outside of what computes blocks
         plain(self, *given)
+        assert moving.wait(20)
         pressed.set()
         signal.raise_signal(signal.SIGINT)
 
     def again(spec, index, *look):
-        if index[0] > 0 and pressed.wait(20) and not ended.is_set():
+        if index[0] == 50:
+            moving.set()
+            pressed.wait(20)
             time.sleep(0.2)
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.2)

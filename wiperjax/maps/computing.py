@@ -43,6 +43,7 @@ def _overlapping(spec: Any, spans: Spans, evaluate: Evaluate) -> Generator[Block
     one before it is named, which fills few cores, and the one before that is stored.
     """
     turn, stopped = threading.Lock(), threading.Event()
+    failed: list[int] = []  # behind which nothing is begun: its error is told at once
 
     def compute(number: int, before: threading.Event, begun: threading.Event) -> Block:
         def in_turn(*given: Any, **named: Any) -> Mapping[str, Any]:
@@ -51,9 +52,12 @@ def _overlapping(spec: Any, spans: Spans, evaluate: Evaluate) -> Generator[Block
                 turn.acquire()
             try:
                 begun.set()
-                if stopped.is_set():
+                if stopped.is_set() or any(number > other for other in failed):
                     raise CancelledError
                 return evaluate(*given, **named)
+            except BaseException:
+                failed.append(number)
+                raise
             finally:
                 turn.release()
 
