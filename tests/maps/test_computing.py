@@ -1,7 +1,12 @@
 """Blocks of this process: one moves while the one before it is named."""
 
+import gc
+import os
+import signal
+import sys
 import threading
 import time
+import weakref
 
 import numpy as np
 import pytest
@@ -10,6 +15,7 @@ from stub_sweep import evaluate, make_spec
 from wiperjax.machine.phases import account, during
 from wiperjax.maps import block, driver
 from wiperjax.maps.computing import computing
+from wiperjax.store.blocks import BlockStore
 
 SPANS = {number: (50 * number, 50 * number + 50) for number in range(6)}
 
@@ -69,12 +75,90 @@ def test_nothing_begins_behind_a_block_that_fails():
     blocks, _ = computing(make_spec(), fails, None)
     coming = blocks(make_spec(), SPANS)
     assert next(coming).number == 0
+    time.sleep(0.3)  # the first is stored, while the second fails
     with pytest.raises(MemoryError, match="no room"):
         next(coming)
-    assert len(begun) < len(SPANS) and threading.active_count() < 50
-    ended = list(begun)
+    assert begun == [0, 50] and threading.active_count() < 50
     time.sleep(0.1)
-    assert begun == ended
+    assert begun == [0, 50]
+
+
+def test_a_block_before_one_that_fails_is_finished():
+    failed = threading.Event()
+
+    def fails(spec, index, finer=1, room=None):
+        if index[0] == 100:
+            failed.set()
+            raise MemoryError("no room")
+        if index[0] >= 50 and finer > 1:
+            assert failed.wait(20)
+        return evaluate(spec, index, finer)
+
+    spec = make_spec(samples=64)  # which do not tell the frequency
+    blocks, _ = computing(spec, fails, None)
+    coming = blocks(spec, SPANS)
+    assert [next(coming).number, next(coming).number] == [0, 1]
+    with pytest.raises(MemoryError, match="no room"):
+        next(coming)
+
+
+def test_nothing_of_a_block_that_fails_is_kept():
+    class Samples:
+        """Of a block: much."""
+
+    left = []
+
+    def fails(spec, index, *look):
+        samples = Samples()
+        left.append(weakref.ref(samples))
+        raise MemoryError("no room")
+
+    blocks, _ = computing(make_spec(), fails, None)
+    gc.disable()  # which may be long in coming
+    try:
+        with pytest.raises(MemoryError):
+            next(blocks(make_spec(), SPANS))
+        assert left and [held() for held in left] == [None] * len(left)
+    finally:
+        gc.enable()
+
+
+@pytest.mark.parametrize("file", [True, False])
+def test_a_second_ctrl_c_while_blocks_end_is_not_dropped_with_a_traceback(
+    monkeypatch, tmp_path, file
+):
+    moving, pressed, ended = (threading.Event() for _ in range(3))
+    dropped = []
+    where, name = (BlockStore, "write") if file else (driver.Report, "update")
+    plain = getattr(where, name)
+
+    def press(self, *given):  # outside of what computes blocks
+        plain(self, *given)
+        assert moving.wait(20)
+        pressed.set()
+        signal.raise_signal(signal.SIGINT)
+
+    def again(spec, index, *look):
+        if index[0] == 50:
+            moving.set()
+            pressed.wait(20)
+            time.sleep(0.2)
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.2)
+            ended.set()
+        return evaluate(spec, index, *look)
+
+    monkeypatch.setattr(where, name, press)
+    monkeypatch.setattr(sys, "unraisablehook", dropped.append)
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            output = tmp_path / "map.h5" if file else None
+            driver.sweep(make_spec(), output, evaluate=again, block=50, progress=False)
+        assert ended.wait(20)
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert dropped == []
 
 
 def test_few_cells_on_an_accelerator_are_told_of(monkeypatch, caplog):

@@ -14,7 +14,7 @@ import logging
 import math
 import time
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import CancelledError
 from typing import Any
 
@@ -121,7 +121,7 @@ class Workers:
         spec: Any,
         spans: Mapping[int, tuple[int, int]],
         evaluate: block.Evaluate | None = None,
-    ) -> Iterator[block.Block]:
+    ) -> Generator[block.Block, None, None]:
         """Blocks `spans` (number -> first cell, the one after the last), in any order."""
         from distributed import wait
 

@@ -2,7 +2,7 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -16,7 +16,7 @@ from .block import Block, Evaluate, engine, evaluate_block, made_by
 AT_A_TIME = 2  # blocks of this process: one that moves, one that is named
 
 Spans = Mapping[int, tuple[int, int]]  # number of a block -> first cell, the one after the last
-Blocks = Callable[[Any, Spans], Iterator[Block]]
+Blocks = Callable[[Any, Spans], Generator[Block, None, None]]
 
 
 def computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[str, str]]:
@@ -38,11 +38,12 @@ def computing(spec, evaluate: Evaluate | None, workers) -> tuple[Blocks, dict[st
     return partial(_overlapping, evaluate=evaluate), known
 
 
-def _overlapping(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]:
+def _overlapping(spec: Any, spans: Spans, evaluate: Evaluate) -> Generator[Block, None, None]:
     """Blocks in their order, two at a time: one moves, on all cores or the accelerator, while the
     one before it is named, which fills few cores, and the one before that is stored.
     """
     turn, stopped = threading.Lock(), threading.Event()
+    failed: list[int] = []  # behind which nothing is begun: its error is told at once
 
     def compute(number: int, before: threading.Event, begun: threading.Event) -> Block:
         def in_turn(*given: Any, **named: Any) -> Mapping[str, Any]:
@@ -51,9 +52,12 @@ def _overlapping(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]
                 turn.acquire()
             try:
                 begun.set()
-                if stopped.is_set():
+                if stopped.is_set() or any(number > other for other in failed):
                     raise CancelledError
                 return evaluate(*given, **named)
+            except BaseException:
+                failed.append(number)
+                raise
             finally:
                 turn.release()
 
@@ -66,8 +70,11 @@ def _overlapping(spec: Any, spans: Spans, evaluate: Evaluate) -> Iterator[Block]
             begun.set()  # also where it failed before
 
     def computed(block: Future[Block]) -> Block:
-        with during(None):  # it comes with phases of its own
-            return block.result()
+        try:
+            with during(None):  # it comes with phases of its own
+                return block.result()
+        finally:
+            del block  # an error has this frame: no cycle that keeps what the block had
 
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         flying: deque[Future[Block]] = deque()

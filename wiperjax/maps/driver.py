@@ -7,7 +7,8 @@ import json
 import os
 import shlex
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -198,18 +199,22 @@ def _compute(task: Task, store: BlockStore, report: Report, check: Callable[[], 
         report.done += stop - start
         report.count(found[0])
     spans = {int(number): store.span(int(number)) for number in np.flatnonzero(~done)}
-    for block in _computed(task, spans, report):
-        store.write(block.number, block.columns, block.seconds)
-        check()
+    with closing(_computed(task, spans, report)) as computed:
+        for block in computed:
+            store.write(block.number, block.columns, block.seconds)
+            check()
 
 
-def _computed(task: Task, spans: Spans, report: Report) -> Iterator[Block]:
-    """Blocks, each counted by the account and by the report."""
-    for block in task.blocks(task.spec, spans):
-        task.spent.take(block.phases, elsewhere=task.workers is not None)
-        start, stop = spans[block.number]
-        report.update(block.columns, stop - start, block.occupancy)
-        yield block
+def _computed(task: Task, spans: Spans, report: Report) -> Generator[Block, None, None]:
+    """Blocks, each counted by the account and by the report. To be closed: it then waits for what
+    moves, and of a Ctrl-C while Python does so by itself there would be but a traceback.
+    """
+    with closing(task.blocks(task.spec, spans)) as blocks:
+        for block in blocks:
+            task.spent.take(block.phases, elsewhere=task.workers is not None)
+            start, stop = spans[block.number]
+            report.update(block.columns, stop - start, block.occupancy)
+            yield block
 
 
 def _in_memory(task: Task) -> xr.Dataset:
@@ -217,8 +222,12 @@ def _in_memory(task: Task) -> xr.Dataset:
     starts = range(0, spec.size, task.block)
     spans = {k: (start, min(spec.size, start + task.block)) for k, start in enumerate(starts)}
     pieces: dict[int, dict[str, np.ndarray]] = {}
-    with Report(spec.size, title=spec.title, show=task.progress) as report, heeded() as check:
-        for block in _computed(task, spans, report):
+    with (
+        Report(spec.size, title=spec.title, show=task.progress) as report,
+        heeded() as check,
+        closing(_computed(task, spans, report)) as computed,
+    ):
+        for block in computed:
             pieces[block.number] = block.columns
             check()
     whole = {name: np.concatenate([pieces[k][name] for k in spans]) for name in pieces[0]}
