@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 import weakref
+from contextvars import ContextVar
 
 import numpy as np
 import pytest
@@ -61,6 +62,20 @@ def test_a_block_brings_its_phases_without_the_waiting_for_its_turn():
     assert found[0].phases["engine"] >= 1.0
     assert all(part.seconds == sum(part.phases.values()) for part in found)
     assert found[1].seconds < 1.0  # it has waited for as long, if it did not come first
+
+
+def test_what_computes_cells_sees_the_context_of_its_caller():
+    named = ContextVar("named", default="none")
+    seen = []
+
+    def looks(spec, index, *look):
+        seen.append(named.get())
+        return evaluate(spec, index, *look)
+
+    named.set("mine")
+    blocks, _ = computing(make_spec(), looks, None)
+    list(blocks(make_spec(), SPANS))
+    assert {*seen} == {"mine"}
 
 
 def test_nothing_begins_behind_a_block_that_fails():

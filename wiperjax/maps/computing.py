@@ -4,6 +4,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from contextvars import copy_context
 from functools import partial
 from typing import Any
 
@@ -83,7 +84,8 @@ def _overlapping(spec: Any, spans: Spans, evaluate: Evaluate) -> Generator[Block
         try:
             for number in spans:
                 begun = threading.Event()
-                flying.append(pool.submit(compute, number, before, begun))
+                context = copy_context()  # what the caller has set for itself
+                flying.append(pool.submit(context.run, compute, number, before, begun))
                 before = begun
                 if len(flying) > AT_A_TIME:
                     yield computed(flying.popleft())
