@@ -25,9 +25,10 @@ from wiperjax import SteadyBelt
 from wiperjax.cycles.branch import corner, walk
 from wiperjax.cycles.branch.bifurcations import corner_kind, told_once
 from wiperjax.cycles.branch.follow import follow
+from wiperjax.cycles.branch.step import BranchStep
 from wiperjax.cycles.cycle import Cycle, same_word
 from wiperjax.cycles.find import find_cycle
-from wiperjax.cycles.return_map import Found
+from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.systems.oscillator import Oscillator
 from wiperjax.vocabulary.codes import Regime
 
@@ -339,6 +340,28 @@ def test_a_walk_that_comes_back_on_itself_says_so(two_impacts, monkeypatch):
 
 
 @pytest.mark.slow
+def test_cycles_of_the_same_extremes_are_not_the_same_for_that(monkeypatch):
+    """Of a symmetric cycle of one coordinate the extremes are one number, and two pieces of a
+    branch cross over the parameter (a block on a trapezoid belt, at 0.5446 of 0.1 to 1.5 m/s): the
+    branch was said to be closed there, with multipliers of 0.787 and 0.474."""
+
+    def at(parameter, rms):
+        highest = 1.2944 + 0.59 * (parameter - 0.5446)
+        motion = SimpleNamespace(samples=np.zeros((3, 2)))
+        cycle = Cycle(
+            Ring(), Found.FOUND, period=1.0, maximum=highest, minimum=-highest, velocity_rms=rms
+        )
+        point: Any = SimpleNamespace(motion=motion, parameter=parameter)
+        return BranchStep(point, replace(cycle, multipliers=np.array([0.5, 0.0])), np.empty(0), 1.0)
+
+    family = Shooting(Ring(), "a", turn, None, 1, np.array([1.3, 0.7]), 1.0)
+    one = walk.Walk(family, 0.1, 1.5, 0.05, 100, 1.0)
+    one.points = [at(0.5465, 0.4), at(0.5431, 0.4)]
+    monkeypatch.setattr(walk, "with_parameter", lambda _, step, value: at(value, 0.4))
+    assert one._met(at(0.5446, 0.4)) is not None
+    assert one._met(at(0.5446, 0.5)) is None
+
+
 def test_branch_goes_on_beyond_a_grazing_impact():
     """Free vibrations reach the stop at an amplitude |1 - w^2|; with impacts the branch turns."""
     w, e = 1.3, 0.8

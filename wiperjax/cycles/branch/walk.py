@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...vocabulary.codes import CurveEnd
-from ..cycle import same_word
+from ..cycle import Cycle, same_word
 from ..return_map import Shooting
 from ..walk import ROOM, AbstractWalk
 from .bifurcations import (
@@ -181,7 +181,7 @@ class Walk(AbstractWalk[BranchStep]):
         """Return the chord between two steps walked before if ``ahead`` lies there again, or None.
 
         It does if they have its word and determinants of its sign (none of them lies on the other
-        arm of a fold), and the cycle next to them that has its parameter is the same.
+        arm of a fold), and the cycle next to them that has its parameter is the same, speeds too.
         """
         spots = np.array([place(self.shooting, step) for step in self.points])
         spot, chords = place(self.shooting, ahead), np.diff(spots, axis=0)
@@ -197,9 +197,19 @@ class Walk(AbstractWalk[BranchStep]):
             ):
                 continue
             again = with_parameter(self.shooting, ends[int(part[k] > 0.5)], ahead.point.parameter)
-            if np.linalg.norm(place(self.shooting, again) - spot) < SAME * np.sqrt(square[k]):
-                return chords[k]
+            near = SAME * np.sqrt(square[k])
+            if np.linalg.norm(place(self.shooting, again) - spot) < near:
+                if self._unlike(again.cycle, ahead.cycle) < near:
+                    return chords[k]
         return None
+
+    def _unlike(self, one: Cycle, two: Cycle) -> float:
+        """Return how far apart the speeds of two cycles are, of their size.
+
+        Of one symmetric coordinate extremes are one number: over the parameter they cross.
+        """
+        size = self.shooting.scale[len(self.shooting.scale) // 2]
+        return abs(one.velocity_rms - two.velocity_rms) / size
 
     def _stuck(self, here, length):
         """Close in on a corner or a sharp turn, or take the branch up behind a corner."""
