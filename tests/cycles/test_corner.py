@@ -30,7 +30,7 @@ from wiperjax.cycles.cycle import Cycle, same_word
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.systems.oscillator import Oscillator
-from wiperjax.vocabulary.codes import Regime
+from wiperjax.vocabulary.codes import CurveEnd, Regime
 
 
 @pytest.fixture(scope="module")
@@ -360,6 +360,29 @@ def test_cycles_of_the_same_extremes_are_not_the_same_for_that(monkeypatch):
     monkeypatch.setattr(walk, "with_parameter", lambda _, step, value: at(value, 0.4))
     assert one._met(at(0.5446, 0.4)) is not None
     assert one._met(at(0.5446, 0.5)) is None
+
+
+def test_a_branch_that_meets_itself_far_from_its_start_is_not_closed(monkeypatch):
+    """A block on a sine belt: the walk down from 1 m/s came to a family of cycles that stick all
+    along, at 0.347 m/s, and went to and fro there: it was closed, and none above 1 m/s walked."""
+
+    def at(parameter, highest):
+        motion = SimpleNamespace(samples=np.zeros((3, 2)))
+        cycle = Cycle(
+            Ring(), Found.FOUND, period=1.0, maximum=highest, minimum=-1.0, velocity_rms=0.2
+        )
+        point: Any = SimpleNamespace(motion=motion, parameter=parameter)
+        return BranchStep(point, replace(cycle, multipliers=np.array([0.5, 0.0])), np.empty(0), 1.0)
+
+    family = Shooting(Ring(), "a", turn, None, 1, np.ones(2), 1.0)
+    monkeypatch.setattr(walk, "with_parameter", lambda _, step, value: at(value, 1.0))
+    monkeypatch.setattr(walk, "between", lambda *_: (0.0, at(0.5, 1.0)))
+    for start, word in ((0.1, "came back on itself"), (0.5, "is closed")):
+        one = walk.Walk(family, 0.0, 1.0, 0.05, 100, 1.0)
+        ahead, here = at(0.52, 1.0), at(0.48, 1.1)
+        one.points = [*([at(0.1, 2.0)] if start == 0.1 else []), at(0.5, 1.0), at(0.55, 1.0), here]
+        one._cut(here, ahead, 0.05)
+        assert word in one.end and (one.code == CurveEnd.CLOSED) == (start == 0.5)
 
 
 def test_branch_goes_on_beyond_a_grazing_impact():

@@ -36,6 +36,7 @@ from .step import (
 
 BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
 SAME = 1e-3  # of a chord: how near to each other two cycles are one
+PASSED = 2.0  # steps: how near the start of a closed branch is when it is passed
 ROUNDING = 1e-8  # of a test function: less has no sign
 
 
@@ -163,11 +164,12 @@ class Walk(AbstractWalk[BranchStep]):
         if chord is None:
             return length, ahead
         spot, last = (place(self.shooting, step) for step in (ahead, here))
-        if (spot - last) @ chord < 0:
+        start = place(self.shooting, self.points[0])
+        far = np.linalg.norm(start - spot) > PASSED * np.linalg.norm(spot - last)
+        if far or (spot - last) @ chord < 0:  # a closed branch comes back to where it began
             self._stop("the walk came back on itself: a smaller step may go on")
             return 0.0, None
         self._stop("the branch is closed", CurveEnd.CLOSED)
-        start = place(self.shooting, self.points[0])
         onward = place(self.shooting, self.points[1]) - start
         found = between(
             self.shooting,
