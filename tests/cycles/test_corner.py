@@ -21,7 +21,7 @@ from systems import (
     turn,
 )
 
-from wiperjax import SteadyBelt
+from wiperjax import SteadyBelt, Stribeck, WipingBelt
 from wiperjax.cycles.branch import corner, walk
 from wiperjax.cycles.branch.bifurcations import corner_kind, told_once
 from wiperjax.cycles.branch.follow import follow
@@ -383,6 +383,25 @@ def test_a_branch_that_meets_itself_far_from_its_start_is_not_closed(monkeypatch
         one.points = [*([at(0.1, 2.0)] if start == 0.1 else []), at(0.5, 1.0), at(0.55, 1.0), here]
         one._cut(here, ahead, 0.05)
         assert word in one.end and (one.code == CurveEnd.CLOSED) == (start == 0.5)
+
+
+@pytest.mark.slow
+def test_a_branch_ends_at_a_family():
+    """Below this amplitude of the belt the block never slips, wherever it is carried to and fro:
+    the walk went on over these cycles, with a special point at each turn."""
+    rate = 2 * math.pi * 0.05
+    held = 1 / math.hypot(1 / rate - rate, 0.3)
+    law = Stribeck(1.0, 0.5, 0.3, 1.0, 0.0)
+    system = Oscillator(damping=0.3, belt=WipingBelt(1.0, 0.05), friction=law)
+    start = ((0.0,), (0.0,))
+    cycle = find_cycle(
+        system, settle=800.0, initial_state=start, period=lambda s: 1 / s.belt.frequency,
+        over="belt.amplitude",
+    )  # fmt: skip
+    branch = follow(cycle, 0.1, 2.0, step=0.2)
+    assert branch.ends[0].startswith("beyond, cycles are a family"), branch.ends
+    assert [s.kind for s in branch.special] == ["adding_sliding", "fold", "fold"], branch.special
+    assert branch.special[0].parameter == pytest.approx(held, abs=1e-5)
 
 
 def test_branch_goes_on_beyond_a_grazing_impact():

@@ -36,8 +36,15 @@ from .step import (
 
 BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
 SAME = 1e-3  # of a chord: how near to each other two cycles are one
+FAMILY = 1e-9  # of the closing equations' slopes: none
 PASSED = 2.0  # steps: how near the start of a closed branch is when it is passed
 ROUNDING = 1e-8  # of a test function: less has no sign
+
+
+def family(step: BranchStep) -> bool:
+    """Whether cycles beside that of ``step`` are cycles of the same parameter, as where a belt that
+    turns carries all along: no direction leads on."""
+    return bool(np.linalg.svd(step.point.jacobian)[1][-1] < FAMILY)
 
 
 class Walk(AbstractWalk[BranchStep]):
@@ -227,6 +234,9 @@ class Walk(AbstractWalk[BranchStep]):
             self._stop("no cycle beyond")
         else:
             self._name_corner(here, way[0])
+            if family(way[0]):
+                self._stop("beyond, cycles are a family: those beside one are cycles too")
+                return length
             for step in way:
                 if not self.low <= step.point.parameter <= self.high:
                     self._stop("the end of the range", CurveEnd.RANGE)
