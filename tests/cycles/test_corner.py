@@ -21,15 +21,16 @@ from systems import (
     turn,
 )
 
-from wiperjax import SteadyBelt
+from wiperjax import SteadyBelt, Stribeck, WipingBelt
 from wiperjax.cycles.branch import corner, walk
 from wiperjax.cycles.branch.bifurcations import corner_kind, told_once
 from wiperjax.cycles.branch.follow import follow
+from wiperjax.cycles.branch.step import BranchStep
 from wiperjax.cycles.cycle import Cycle, same_word
 from wiperjax.cycles.find import find_cycle
-from wiperjax.cycles.return_map import Found
+from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.systems.oscillator import Oscillator
-from wiperjax.vocabulary.codes import Regime
+from wiperjax.vocabulary.codes import CurveEnd, Regime
 
 
 @pytest.fixture(scope="module")
@@ -336,6 +337,71 @@ def test_a_walk_that_comes_back_on_itself_says_so(two_impacts, monkeypatch):
     branch = follow(two_impacts, 2.6, 2.7, step=0.1)
     assert branch.ends[0] == "the walk came back on itself: a smaller step may go on"
     assert branch.parameters[0] < 2.655  # a few steps at most, where cycles are close together
+
+
+@pytest.mark.slow
+def test_cycles_of_the_same_extremes_are_not_the_same_for_that(monkeypatch):
+    """Of a symmetric cycle of one coordinate the extremes are one number, and two pieces of a
+    branch cross over the parameter (a block on a trapezoid belt, at 0.5446 of 0.1 to 1.5 m/s): the
+    branch was said to be closed there, with multipliers of 0.787 and 0.474."""
+
+    def at(parameter, rms):
+        highest = 1.2944 + 0.59 * (parameter - 0.5446)
+        motion = SimpleNamespace(samples=np.zeros((3, 2)))
+        cycle = Cycle(
+            Ring(), Found.FOUND, period=1.0, maximum=highest, minimum=-highest, velocity_rms=rms
+        )
+        point: Any = SimpleNamespace(motion=motion, parameter=parameter)
+        return BranchStep(point, replace(cycle, multipliers=np.array([0.5, 0.0])), np.empty(0), 1.0)
+
+    family = Shooting(Ring(), "a", turn, None, 1, np.array([1.3, 0.7]), 1.0)
+    one = walk.Walk(family, 0.1, 1.5, 0.05, 100, 1.0)
+    one.points = [at(0.5465, 0.4), at(0.5431, 0.4)]
+    monkeypatch.setattr(walk, "with_parameter", lambda _, step, value: at(value, 0.4))
+    assert one._met(at(0.5446, 0.4)) is not None
+    assert one._met(at(0.5446, 0.5)) is None
+
+
+def test_a_branch_that_meets_itself_far_from_its_start_is_not_closed(monkeypatch):
+    """A block on a sine belt: the walk down from 1 m/s came to a family of cycles that stick all
+    along, at 0.347 m/s, and went to and fro there: it was closed, and none above 1 m/s walked."""
+
+    def at(parameter, highest):
+        motion = SimpleNamespace(samples=np.zeros((3, 2)))
+        cycle = Cycle(
+            Ring(), Found.FOUND, period=1.0, maximum=highest, minimum=-1.0, velocity_rms=0.2
+        )
+        point: Any = SimpleNamespace(motion=motion, parameter=parameter)
+        return BranchStep(point, replace(cycle, multipliers=np.array([0.5, 0.0])), np.empty(0), 1.0)
+
+    family = Shooting(Ring(), "a", turn, None, 1, np.ones(2), 1.0)
+    monkeypatch.setattr(walk, "with_parameter", lambda _, step, value: at(value, 1.0))
+    monkeypatch.setattr(walk, "between", lambda *_: (0.0, at(0.5, 1.0)))
+    for start, word in ((0.1, "came back on itself"), (0.5, "is closed")):
+        one = walk.Walk(family, 0.0, 1.0, 0.05, 100, 1.0)
+        ahead, here = at(0.52, 1.0), at(0.48, 1.1)
+        one.points = [*([at(0.1, 2.0)] if start == 0.1 else []), at(0.5, 1.0), at(0.55, 1.0), here]
+        one._cut(here, ahead, 0.05)
+        assert word in one.end and (one.code == CurveEnd.CLOSED) == (start == 0.5)
+
+
+@pytest.mark.slow
+def test_a_branch_ends_at_a_family():
+    """Below this amplitude of the belt the block never slips, wherever it is carried to and fro:
+    the walk went on over these cycles, with a special point at each turn."""
+    rate = 2 * math.pi * 0.05
+    held = 1 / math.hypot(1 / rate - rate, 0.3)
+    law = Stribeck(1.0, 0.5, 0.3, 1.0, 0.0)
+    system = Oscillator(damping=0.3, belt=WipingBelt(1.0, 0.05), friction=law)
+    start = ((0.0,), (0.0,))
+    cycle = find_cycle(
+        system, settle=800.0, initial_state=start, period=lambda s: 1 / s.belt.frequency,
+        over="belt.amplitude",
+    )  # fmt: skip
+    branch = follow(cycle, 0.1, 2.0, step=0.2)
+    assert branch.ends[0].startswith("beyond, cycles are a family"), branch.ends
+    assert [s.kind for s in branch.special] == ["adding_sliding", "fold", "fold"], branch.special
+    assert branch.special[0].parameter == pytest.approx(held, abs=1e-5)
 
 
 @pytest.mark.long

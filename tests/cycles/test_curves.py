@@ -122,6 +122,28 @@ def test_two_folds_meet_in_a_cusp():
     assert curve.places[cusp.index] == pytest.approx([0.0, 0.0], abs=1e-6)
 
 
+def test_what_drives_a_system_over_the_second_number_is_asked():
+    """A period that did not follow the frequency, and none at a drive that was still 0, gave curves
+    of motions of which none comes again, without a word."""
+    start = ((1.0,), (0.0,))
+
+    def branch(over, period, **numbers):
+        cycle = find_cycle(
+            Ring(**numbers), settle=60.0, initial_state=start, period=period, over=over
+        )
+        return follow(cycle, 0.1, 0.3, step=0.2)
+
+    driven = branch("a", 2 * math.pi / 1.7, a=0.2, b=0.0, c=0.0, drive=1.0)
+    with pytest.raises(ValueError, match=r"^period must be one .* s at frequency = 1\.7017$"):
+        follow_curves(driven, "frequency", 1.6, 1.8)
+    assert follow_curves(driven, "drive", 0.9, 1.1) == []
+    free = branch("a", None, a=0.2, b=-1.2)
+    with pytest.raises(ValueError, match=r"^period must be given: .* with time at drive = 0\.001 "):
+        follow_curves(free, "drive", 0.0, 0.5)
+    with pytest.raises(ValueError, match=r"^period must be given: .* with time at drive = 0\.001 "):
+        branch("drive", None, a=0.2, b=-1.2)
+
+
 def test_a_fold_of_other_cycles_at_the_same_parameters_is_on_no_curve():
     """Its curve was left out: only the two parameters were compared."""
     ring = Ring()

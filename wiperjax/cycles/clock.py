@@ -1,6 +1,6 @@
 """What drives a system: whether anything does, and whether it comes again after a period."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import jax
 import jax.numpy as jnp
@@ -28,29 +28,26 @@ def scattered(count: int) -> np.ndarray:
     return (count * (np.arange(STATES) + within) / STATES).astype(int)
 
 
-def refuse_a_clock(system: AbstractSystem, states, span: float) -> None:
-    """Raises ValueError if what drives a system in ``states`` (k, 2n) changes within ``span`` [s].
+def refuse_a_clock(system: AbstractSystem, states, span: float, varied: Iterable[str] = ()) -> None:
+    """Raises ValueError if what drives a system in ``states`` (k, 2n) changes within ``span`` [s],
+    also beside the values of what will be ``varied``: a drive may begin at an amplitude of zero.
 
     What is pushed against only now and then, a shaken wall say, is seen in the states of a motion.
     """
-    found = seen(system, states, span * jnp.geomspace(1e-6, 1.0, INSTANTS))
-    if any(np.any(np.ptp(x, axis=1) > CHANGED * np.max(np.abs(x))) for x in found):
-        raise ValueError(
-            f"period must be given: forces, speeds or stops of {type(system).__name__} change with "
-            "time (a scene can tell the period of its belt only)"
-        )
+    for local, where in _beside(system, varied):
+        found = seen(local, states, span * jnp.geomspace(1e-6, 1.0, INSTANTS))
+        if any(np.any(np.ptp(x, axis=1) > CHANGED * np.max(np.abs(x))) for x in found):
+            raise ValueError(
+                f"period must be given: forces, speeds or stops of {type(system).__name__} change "
+                f"with time{where} (a scene can tell the period of its belt only)"
+            )
 
 
 def check_clock(system: AbstractSystem, clock: Callable, varied: Iterable[str], states) -> None:
     """Raises ValueError unless what drives a system in ``states`` (k, 2n) comes again after the
     period ``clock(system)``, also beside the values of what will be ``varied``.
     """
-    tried = [(system, "")]
-    for name in varied:
-        own = numbers.value(system, name)
-        aside = own + ASIDE * (abs(own) or 1.0)
-        tried.append((numbers.replaced(system, name, aside), f" at {name} = {aside:g}"))
-    for local, where in tried:
+    for local, where in _beside(system, varied):
         period = checks.number(f"period{where}", clock(local), POSITIVE)
         times = period * (jnp.arange(INSTANTS) + 0.5**0.5) / INSTANTS  # no corner's own times
         now, then = (seen(local, states, t) for t in (times, times + period))
@@ -61,6 +58,15 @@ def check_clock(system: AbstractSystem, clock: Callable, varied: Iterable[str], 
                 f"period must be one after which forces, speeds and stops of {name} come again "
                 f"(a function of the system where it changes), but was {period:g} s{where}"
             )
+
+
+def _beside(system: AbstractSystem, varied: Iterable[str]) -> Iterator[tuple[AbstractSystem, str]]:
+    """Yield the system, and as it is beside the value of each number ``varied``, with where."""
+    yield system, ""
+    for name in varied:
+        own = numbers.value(system, name)
+        aside = own + ASIDE * (abs(own) or 1.0)
+        yield numbers.replaced(system, name, aside), f" at {name} = {aside:g}"
 
 
 def seen(system: AbstractSystem, states, times) -> list[np.ndarray]:

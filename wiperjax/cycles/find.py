@@ -83,7 +83,7 @@ def find_cycle(
     )
     beside = (state + 0.1 * sizes)[None]
     if clock is None:
-        refuse_a_clock(system, beside, settle)
+        refuse_a_clock(system, beside, settle, shooting.names)
     else:
         check_clock(system, clock, shooting.names, beside)
     guess = free_guesses if clock is None else driven_guesses

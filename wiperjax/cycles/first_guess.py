@@ -47,7 +47,8 @@ def free_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess | M
     ValueError if the settled motion does not cross the section that ``shooting`` has.
     """
     motion = looked_at(shooting, state, UNKNOWN, settle, 1e-7)
-    refuse_a_clock(shooting.system, motion.samples[scattered(SAMPLES)], settle)
+    seen = motion.samples[scattered(SAMPLES)]
+    refuse_a_clock(shooting.system, seen, settle, shooting.names)
     motion = looked_at(shooting, motion.state, int(motion.regimes[-1]), 0.25 * settle, 1e-8)
     moves = moving(motion.samples, shooting.scale)
     if not np.any(moves):

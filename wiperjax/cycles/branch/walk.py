@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...vocabulary.codes import CurveEnd
-from ..cycle import same_word
+from ..cycle import Cycle, same_word
 from ..return_map import Shooting
 from ..walk import ROOM, AbstractWalk
 from .bifurcations import (
@@ -36,7 +36,16 @@ from .step import (
 
 BESIDE = 0.15  # of a chord: how near to it a cycle lies that was passed between its ends
 SAME = 1e-3  # of a chord: how near to each other two cycles are one
+FAMILY = 1e-9  # of the closing equations' slopes: none
+PASSED = 2.0  # steps: how near the start of a closed branch is when it is passed
 ROUNDING = 1e-8  # of a test function: less has no sign
+
+
+def family(step: BranchStep) -> bool:
+    """Whether cycles beside that of ``step`` are cycles of the same parameter, as where a belt that
+    turns carries all along: no direction leads on."""
+    slopes = np.linalg.svd(step.point.jacobian)[1]
+    return bool(slopes.size and slopes[-1] < FAMILY)
 
 
 class Walk(AbstractWalk[BranchStep]):
@@ -163,11 +172,12 @@ class Walk(AbstractWalk[BranchStep]):
         if chord is None:
             return length, ahead
         spot, last = (place(self.shooting, step) for step in (ahead, here))
-        if (spot - last) @ chord < 0:
+        start = place(self.shooting, self.points[0])
+        far = np.linalg.norm(start - spot) > PASSED * np.linalg.norm(spot - last)
+        if far or (spot - last) @ chord < 0:  # a closed branch comes back to where it began
             self._stop("the walk came back on itself: a smaller step may go on")
             return 0.0, None
         self._stop("the branch is closed", CurveEnd.CLOSED)
-        start = place(self.shooting, self.points[0])
         onward = place(self.shooting, self.points[1]) - start
         found = between(
             self.shooting,
@@ -181,7 +191,7 @@ class Walk(AbstractWalk[BranchStep]):
         """Return the chord between two steps walked before if ``ahead`` lies there again, or None.
 
         It does if they have its word and determinants of its sign (none of them lies on the other
-        arm of a fold), and the cycle next to them that has its parameter is the same.
+        arm of a fold), and the cycle next to them that has its parameter is the same, speeds too.
         """
         spots = np.array([place(self.shooting, step) for step in self.points])
         spot, chords = place(self.shooting, ahead), np.diff(spots, axis=0)
@@ -197,9 +207,19 @@ class Walk(AbstractWalk[BranchStep]):
             ):
                 continue
             again = with_parameter(self.shooting, ends[int(part[k] > 0.5)], ahead.point.parameter)
-            if np.linalg.norm(place(self.shooting, again) - spot) < SAME * np.sqrt(square[k]):
-                return chords[k]
+            near = SAME * np.sqrt(square[k])
+            if np.linalg.norm(place(self.shooting, again) - spot) < near:
+                if self._unlike(again.cycle, ahead.cycle) < near:
+                    return chords[k]
         return None
+
+    def _unlike(self, one: Cycle, two: Cycle) -> float:
+        """Return how far apart the speeds of two cycles are, of their size.
+
+        Of one symmetric coordinate extremes are one number: over the parameter they cross.
+        """
+        size = self.shooting.scale[len(self.shooting.scale) // 2]
+        return abs(one.velocity_rms - two.velocity_rms) / size
 
     def _stuck(self, here, length):
         """Close in on a corner or a sharp turn, or take the branch up behind a corner."""
@@ -215,6 +235,9 @@ class Walk(AbstractWalk[BranchStep]):
             self._stop("no cycle beyond")
         else:
             self._name_corner(here, way[0])
+            if family(way[0]):
+                self._stop("beyond, cycles are a family: those beside one are cycles too")
+                return length
             for step in way:
                 if not self.low <= step.point.parameter <= self.high:
                     self._stop("the end of the range", CurveEnd.RANGE)

@@ -15,9 +15,10 @@ from ...vocabulary.ranges import FINITE, Range
 from ..branch.bifurcations import Special
 from ..branch.follow import MOST_POINTS, Branch
 from ..chart import chart
+from ..clock import check_clock, refuse_a_clock, scattered
 from ..cycle import Cycle, same_word, typical
 from ..return_map import Shooting
-from ..shooting import Lost, at_state
+from ..shooting import SAMPLES, Lost, at_state
 from ..walk import both_ways
 from .equations import Equations, Facts, solve
 from .fold import Fold
@@ -80,6 +81,7 @@ def follow_curves(
     numbers.check_corners("low to high", shooting.system, ranges)
     system = numbers.traceable(shooting.system, branch.over, second)
     shooting = replace(shooting, system=system)
+    _check_drive(branch.cycles[0], shooting, second)
     bounds = np.array([*ranges.values()])
     plane = Plane(system, (branch.over, second), bounds[:, 0], bounds[:, 1])
     found: list[Curve] = []
@@ -90,6 +92,17 @@ def follow_curves(
         if not any(_on(curve, special.kind, place, cycle, plane, shooting) for curve in found):
             found.append(_curve(branch, special, plane, shooting, place, step, most))
     return found
+
+
+def _check_drive(cycle: Cycle, shooting: Shooting, second: str) -> None:
+    """Raises ValueError where ``second`` changes the period of what drives the system, and the
+    cycles' one stays as it was, or where it has it driven: the branch did not ask that."""
+    assert cycle.motion is not None
+    states = cycle.motion.samples[scattered(SAMPLES)]
+    if shooting.clock is not None:
+        check_clock(shooting.system, shooting.clock, (second,), states)
+    else:
+        refuse_a_clock(shooting.system, states, cycle.period, (second,))
 
 
 def _on(
