@@ -127,3 +127,11 @@ def test_a_wiper_on_a_belt_that_turns_round_at_the_start():
     change = (moved(step)[0] - moved(-step)[0]) / (2 * step)
     slope = moved(0.0)[1]
     assert float(slope) == pytest.approx(float(change), rel=1e-6)
+
+
+@pytest.mark.parametrize("gap", [7.7e-121, 1e-300, 1e-33])
+def test_a_motion_goes_on_from_the_end_of_one_in_contact(gap):
+    """It leaves such gaps behind. From there it flew: STEP_TOO_SMALL, or derivatives of 1e243."""
+    blade = Wiper(attack_angle=0.35, normal_load=19.0, support_stiffness=8000.0)
+    case = make_case(blade, 1e-3, ((0.0025, gap), (0.0, 0.0)), Integration(rtol=1e-8))
+    assert begin(case).regime != Regime.FLIGHT

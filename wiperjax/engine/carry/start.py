@@ -31,6 +31,7 @@ from .recall import nothing
 from .state import EventLog, State
 
 AHEAD = 1e-3  # of the first step: when what is about to press is seen
+DRIFT = 1e-8  # last digits of a place: a gap so small is that of a contact
 
 
 def _no_rest(position: tuple, velocity: tuple):
@@ -53,7 +54,10 @@ def _contact(problem: Problem, system, start, position: tuple, velocity: tuple):
     least = problem.least_speed
     closed = jnp.abs(c.normal_speed) <= least
     if system.unilateral:
-        closed = closed & (c.gap <= gap_rounding(system, start, position))
+        # a motion that ends in contact leaves a gap of 1e-33 m and less behind
+        eps = float(jnp.finfo(position[0].dtype).eps)
+        tiny = DRIFT * eps * largest((*map(jnp.abs, position), *system.scales(len(position))[0]))
+        closed = closed & (c.gap <= larger(gap_rounding(system, start, position), tiny))
     rests = closed & (jnp.abs(c.slip_speed) <= least)
     rounding = c._replace(
         normal_speed=stop_gradient(c.normal_speed), slip_speed=stop_gradient(c.slip_speed)
