@@ -72,8 +72,8 @@ def sweep(
 
     Other arguments:
 
-    - `block`: cells computed together; `block_size` if None. Three blocks are lost at worst. A sweep
-        that is resumed keeps its own. Whole lines, where cells go on from each other.
+    - `block`: cells computed together, of which three blocks are lost at worst; `block_size` if
+        None. A sweep that is resumed keeps its own. Whole lines, where cells go on from each other.
     - `evaluate`: what computes cells, `wiperjax.maps.cells.evaluate.evaluate` if None.
     - `workers`: who computes, as `maps.cluster.connect` gives them; this process if None.
     - `identity`: what else must agree between parts of one map (such as the kind of device), text
