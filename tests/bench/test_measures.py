@@ -61,7 +61,7 @@ def own_reference(scene, cell):
     return run.samples, np.array(times), np.array(kinds)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["squeal", "chatter", "reversal", "zeno", "grazing", "batch"])
 def test_the_scalar_loop_agrees_with_the_tests_reference(name):
     scene = getattr(families, name)(8).head(2)

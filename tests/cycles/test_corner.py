@@ -330,7 +330,7 @@ def test_a_fold_may_be_the_doubling_at_which_a_branch_ends(begun, special, end, 
     assert one_way.points[-1] is (fold if end else ahead)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_walk_that_comes_back_on_itself_says_so(two_impacts, monkeypatch):
     """A doubling that is not noticed: the walk goes over it, to cycles that it has passed."""
     monkeypatch.setattr(walk, "doubled", lambda cycle: False)
@@ -385,7 +385,7 @@ def test_a_branch_that_meets_itself_far_from_its_start_is_not_closed(monkeypatch
         assert word in one.end and (one.code == CurveEnd.CLOSED) == (start == 0.5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_branch_ends_at_a_family():
     """Below this amplitude of the belt the block never slips, wherever it is carried to and fro:
     the walk went on over these cycles, with a special point at each turn."""

@@ -78,7 +78,7 @@ def test_fold_and_hopf_curve_of_circles_meet_where_the_onset_turns_soft(ring):
     np.testing.assert_allclose(r**2, -b / 2, atol=2e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_curves_survive_a_file_and_lie_beside_a_branch(ring, tmp_path):
     branch, curves = ring
     ds = curves_dataset(curves)
@@ -122,6 +122,7 @@ def test_two_folds_meet_in_a_cusp():
     assert curve.places[cusp.index] == pytest.approx([0.0, 0.0], abs=1e-6)
 
 
+@pytest.mark.long
 def test_what_drives_a_system_over_the_second_number_is_asked():
     """A period that did not follow the frequency, and none at a drive that was still 0, gave curves
     of motions of which none comes again, without a word."""

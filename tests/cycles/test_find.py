@@ -235,7 +235,7 @@ def test_a_ball_that_lies_on_the_table_leaves_no_coordinate_free():
     assert branch.special[0].parameter == pytest.approx((2 * math.pi) ** -2, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_motion_that_ends_in_the_air_closes_no_cycle_on_the_table():
     """With no coordinate free its end was not looked at."""
     system = numbers.traceable(Bouncing(0.055), "table")

@@ -80,7 +80,7 @@ def test_the_largest_force_is_that_of_the_window_also_where_strokes_press_harder
     assert force[near].max() <= found < force[near].max() * (1 + 3e-4)  # it is at the window's edge
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("which", [0, 1])
 def test_what_lies_within_the_window_is_not_of_the_strokes_by_rounding(both, which):
     """A share of 1e-20 would name a mechanism: flight at the turn is none of the strokes."""

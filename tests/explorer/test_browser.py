@@ -90,6 +90,7 @@ def test_the_lip_of_a_motion_that_is_ready_is_drawn_when_a_window_opens(window, 
     second.page.close()
 
 
+@pytest.mark.long
 def test_a_pointer_that_rests_is_not_told_of_another_plane(window, cells):
     window.page.mouse.move(*window.point(3, 0, 4, 2))
     name, _ = told(cells, {"attack_angle": 3, "normal_load": 1, "belt_speed": 0})
@@ -228,6 +229,7 @@ def test_a_frame_of_a_notebook_shows_the_page(browser, cells, tmp_path):  # noqa
     shown.stop()
 
 
+@pytest.mark.long
 def test_a_page_whose_explorer_was_stopped_says_so(browser, cells):  # noqa: F811
     """It went on saying "computed and shown", and the notebook showed a dead frame."""
     shown = explore(cells)

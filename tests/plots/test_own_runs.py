@@ -108,7 +108,7 @@ def test_a_gap_is_that_of_the_contact():
     np.testing.assert_allclose(drawn.get_ydata(), 1e3 * run["gap"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_heading_has_every_parameter_whoever_computed_it(head_and_tip):
     """A run of a file, of Python, and a branch, whose dataset names the class alone."""
     of_file = wiperjax.run_scene(scene("Pendulum", 1.0))

@@ -43,7 +43,7 @@ def test_many_blades_in_one_are_refused(asked):
         asked(many)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_way_down_is_down_where_the_measure_is_negative():
     """Of an oscillator that is pulled back the largest place is below zero: descend climbed."""
     bounds = {"load": (0.8, 1.2), "stiffness": (0.8, 1.2)}

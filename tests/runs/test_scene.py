@@ -381,7 +381,7 @@ FLIPS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("phase", "duration", "transient", "lacking"),
     [(90, 0.1, 0.05, "turn"), (0, 0.04, 0.005, "stroke")],

@@ -44,6 +44,8 @@ def test_an_unfinished_store_opens_with_a_mask(tmp_path, capsys):
     xr.testing.assert_identical(open_map(parts_of(path)), ds)
     with pytest.raises(StoreError, match="is not a finished map"):
         verify(parts_of(path), evaluate=evaluate)
+    with pytest.raises(StoreError, match="not the folder of an unfinished sweep"):
+        verify(tmp_path, evaluate=evaluate)
     assert main(["info", str(parts_of(path))]) == 0
     said = capsys.readouterr().out
     assert "cells_done: 85" in said and "squeal " in said and "not_computed" not in said

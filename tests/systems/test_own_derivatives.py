@@ -55,7 +55,7 @@ def test_a_block_that_slips_under_constant_friction_has_those_of_its_closed_form
     assert float(cell.d_belt_speed_rms_d_belt_speed) == 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_stick_slip_agrees_with_central_differences(found):
     cell = found.sel(steepness=3.0, belt_speed=0.2)
     assert float(cell.stick_count) > 2
@@ -101,6 +101,7 @@ def test_left_out_they_are_by_the_axes():
     assert stated.digest() == asked.digest()
 
 
+@pytest.mark.long
 def test_a_parameter_that_makes_other_fields_is_refused(monkeypatch):
     """A derivative in its place would miss what is made of it."""
 

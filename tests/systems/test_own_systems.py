@@ -87,7 +87,7 @@ def test_a_map_tells_units_names_and_classes_of_a_system_of_ones_own(oscillators
     assert squeals == [f >= 0.2 for f in oscillators.dominant_frequency.values.ravel()]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_map_opens_plots_and_tells_itself_without_the_module_and_without_jax(
     oscillators, tmp_path
 ):

@@ -345,7 +345,7 @@ def test_rod_released_at_31_degrees_is_followed_to_the_singular_point():
     assert math.degrees(phi[sliding][-1]) > 40
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_jam_is_reached_at_every_tolerance():
     """In front of D = 0 steps shrink to nothing, refused by whatever is first: always a jam."""
     scene = near_painleve()

@@ -65,7 +65,8 @@ def steady_slip(wiper: Wiper, belt_speed=None) -> SteadySlip:
     a number or an array of any shape (default: that of the wiper's belt at t = 0). Shapes are
     broadcast together.
 
-    **Returns** a `SteadySlip` of that shape. A belt at rest has no steady slip.
+    **Returns** a `SteadySlip` of that shape. A belt at rest has no steady slip. Where there is none
+    fields are NaN and their derivatives 0: ask ``exists`` first.
 
     Raises ValueError for anything else.
     """

@@ -91,8 +91,9 @@ def _with_own_set(ds: xr.Dataset) -> xr.Dataset:
     swept = ds.attrs.get("starts_random", len(named))
     if not {"class_set", "label"} <= {*ds} or ds["label"].sizes.get("start", swept) == swept:
         return ds
-    codes = range(max(LABELS.values()) + 1)
-    met = sum((ds["label"] == code).any("start") * (1 << code) for code in codes)
+    met = xr.zeros_like(ds["class_set"], int)
+    for code in range(max(LABELS.values()) + 1):
+        met = met + (ds["label"] == code).any("start") * (1 << code)
     return ds.assign(class_set=met.where(met > 0, ds["class_set"]).assign_attrs(ds.class_set.attrs))
 
 

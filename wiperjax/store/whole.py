@@ -11,6 +11,7 @@ from ..machine.files import StoreError, check_input, check_output, naming, write
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
 from . import checksums
+from .blocks import BlockStore
 from .levels import BORDERS, at_level, check_held, is_refined
 from .manifest import parts_of
 from .partial import open_partial
@@ -104,8 +105,9 @@ def open_map(
 
 
 def open_finished(path: str | Path, *, check: bool = False) -> xr.Dataset:
-    """`open_map` of a file; for the folder of an unfinished sweep raises `StoreError`."""
+    """`open_map` of a file; raises `StoreError` for a folder, of an unfinished sweep or another."""
     if Path(path).is_dir():
+        BlockStore.peek(path)  # says so of another
         raise StoreError(f"{path}: is not a finished map; finish it with --resume first")
     return open_map(path, check=check)
 

@@ -155,7 +155,7 @@ def test_how_well_a_cell_agrees_hangs_on_no_other_cell():
     np.testing.assert_array_equal(gaps(mixed)["final_x", name], several[mixed])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_does_not_hold_is_masked(columns):
     bad = columns["sensitivity_code"] != codes.VALIDITY["fine"]
     names = [name for name in columns if name.startswith("d_")]
@@ -166,7 +166,7 @@ def test_what_does_not_hold_is_masked(columns):
     assert np.all((columns["grazing_margin"] >= 0) & (columns["grazing_margin"] <= 1))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_units_are_those_of_files(columns):
     """Degrees: against the closed form of the belt's speed, and the map's own attributes."""
     foretold = {column.name for column in estimate.columns(blades())}
