@@ -76,7 +76,7 @@ def test_the_scalar_loop_agrees_with_the_tests_reference(name):
         np.testing.assert_allclose(answer.position[cell, :n, 1], samples["y"], atol=1e-8 * size)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_scalar_loop_converges_to_the_exact_block():
     scene = families.block(6)
     speeds = scene.parameters()["belt_speed"]

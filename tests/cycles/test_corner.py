@@ -457,7 +457,7 @@ def test_a_branch_of_impacts_turns_where_it_grazes_once_more():
     assert branch.ends == ("the end of the range",) * 2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_system_that_loses_nothing_has_no_tori_and_no_stable_cycles():
     """Its multipliers lie on the unit circle but for rounding, whose sign made a dozen of points
     at which a pair passes it, and cycles stable by turns.

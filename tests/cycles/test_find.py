@@ -245,7 +245,7 @@ def test_a_motion_that_ends_in_the_air_closes_no_cycle_on_the_table():
     assert cycle.found == Found.NOT_CONVERGED
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_motion_that_passes_near_an_unstable_cycle_is_not_on_it():
     """Two states a second apart were alike, of a motion that repeats every seven seconds: the
     answer was a cycle with a multiplier 4.4."""

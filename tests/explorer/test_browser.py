@@ -14,7 +14,7 @@ from wiperjax.explorer.notebook import explore
 from wiperjax.explorer.static import write_static
 from wiperjax.vocabulary.cf import flag_names
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 EVIL = "<script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">"
 
 
@@ -55,7 +55,6 @@ def agrees(window, cells, place):
     return shown not in ("", "-") and np.isclose(float(shown), frequency, rtol=1e-3)
 
 
-@pytest.mark.long
 def test_cells_clicked_moved_to_and_slid_to_are_those_of_the_map(window, cells):
     window.click(2, 1, 4, 2)
     place = {"attack_angle": 2, "belt_speed": 1, "normal_load": 1}
@@ -81,7 +80,6 @@ def lip_drawn(window):
     return window.view.evaluate(f"() => {models}.some(m => /^The lip at/.test(m.text))")
 
 
-@pytest.mark.long
 def test_the_lip_of_a_motion_that_is_ready_is_drawn_when_a_window_opens(window, browser, address):  # noqa: F811
     window.until(lambda: window.says("computed and shown"))
     second = Window(browser, address)  # the motion is known by now
@@ -90,7 +88,6 @@ def test_the_lip_of_a_motion_that_is_ready_is_drawn_when_a_window_opens(window, 
     second.page.close()
 
 
-@pytest.mark.long
 def test_a_pointer_that_rests_is_not_told_of_another_plane(window, cells):
     window.page.mouse.move(*window.point(3, 0, 4, 2))
     name, _ = told(cells, {"attack_angle": 3, "normal_load": 1, "belt_speed": 0})
@@ -122,7 +119,6 @@ def test_the_sound_is_that_of_the_motion(window):
     window.until(lambda: louder() and "full scale = 0.1 m/s" in window.text(".audio p"))
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("kind", ["CSV", "WAV", "UFF 55 (its modes)"])
 def test_the_run_is_saved(window, kind, tmp_path):
     window.click(2, 1, 4, 2)
@@ -144,7 +140,6 @@ def test_the_run_is_saved(window, kind, tmp_path):
         assert rate == 48_000 and len(samples) == pytest.approx(0.07 * rate, abs=2)
 
 
-@pytest.mark.long
 def test_a_box_is_computed_again_finer_and_left_again(window):
     (x0, y0), (x1, y1) = window.point(0, 0, 4, 2), window.point(2, 1, 4, 2)
     window.page.mouse.move(x0, y0)
@@ -162,7 +157,6 @@ def test_a_box_is_computed_again_finer_and_left_again(window):
     window.until(lambda: window.says("sixteen.h5") and not back.is_visible())
 
 
-@pytest.mark.long
 def test_two_windows_do_not_disturb_each_other_and_cells_are_held(window, browser, address, cells):  # noqa: F811
     other = Window(browser, address)
     other.until(lambda: other.text(".noise"))
@@ -229,7 +223,6 @@ def test_a_frame_of_a_notebook_shows_the_page(browser, cells, tmp_path):  # noqa
     shown.stop()
 
 
-@pytest.mark.long
 def test_a_page_whose_explorer_was_stopped_says_so(browser, cells):  # noqa: F811
     """It went on saying "computed and shown", and the notebook showed a dead frame."""
     shown = explore(cells)
@@ -242,7 +235,6 @@ def test_a_page_whose_explorer_was_stopped_says_so(browser, cells):  # noqa: F81
     window.page.close()
 
 
-@pytest.mark.long
 def test_a_map_of_one_axis_is_clicked_like_any_other(browser, servers, tmp_path):  # noqa: F811
     line = sixteen(normal_load={"values": [12]}, belt_speed={"values": [0.3]})
     window = Window(browser, servers(explored(line, "line.h5")))
@@ -263,7 +255,6 @@ def test_a_map_of_one_axis_is_clicked_like_any_other(browser, servers, tmp_path)
     window.page.close()
 
 
-@pytest.mark.long
 def test_words_in_a_map_are_words_on_the_page(browser, servers, cells):  # noqa: F811
     evil = cells.assign_attrs(title=EVIL)
     evil["attack_angle"].attrs["long_name"] = EVIL + "$$x^2$$"
@@ -278,7 +269,6 @@ def test_words_in_a_map_are_words_on_the_page(browser, servers, cells):  # noqa:
         window.page.close()
 
 
-@pytest.mark.long
 def test_a_count_below_the_pointer_is_told_whole(browser, servers, cells):  # noqa: F811
     """Four digits of it read as another count."""
     many = cells.assign(steps=cells["steps"].copy(data=0 * cells["steps"].values + 123_456))

@@ -254,7 +254,7 @@ def test_a_period_that_is_a_number_has_no_derivative_by_the_frequency():
     assert slope == pytest.approx(-100.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_events_that_are_not_told_apart_are_not_called_the_same():
     """A period of a lip on a slow belt that turns has more than 256: any two had one word."""
     cycle = find_cycle(Oscillator(belt=wiperjax.SteadyBelt(0.3)), settle=60.0)

@@ -64,7 +64,7 @@ def test_stick_slip_agrees_with_central_differences(found):
     assert abs(float(cell.d_stick_fraction_d_belt_speed)) > 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_names_units_and_what_another_system_lacks(found):
     names = [str(name) for name in found if str(name).startswith("d_")]
     assert len(names) == 10 * 6
