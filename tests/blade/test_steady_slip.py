@@ -96,6 +96,7 @@ def test_equilibrium_and_linearisation_are_the_closed_forms():
         assert np.all(np.isnan(r.growth_rate[~here])) and np.all(np.isnan(r.x[~here]))
 
 
+@pytest.mark.slow
 def test_hopf_speeds_of_the_reference_blade():
     blade = wiperjax.Wiper(attack_angle=np.radians(list(HOPF)))
     speed = np.array(list(HOPF.values()))

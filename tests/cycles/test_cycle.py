@@ -66,6 +66,7 @@ def test_a_section_finds_the_cycle_that_the_motion_settles_on(ring, place):
     assert cycle.maximum == pytest.approx(ring[0].maximum, rel=1e-9) and cycle.stable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("section", "message"),
     [

@@ -87,6 +87,7 @@ def test_memory_grows_like_the_square_root_of_the_steps():
     assert sizes[1] < 10 * sizes[0] < 1e7
 
 
+@pytest.mark.slow
 def test_backwards_without_reverse_is_refused_by_its_name():
     """JAX names a loop that no caller has seen."""
 

@@ -94,6 +94,7 @@ def test_a_belt_that_turns_is_judged_at_its_peak_as_in_a_map():
         xr.testing.assert_allclose(wiperjax.modes(other), wiperjax.modes(steady), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_every_lip_on_a_belt_that_turns_is_sought_at_its_peak():
     """A bar was sought where the lip slides at t = 0, and another of its equilibria was found."""
     for phase in (0.0, math.pi + 0.3):

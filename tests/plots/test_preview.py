@@ -57,6 +57,7 @@ def test_the_extension_shows_maps_with_their_picture_and_nothing_else():
     assert shown == {}
 
 
+@pytest.mark.slow
 def test_what_a_notebook_shows_does_not_raise_whatever_was_made_of_it(squeal):
     """A mean, two variables, no cell, a run of few samples: each was a traceback."""
     ds = driver.sweep(make_spec(), evaluate=evaluate, progress=False)

@@ -94,6 +94,7 @@ def test_dataset_has_what_the_contract_names(squeal):
     assert squeal.result == RESULTS["finished"]
 
 
+@pytest.mark.slow
 def test_attributes_tell_all_parameters_tolerances_and_statistics(squeal):
     attrs = squeal.attrs
     assert (
