@@ -57,7 +57,11 @@ class Account:
         """
         cores = len(os.sched_getaffinity(0))
         busy = self._others or (time.process_time() - self._busy) / cores
-        return max(time.perf_counter() - self._begun - busy, 0.0)
+        return max(self.elapsed() - busy, 0.0)
+
+    def elapsed(self) -> float:
+        """Seconds since it was opened."""
+        return time.perf_counter() - self._begun
 
 
 _open: ContextVar[Account | None] = ContextVar("account", default=None)

@@ -12,10 +12,18 @@ from .phases import Account
 
 PHASES = ("engine", "compiling", "naming", "storing", "idle")
 """What the time of a sweep is told of, each as an attribute `<name>_time` [s]. All but `idle`, the
-share of the cores that had nothing to do, exclude each other.
+share of the cores that had nothing to do, exclude each other within a block; blocks overlap.
 """
 
-RUN_ATTRIBUTES = ("command", "date_created", "host", "wall_time", *(f"{p}_time" for p in PHASES))
+TOLD = (*PHASES, "elapsed")
+
+RUN_ATTRIBUTES = (
+    "command",
+    "date_created",
+    "host",
+    "wall_time",
+    *(f"{name}_time" for name in TOLD),
+)
 """Attributes that say how a map came to be; two runs of one sweep agree in everything else, bit for
 bit.
 """
@@ -41,9 +49,9 @@ def record(command: str | None, wall_time: float, host: str | None = None) -> di
 
 
 def phase_times(spent: Account) -> dict[str, float]:
-    """Attributes that say what the time went into so far, by `PHASES`."""
-    seconds = spent.seconds() | {"idle": spent.idle()}
-    return {f"{name}_time": float(seconds.get(name, 0.0)) for name in PHASES}
+    """Attributes that say what the time went into so far, by `PHASES`, and how much has passed."""
+    seconds = spent.seconds() | {"idle": spent.idle(), "elapsed": spent.elapsed()}
+    return {f"{name}_time": float(seconds.get(name, 0.0)) for name in TOLD}
 
 
 def maker() -> dict[str, str]:

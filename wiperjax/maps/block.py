@@ -34,7 +34,6 @@ BLOCK_BYTES = 2**27  # of samples and event logs
 # On an accelerator times as many cells, and times as much of the other two: a million cells of
 # 0.05 s in four blocks take 25 s, in one 29 (an H200): one is named as another moves
 ACCELERATED, AS_MUCH = 2**3, 2**5
-FILLING = 2**16  # cells without which an accelerator is slower than many cores
 FINER = (2, 16)  # times as many samples, for cells whose frequency the first do not tell
 OF_THE_MOTION = ("result", "velocity_rms", "belt_speed_rms")  # whatever the samples
 ANALYSED = 2**20  # samples at once, of each thread

@@ -31,7 +31,7 @@ from ..store.whole import listed, open_map
 from ..vocabulary import checks
 from ..vocabulary.ranges import MOST_CELLS, Range
 from .auto_model import as_chosen_for, on_chosen_model
-from .block import FILLING, Block, Evaluate, accelerated, block_size
+from .block import Block, Evaluate, accelerated, block_size
 from .computing import Blocks, Spans, computing
 from .estimate import check_memory, check_room
 from .progress import Report
@@ -96,9 +96,12 @@ def sweep(
     blocks, known = computing(spec, evaluate, workers)
     block = whole_lines(spec, block or block_size(spec, 1 if workers is None else workers.count))
     known |= dict(identity or {})
-    if workers is None and evaluate is None and spec.size < FILLING and accelerated():
-        slow = "%d cells leave most of an accelerator idle: with JAX_PLATFORMS=cpu the processor's "
-        log.warning(slow + "cores may be faster", spec.size)
+    if workers is None and evaluate is None and accelerated():
+        from .cells.devices import WIDE  # jax is there
+
+        if spec.size < WIDE:
+            few = f"{spec.size} cells leave most of an accelerator idle"
+            log.warning("%s: with JAX_PLATFORMS=cpu the processor's cores may be faster", few)
     with account() as spent:
         task = Task(spec, blocks, int(block), known, progress, command, spent, workers)
         if output is None:
