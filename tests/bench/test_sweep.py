@@ -56,4 +56,6 @@ def test_the_command_is_measured_as_users_run_it():
     found = sweep.command(1000)
     told = ("start", "compiling", "engine", "naming", "storing")
     assert all(found[name] > 0 for name in told)
-    assert sum(found[name] for name in told) == pytest.approx(found["wall"])
+    assert found["start"] + found["compiling"] + found["engine"] < found["wall"]
+    # Nothing is untold; blocks overlap, so all together may be more than has passed
+    assert sum(found[name] for name in told) > (1 - 1e-9) * found["wall"]

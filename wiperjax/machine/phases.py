@@ -5,7 +5,7 @@
             ...
 
 Phases may lie in each other: the time of an inner one does not count for the outer one, so that all
-of them together are no more than the time that has passed.
+of one thread together are no more than the time that has passed; with those of others they may be.
 """
 
 import os
