@@ -146,6 +146,7 @@ def test_mirror_image():
     np.testing.assert_allclose(a.growth_rate, b.growth_rate, rtol=1e-8, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_no_steady_slip_is_nan_and_shapes_are_broadcast():
     angle = np.radians([[60.0], [5.0]])
     r = steady_slip(wiperjax.Wiper(attack_angle=angle), np.array([0.0, 0.2, 0.3]))

@@ -256,6 +256,7 @@ def test_a_motion_that_passes_near_an_unstable_cycle_is_not_on_it():
     assert cycle.period == pytest.approx(7.0)
 
 
+@pytest.mark.slow
 def test_an_unstable_cycle_is_none_that_a_motion_settles_on(ring):
     """It begins on the unstable circle, and has not left it yet."""
     radius = math.sqrt(0.5 - math.sqrt(0.25 - ring.system.a))
@@ -375,6 +376,7 @@ def test_events_that_change_are_counted_by_name():
     assert change(cycle, "capture") == "-release"
 
 
+@pytest.mark.slow
 def test_a_walk_that_has_spent_its_points_says_what_helps(ring):
     branch = follow(ring, 0.09, 0.2, step=0.01, most=3)
     assert branch.ends[1] == "3 points: a longer step reaches farther"

@@ -451,14 +451,18 @@ def test_cells_that_were_taken_out_of_a_map_are_not_judged():
 def test_what_has_no_modes_is_one_line():
     with pytest.raises(ValueError, match=r"^system must have friction, but Ball has none$"):
         wiperjax.modes(own_systems.Ball())
-    with pytest.raises(ValueError, match=r"^Wiper must have a steady sliding near"):
-        wiperjax.modes(wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.0), attack_angle=0.1))
     with pytest.raises(ValueError, match=r"^spec must be a sweep, or a mapping"):
         wiperjax.modes_over(3)
     named = {name: SWEEP[name] for name in ("run", "classes")}
     named |= {"system": "odd_systems:Spelled", "axes": {"frequency": {"values": [1.0, 2.0]}}}
     with pytest.raises(ValueError, match=r"^axes must .* modes .*, but had 'frequency': rename"):
         wiperjax.modes_over(named)
+
+
+@pytest.mark.slow
+def test_a_blade_on_a_belt_at_rest_has_none():
+    with pytest.raises(ValueError, match=r"^Wiper must have a steady sliding near"):
+        wiperjax.modes(wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.0), attack_angle=0.1))
 
 
 @pytest.mark.slow

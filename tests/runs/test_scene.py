@@ -139,6 +139,7 @@ def test_starts():
             np.testing.assert_allclose(np.stack(part), np.stack(values), rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_no_steady_slip_to_start_from():
     keys = {"run": {"duration": 0.1}, "start": {"equilibrium": 1e-6}}
     spec = parse_scene({"blade": {"attack_angle": 60}} | keys)

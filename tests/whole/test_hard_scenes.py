@@ -66,7 +66,8 @@ SCENES = {  # name: (changes of the blade, belt, start or None for at rest, dura
 
 DEAR = {  # compiled alone
     "trapezoid", "triangle: no plateau", "complete chatter on a moving belt",
-    "stick through V = 0", "chatter that ends in stick",
+    "stick through V = 0", "chatter that ends in stick", "V = 0 at the start",
+    "reversal faster than the blade",
 }  # fmt: skip
 
 
@@ -152,6 +153,7 @@ def test_an_impact_at_a_corner_of_the_belt():
             assert float(s.final_velocity[1]) == pytest.approx(0.0, abs=1e-6 * speed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("push, after", [(0.0, Regime.STICK), (4.0, Regime.SLIP_POS)])
 def test_impact_with_zero_slip_speed(push, after):
     """Touches at once with v_t = 0; e = 0. Pushed harder than mu g = 3, it slips from there."""
@@ -225,6 +227,7 @@ def test_stick_without_a_neck_ends_in_flight():
             assert lifts[0] - logged(s)[0][0] < 1e-12
 
 
+@pytest.mark.slow
 def test_impact_at_the_start():
     s = trajectory(Puck(restitution=0.5), 1.0, ((0.0, 0.0), (1.0, -1.0)))
     assert events(s)[0] == (0.0, Event.IMPACT)

@@ -93,16 +93,16 @@ def modes(system: AbstractSystem, near=None) -> xr.Dataset:
 
 def _place(system: AbstractSystem, near) -> tuple[float, ...]:
     """Return the place from which steady sliding is sought. Raises ValueError for what is none."""
-    usual = system.sliding_near()
     if near is None:
-        return tuple(float(x) for x in usual)
+        return tuple(float(x) for x in system.sliding_near())
+    count = len(system.default_state()[0])  # that of a blade's steady slip would be compiled first
     fine = isinstance(near, tuple | list) or np.ndim(near) == 1  # an array, of JAX's too
     if (
         not fine
-        or len(near) != len(usual)
+        or len(near) != count
         or not all(checks.is_number(x, arrays=False) and np.isfinite(x) for x in near)
     ):
-        must = f"must be {len(usual)} finite numbers, one a coordinate"
+        must = f"must be {count} finite numbers, one a coordinate"
         raise ValueError(f"near {must}, but was {checks.shown(near)}")
     return tuple(float(x) for x in near)
 
