@@ -43,7 +43,8 @@ def chart(
     dataset = chart.run(output, quick=quick, only_scenes=scene, methods=method, repeats=repeats)
     files = chart_plot.save(dataset, output.with_suffix(""), clock)
     text = output.with_suffix(".md")
-    text.write_text(chart_text.chart_text(dataset, files[0].name, clock, files[2].name))
+    words = chart_text.chart_text(dataset, files[0].name, clock, files[2].name)
+    text.write_text(words, encoding="utf-8")
     print(f"dataset  {output}\npicture  {', '.join(map(str, files))}\ntext     {text}")
 
 

@@ -1,7 +1,6 @@
 """`wiperjax bench all`: all measurements but `sweep` and `random`, one after the other."""
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,8 @@ def everything(
 
     A part whose text is there is kept: a run that was stopped goes on where it was.
     """
+    from .harness.measure import time_of_children
+
     folder.mkdir(parents=True, exist_ok=True)
     begun = time.perf_counter()
     environment = os.environ | {"PYTHONUNBUFFERED": "1"}
@@ -37,13 +38,12 @@ def everything(
         output = text if name == "profile" else text.with_suffix(".h5")
         command = [sys.executable, "-m", "wiperjax", "bench", name, "-o", str(output)]
         command += ["--quick"] if quick else []
-        started, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+        started, before = time.perf_counter(), time_of_children()
         print(f"--- {name}", flush=True)
         status = subprocess.run(command, check=False, env=environment).returncode
         if status:
             raise typer.Exit(status)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+        spent = time_of_children() - before
         print(
             f"--- {name}: {time.perf_counter() - started:.0f} s, {spent:.0f} s of processor time",
             flush=True,

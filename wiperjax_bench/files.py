@@ -38,11 +38,11 @@ def finish(output: Path, dataset, draw, words, pictures=()) -> None:
 
     drawn = [*save(draw(dataset), output), *pictures]
     text = output.with_suffix(".md")
-    text.write_text(words(dataset, output.with_suffix(".png").name))
+    text.write_text(words(dataset, output.with_suffix(".png").name), encoding="utf-8")
     print(f"dataset  {output}\npicture  {', '.join(map(str, drawn))}\ntext     {text}")
 
 
 def say(output: Path, text: str) -> None:
     """Write ``text`` to ``output`` and print it."""
-    output.write_text(text)
+    output.write_text(text, encoding="utf-8")
     print(text)

@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:  # the process is ours
         seek_garbage_less()
         if sys.stderr is None:  # closed: lines for it would go to standard output
-            sys.stderr = open(os.devnull, "w")
+            sys.stderr = open(os.devnull, "w", encoding="utf-8")
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     if hasattr(sys.stdout, "reconfigure"):  # what a terminal cannot show must not end the work
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]

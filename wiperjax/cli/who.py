@@ -1,11 +1,11 @@
 """Who computes cells: options of the commands that do, and the workers that they name."""
 
 import contextlib
-import os
 from typing import Annotated, NamedTuple
 
 import typer
 
+from ..machine.cores import available
 from .options import configure
 
 Workers = Annotated[int | None, typer.Option(min=1, help="Cores to use.", show_default="all")]
@@ -29,7 +29,7 @@ class Who(NamedTuple):
         """On how many cores cells will be computed; 1 where a cluster alone knows."""
         if self.scheduler:
             return 1
-        return self.processes or self.workers or len(os.sched_getaffinity(0))
+        return self.processes or self.workers or available()
 
     @property
     def embedded(self) -> bool:

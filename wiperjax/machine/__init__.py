@@ -2,6 +2,6 @@
 
 Read `files` (a file is written at once or not at all), `paths` (what a path leads to), `lock`,
 `jax_settings` (what must be set before JAX starts), `compiled` (programs kept for the next
-process), `memory`, `interrupt` (Ctrl-C), `phases` (where the time goes), `provenance` (what made a
-file).
+process), `cores`, `memory`, `interrupt` (Ctrl-C), `phases` (where the time goes), `provenance`
+(what made a file).
 """

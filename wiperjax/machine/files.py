@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import stat
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -97,7 +98,9 @@ def reason(error: OSError) -> str:
 
 
 def sync_folder(folder: Path) -> None:
-    """Makes renames inside `folder` durable."""
+    """Makes renames inside `folder` durable; Windows opens no folder, and does so by itself."""
+    if sys.platform == "win32":
+        return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -152,15 +155,18 @@ def check_output(path: str | Path, force: bool = False, source: str | Path | Non
 
 def _try(path: Path) -> None:
     """Raises `OSError` if no file can be made at `path`: permissions do not say it all."""
-    if len(os.fsencode(path.name)) > os.pathconf(path.parent, "PC_NAME_MAX"):
+    if sys.platform != "win32" and len(os.fsencode(path.name)) > os.pathconf(
+        path.parent, "PC_NAME_MAX"
+    ):
         raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG))
-    try:  # without a name: a kill leaves nothing behind
-        os.close(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY, 0o600))
-    except OSError as error:
-        if error.errno not in (errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL):
-            raise
-        os.close(os.open(path, os.O_CREAT | os.O_WRONLY, 0o600))  # as on a network disk
-        os.unlink(path)
+    if sys.platform == "linux":
+        try:  # without a name: a kill leaves nothing behind
+            return os.close(os.open(path.parent, os.O_TMPFILE | os.O_WRONLY, 0o600))
+        except OSError as error:  # network disks have no such files
+            if error.errno not in (errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL):
+                raise
+    os.close(os.open(path, os.O_CREAT | os.O_WRONLY, 0o600))
+    os.unlink(path)
 
 
 def _check_name(path: Path) -> None:
@@ -182,6 +188,8 @@ def _check_replaceable(path: Path, force: bool) -> None:
         raise StoreError(f"{path}: exists already; use --force to replace it, or another name")
     if not os.access(path, os.W_OK):
         raise StoreError(f"{path}: cannot be written: it is read-only")
+    if sys.platform == "win32":
+        return
     folder, me = os.stat(path.parent), os.geteuid()
     if folder.st_mode & stat.S_ISVTX and me not in (0, folder.st_uid, os.stat(path).st_uid):
         raise StoreError(f"{path}: cannot be written: its folder lets only its owner replace it")

@@ -12,6 +12,7 @@ from ..vocabulary import checks
 from ..vocabulary.ranges import Range
 from . import provenance
 from .compiled import keep_programs
+from .cores import available
 from .files import log
 
 # XLA's own options of its CPU compiler, as name=value pairs:
@@ -73,7 +74,7 @@ def configure(cores: int | None = None, *, keep: bool = True) -> int:
             f"but was {checks.shown(asked)}"
         )
     if cores is None:
-        count = len(os.sched_getaffinity(0))
+        count = available()
     else:
         count = checks.whole("cores", cores, Range(1, MOST_CORES, whole=True))
     _configured = count

@@ -2,7 +2,6 @@
 
 import atexit
 import gc
-import resource
 import sys
 from pathlib import Path
 
@@ -13,12 +12,25 @@ def peak_memory() -> int:
     From /proc where there is one: the peak that `resource` gives there begins with that of the
     process which started this one.
     """
+    if sys.platform == "win32":
+        import psutil
+
+        return psutil.Process().memory_info().peak_wset
+    import resource
+
     try:
-        lines = Path("/proc/self/status").read_text().splitlines()
+        lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
         return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
     except (OSError, StopIteration):
         unit = 1 if sys.platform == "darwin" else 1024  # of the system's own number
         return unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def installed() -> int:
+    """Return the memory of this machine [bytes]."""
+    import psutil
+
+    return psutil.virtual_memory().total
 
 
 def seek_garbage_less() -> None:

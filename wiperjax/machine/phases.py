@@ -8,12 +8,13 @@ Phases may lie in each other: the time of an inner one does not count for the ou
 of one thread together are no more than the time that has passed; with those of others they may be.
 """
 
-import os
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+
+from . import cores
 
 
 class Account:
@@ -55,8 +56,7 @@ class Account:
         """Seconds that all cores of this process together had nothing to do for it; where other
         processes worked, that those had nothing.
         """
-        cores = len(os.sched_getaffinity(0))
-        busy = self._others or (time.process_time() - self._busy) / cores
+        busy = self._others or (time.process_time() - self._busy) / cores.available()
         return max(self.elapsed() - busy, 0.0)
 
     def elapsed(self) -> float:

@@ -24,7 +24,7 @@ class Choice(NamedTuple):
 
 def table() -> list[Choice]:
     """Return all measured settings, cheapest first."""
-    text = Path(__file__).with_name("accuracy_table.json").read_text()
+    text = Path(__file__).with_name("accuracy_table.json").read_text(encoding="utf-8")
     rows = [Choice(**row) for row in json.loads(text)["rows"]]
     return sorted(rows, key=lambda row: row.cost)
 

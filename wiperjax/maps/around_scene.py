@@ -4,13 +4,13 @@ What a model costs is asked of a batch, which is where it pays: one motion by it
 overhead of its turns. The same batch names the scene, so that a model is compiled once.
 """
 
-import os
 import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
+from ..machine.cores import available
 from ..specs.load import parse_sweep
 from ..specs.scene import SceneSpec
 from ..specs.sweep import SweepSpec
@@ -28,7 +28,7 @@ TURNS = 5  # interleaved
 def ready(scenes: Iterable[SceneSpec]) -> None:
     """Compile what `middle` and `costs` run of some scenes, on all cores at once."""
     # costs are those of one core; what is compiled for them need not be
-    batch.compile_all(map(around, scenes), SIDE**2, len(os.sched_getaffinity(0)))
+    batch.compile_all(map(around, scenes), SIDE**2, available())
 
 
 def middle(scene: SceneSpec) -> dict[str, np.ndarray]:

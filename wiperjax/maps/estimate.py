@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..machine.files import StoreError
+from ..machine.memory import installed
 from ..vocabulary.codes import LABELS
 from ..vocabulary.columns import OF_A_WIPER, column_of, differentiable, sensitivity_name
 from ..vocabulary.kinds import WIPER
@@ -114,7 +115,7 @@ def check_room(spec: Any, output: Path, done: int = 0) -> None:
 def check_memory(spec: Any) -> None:
     """Raises `StoreError` if this machine's memory cannot hold a map that is kept in it."""
     least = spec.size * sum(bytes_of_a_cell(spec))
-    there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    there = installed()
     if least > there:
         raise StoreError(
             f"output must name a file, but was None: the {_bytes(least)} of this sweep do not fit "

@@ -57,6 +57,7 @@ class Answer(NamedTuple):
 
 
 _one_block = threading.Lock()
+_claimed = []  # locks of accelerators, until this process ends
 
 
 def compute(spec: Any, own: Own, start: int, stop: int, evaluate: block.Evaluate | None) -> Answer:
@@ -113,6 +114,8 @@ def claim_accelerator(folder: Path = Path("/dev")) -> str | None:
     """Choose one of the accelerators that this process sees, if there are several: the first that
     no other worker on this machine holds. It is held until the process ends.
     """
+    if sys.platform == "win32":
+        return None  # JAX runs on none there
     listed = os.environ.get("CUDA_VISIBLE_DEVICES")
     if listed is None:
         found = [re.fullmatch(r"nvidia(\d+)", entry.name) for entry in folder.iterdir()]
@@ -124,7 +127,8 @@ def claim_accelerator(folder: Path = Path("/dev")) -> str | None:
     scope = f"{os.getuid()}-{os.environ.get('SLURM_JOB_ID', '')}"  # a job numbers its own from 0
     for device in devices:
         with contextlib.suppress(StoreError):
-            acquire(Path(tempfile.gettempdir()) / f"wiperjax-accelerator-{scope}-{device}.lock")
+            name = f"wiperjax-accelerator-{scope}-{device}.lock"
+            _claimed.append(acquire(Path(tempfile.gettempdir()) / name))
             os.environ["CUDA_VISIBLE_DEVICES"] = device
             return device
     raise ClusterError(f"this machine has more workers than accelerators ({len(devices)})")

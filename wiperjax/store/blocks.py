@@ -25,7 +25,7 @@ import numpy as np
 
 from ..datasets import map_dataset
 from ..machine.files import StoreError, log, naming, reason, write_bytes
-from ..machine.lock import acquire, release
+from ..machine.lock import acquire, release, remove
 from ..machine.paths import oddity
 from ..vocabulary.columns import ordered
 from . import manifest
@@ -41,7 +41,7 @@ class BlockStore:
     """
 
     def __init__(
-        self, parts: Path, described: dict[str, Any], lock: int | None, anew: str = manifest.ANEW
+        self, parts: Path, described: dict[str, Any], lock: Any, anew: str = manifest.ANEW
     ):
         self.parts = parts
         self._anew = anew
@@ -133,10 +133,9 @@ class BlockStore:
         """
         with naming(self.parts, "removed"):
             clear(self.parts)
-            with contextlib.suppress(FileNotFoundError):
-                (self.parts / LOCK).unlink()
+            if self._lock is not None:
+                remove(self._lock)
             self.parts.rmdir()
-        self.close()
 
     def __enter__(self) -> "BlockStore":
         return self

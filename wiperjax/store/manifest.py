@@ -61,7 +61,7 @@ def read(parts: Path, anew: str = ANEW) -> dict[str, Any] | None:
         return None
     check_input(path)
     try:
-        manifest = json.loads(path.read_text())
+        manifest = json.loads(path.read_bytes())
         if manifest["format"] != FORMAT:
             raise StoreError(
                 f"{path}: was made by another version of wiperjax "

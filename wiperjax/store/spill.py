@@ -17,7 +17,7 @@ class SpillFile(io.RawIOBase):
     """
 
     def __init__(self, path: str | Path):
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        self._file = io.FileIO(path, "w+")
         self._place = 0
         self._size = 0
         self._kept: list[tuple[int, bytes]] = []
@@ -33,8 +33,8 @@ class SpillFile(io.RawIOBase):
         not on the disk.
         """
         self.check()
-        os.ftruncate(self._file, self._size)
-        os.fsync(self._file)
+        self._file.truncate(self._size)
+        os.fsync(self._file.fileno())
 
     # -- what HDF5 calls --
 
@@ -67,8 +67,9 @@ class SpillFile(io.RawIOBase):
         place, end = self._place, self._place + len(view)
         if self._error is None:
             try:
+                self._file.seek(place)
                 while place < end:
-                    place += os.pwrite(self._file, view[place - self._place :], place)
+                    place += self._file.write(view[place - self._place :])
             except OSError as error:
                 self._error = error
         if place < end:
@@ -80,7 +81,8 @@ class SpillFile(io.RawIOBase):
     def readinto(self, buffer) -> int:
         view = memoryview(buffer).cast("B")
         length = max(0, min(len(view), self._size - self._place))
-        content = os.pread(self._file, length, self._place)
+        self._file.seek(self._place)
+        content = self._file.read(length)
         view[:length] = content.ljust(length, b"\0")
         for start, piece in self._kept:  # in the order of writing, so the last one wins
             low, high = max(start, self._place), min(start + len(piece), self._place + length)
@@ -90,6 +92,5 @@ class SpillFile(io.RawIOBase):
         return length
 
     def close(self) -> None:
-        if not self.closed:
-            os.close(self._file)
+        self._file.close()
         super().close()

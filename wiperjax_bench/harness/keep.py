@@ -32,9 +32,9 @@ class Parts:
             say(f"{name}: kept from a run that was stopped")
         else:
             temporary = kept.with_suffix(".tmp")
-            temporary.write_text(json.dumps(make()))
+            temporary.write_bytes(json.dumps(make()).encode())
             temporary.replace(kept)
-        return json.loads(kept.read_text())
+        return json.loads(kept.read_bytes())
 
     def clear(self) -> None:
         """Remove the folder with everything in it: the whole is written."""

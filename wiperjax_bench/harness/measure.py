@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import psutil
 
 import wiperjax
 from wiperjax.machine import provenance
@@ -104,4 +105,12 @@ def machine() -> str:
 
 def load() -> float:
     """Return the load average of the last minute: how far the timings may be trusted."""
-    return os.getloadavg()[0]
+    return psutil.getloadavg()[0]
+
+
+def time_of_children() -> float:
+    """Return the processor time of all child processes that have ended [s]; 0 on Windows, which
+    does not tell it.
+    """
+    spent = os.times()
+    return spent.children_user + spent.children_system

@@ -4,6 +4,7 @@ That code is the tests' own (`tests/helpers/reference/blade.py` of a checkout: s
 1e-12, phase by phase); it is read from a folder that is given, so that nothing installed needs it.
 """
 
+import contextlib
 import importlib.util
 import signal
 import sys
@@ -95,12 +96,8 @@ class Referee:
         x, y, along, up = (float(value) for value in drawn.start[i])
         speed = abs(belt.get("speed", belt.get("amplitude", 0.0)))
         start = x + moved * blade["lip_length"], y, along + moved * speed, up
-        signal.signal(signal.SIGALRM, _too_long)
-        signal.setitimer(signal.ITIMER_REAL, PATIENCE)
-        try:
+        with _patience():
             run = self.code.simulate(blade, self._belt(belt), self.duration, start, max_events=MOST)
-        finally:
-            signal.setitimer(signal.ITIMER_REAL, 0)
         events = _merged([(e.time, e.kind, e.before, e.after) for e in run.events])
         splits = min((time for time, _ in run.flags), default=inf)
         if run.result == "max_events":
@@ -122,8 +119,22 @@ class Referee:
         return self.code.Steady(belt["speed"])
 
 
-def _too_long(signum, frame):
-    raise TimeoutError
+@contextlib.contextmanager
+def _patience():
+    """Raises TimeoutError inside after `PATIENCE`; Windows, which sends no such signal, waits."""
+    if sys.platform == "win32":
+        yield
+        return
+
+    def too_long(signum, frame):
+        raise TimeoutError
+
+    signal.signal(signal.SIGALRM, too_long)
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def _word(kind: int) -> str:

@@ -21,6 +21,8 @@ import diffrax
 import numpy as np
 import xarray as xr
 
+from wiperjax.machine.cores import available
+
 from ..harness import measure
 from ..harness.alone import Alone
 from ..harness.keep import Parts
@@ -75,7 +77,7 @@ def run(
     ``trajectories``: of the engine; the peers get as many as `PATIENCE` allows. ``sizes``: batches
     whose cost per trajectory is compared.
     """
-    cores = len(os.sched_getaffinity(0))
+    cores = available()
     duration = ACCURACY if quick else 0.1
     if quick:
         trajectories, repeats, sizes = 1024, 2, (1024 * cores,)  # one program serves all

@@ -9,7 +9,6 @@ loop given the sweep's own naming code.
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -73,13 +72,13 @@ def command(cells: int) -> dict[str, float]:
     environment.pop("XLA_FLAGS", None)  # those of this process; the command sets its own
     with tempfile.TemporaryDirectory() as folder:
         file, output = Path(folder, "sweep.toml"), Path(folder, "map.h5")
-        file.write_text(file_of(given(cells)))
+        file.write_text(file_of(given(cells)), encoding="utf-8")
         words = [sys.executable, "-m", "wiperjax", "sweep", str(file), "-o", str(output)]
-        before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        before, started = measure.time_of_children(), time.perf_counter()
         done = subprocess.run(
             [*words, "--no-picture"], capture_output=True, text=True, env=environment, check=False
         )
-        wall, after = time.perf_counter() - started, resource.getrusage(resource.RUSAGE_CHILDREN)
+        wall, after = time.perf_counter() - started, measure.time_of_children()
         if done.returncode:
             raise RuntimeError(f"wiperjax sweep failed: {done.stderr.strip()[-300:]}")
         with xr.open_dataset(output, engine="h5netcdf") as found:
@@ -88,8 +87,7 @@ def command(cells: int) -> dict[str, float]:
         size = output.stat().st_size
     told = sum(seconds for name, seconds in phases.items() if name != "idle")
     start = wall - min(told, elapsed)  # blocks overlap: their phases may be more than has passed
-    cpu = sum(getattr(after, x) - getattr(before, x) for x in ("ru_utime", "ru_stime"))
-    return phases | {"wall": wall, "cpu": cpu, "start": start, "bytes": size}
+    return phases | {"wall": wall, "cpu": after - before, "start": start, "bytes": size}
 
 
 def spent(call) -> tuple[float, float]:

@@ -85,5 +85,5 @@ def write(dataset: xr.Dataset, output: Path, clock: str = "wall") -> list[dict]:
     lines = ",\n".join("  " + json.dumps(row) for row in made)
     text = json.dumps(head, indent=1)[:-2] + ',\n "rows": [\n' + lines + "\n ]\n}\n"
     json.loads(text)
-    output.write_text(text)
+    output.write_text(text, encoding="utf-8")
     return made

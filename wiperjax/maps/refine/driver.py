@@ -20,7 +20,7 @@ import xarray as xr
 from ...machine import provenance
 from ...machine.files import StoreError, check_move, check_output, log, naming, write_bytes
 from ...machine.interrupt import heeded
-from ...machine.lock import acquire, release
+from ...machine.lock import acquire, release, remove
 from ...machine.phases import account, during
 from ...specs.refine import parse_refine
 from ...store import checksums
@@ -152,7 +152,7 @@ def _clear_up(path: Path, stated: str) -> None:
     said = folder / SETTINGS
     try:
         with naming(said, "read"):
-            left = folder.is_dir() and (not said.exists() or said.read_text() == stated)
+            left = folder.is_dir() and (not said.exists() or said.read_bytes() == stated.encode())
         if left:
             with _folder(path, stated):
                 pass
@@ -174,14 +174,14 @@ def _folder(path: Path, stated: str):
         write_bytes(folder / SETTINGS, stated.encode())
         yield folder
         try:
-            _remove(folder)
+            _remove(folder, lock)
         except StoreError as error:
             log.warning("%s (the borders are complete)", error)
     finally:
         release(lock)
 
 
-def _remove(folder: Path) -> None:
+def _remove(folder: Path, lock) -> None:
     """Deletes the folder of a refinement. Raises: `StoreError` if anything in it is not ours."""
     with naming(folder, "removed"):
         remove_temporary(folder)
@@ -190,7 +190,7 @@ def _remove(folder: Path) -> None:
             (parts / LOCK).unlink(missing_ok=True)
             parts.rmdir()
         (folder / SETTINGS).unlink()
-        (folder / LOCK).unlink()
+        remove(lock)
         folder.rmdir()
 
 
