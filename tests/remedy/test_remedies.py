@@ -149,6 +149,26 @@ def test_bounds_that_hold_what_no_blade_may_be_are_refused():
         numbers.check_bounds("bounds", Woodpecker(), {"pole_radius": (0.002, 0.004)})
 
 
+@pytest.mark.parametrize("asked", [remedy.stabilise, remedy.quieten])
+def test_a_number_by_two_of_its_names_is_refused(asked):
+    """The answer had a belt_speed of 0.3 and a belt.speed of 0.2, which the blade had."""
+    twice = {"belt_speed": (0.2, 2.0), "belt.speed": (0.2, 2.0)}
+    must = "bounds must have each number once, but belt_speed and belt.speed are names of one"
+    with pytest.raises(ValueError, match=f"^{must}$"):
+        asked(wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.3)), twice)
+
+
+@pytest.mark.long
+def test_a_quiet_blade_is_left_as_it_is():
+    """A damper of 12 for 1, and 40 degrees for 35: rounding, 1.7e-7 m/s, became a twentieth."""
+    angle = math.radians(35.0)
+    blade = wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.3), attack_angle=angle)
+    bounds = {"support_damping": (0.5, 12.0), "attack_angle": (-0.17, 0.7)}
+    found = remedy.quieten(blade, bounds, starts=1).parameters
+    assert found.attrs["velocity_rms_before"] < 1e-6
+    assert float(found.cost[0]) < 1e-4
+
+
 def test_a_search_begins_from_the_blade_itself():
     """Of a blade on an edge it began a hundredth inside, and might end with a worse one."""
     blade = wiperjax.Wiper(normal_load=20.0, attack_angle=0.1)

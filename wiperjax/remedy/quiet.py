@@ -16,6 +16,7 @@ from ..systems import numbers
 from ..vocabulary import checks
 from ..vocabulary.codes import Result
 from ..vocabulary.ranges import NON_NEGATIVE, POSITIVE, SETTINGS, Range
+from ..vocabulary.thresholds import Thresholds
 from .box import COST, Box, check_period, check_search, search
 from .nearest import distance
 
@@ -50,14 +51,15 @@ def quieten(
     not see, so the search is a means and the simulated value is what is reported.
 
     **Arguments:** ``bounds``, name -> (low, high), SI units; ``effort``, price of a change by a
-    whole range, relative to the noise of the blade as it is: 0 asks for the quietest blade at any
-    price; ``starts``, points in the bounds to begin from, the blade itself (what is nearest to it,
-    where they leave it out) and random ones of ``seed``, one after the other
+    whole range, relative to the noise of the blade as it is, or to the most that is called quiet if
+    that is more (what is below it is mostly rounding, worth no change): 0 asks for the quietest
+    blade at any price; ``starts``, points in the bounds to begin from, the blade itself (what is
+    nearest to it, where they leave it out) and random ones of ``seed``, one after the other
     (`scipy.optimize.minimize`, L-BFGS-B); ``most`` steps of it.
 
-    **Returns** a `Quietened`. To the search a failed simulation is twice the noise of the blade as
-    it is; where one ends in it, ``velocity_rms`` is NaN, and it comes last. If the simulation of
-    the blade as it is fails, a ValueError is raised.
+    **Returns** a `Quietened`. To the search a failed simulation is twice the noise that a change
+    is paid by; where one ends in it, ``velocity_rms`` is NaN, and it comes last. If the simulation
+    of the blade as it is fails, a ValueError is raised.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
     check_single(blade)
@@ -81,17 +83,18 @@ def quieten(
     before, _, rms_before = noise(given)
     if np.isnan(before):
         raise ValueError("blade must be one whose simulation finishes, but this one's fails")
+    heard = max(before, Thresholds.quiet_velocity_ratio * float(blade.belt.rms)) or 1.0
 
     def price(share):
         value, slope, _ = noise(share)
-        level = 2.0 if np.isnan(value) else value / before
+        level = 2.0 if np.isnan(value) else value / heard
         paid = effort * float(distance(share, given)), 2 * effort * (share - given)
-        return level + paid[0], slope / before + paid[1]
+        return level + paid[0], slope / heard + paid[1]
 
     shares, steps = search(price, box.starts(blade, starts, seed), 1e-6, most)
     levels = np.array([noise(share)[2] for share in shares])
     cost = distance(shares, given)
-    rank = np.argsort(levels + effort * before * cost)
+    rank = np.argsort(levels + effort * heard * cost)
     about = {"long_name": "rms of the tip velocity about its mean", "units": "m/s"}
     found = xr.Dataset(
         box.columns(blade, shares[rank])

@@ -59,8 +59,14 @@ def entry_of(system: AbstractSystem, name: str) -> Parameter | None:
 
 def check_bounds(argument: str, system: AbstractSystem, bounds: Any) -> None:
     """Raises ValueError unless ``bounds``, name -> (low, high), are of numbers of ``system`` and
-    both ends are what these may be, at all `check_corners` too."""
+    both ends are what these may be, at all `check_corners` too; each by one of its names, for with
+    two of them it would have two values and be paid for twice."""
     checks.bounds(argument, bounds)
+    named: dict[tuple[str, ...], str] = {}
+    for name in bounds:
+        if (first := named.setdefault(path(system, name), name)) != name:
+            must = f"{argument} must have each number once"
+            raise ValueError(f"{must}, but {first} and {name} are names of one")
     for name, ends in bounds.items():
         if (entry := entry_of(system, name)) is not None:
             for end in ends:
