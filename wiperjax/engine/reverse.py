@@ -44,8 +44,49 @@ def _run_fwd(perturbed, problem_state, active, most_turns):
 
 @run_reversible.def_bwd
 def _run_bwd(kept_stretches, cotangent, perturbed, problem_state, active, most_turns):
-    kept, stretches = kept_stretches
     problem, state = _as_arrays(problem_state, perturbed)
+    smooth = eqx.filter(state, eqx.is_inexact_array)
+    filled = jax.tree.map(
+        lambda x, c: jnp.zeros_like(x) if c is None else c,
+        smooth,
+        eqx.filter(cotangent, eqx.is_inexact_array),
+    )
+    arrays, rest = eqx.partition(problem, eqx.is_array)
+
+    def back(filled, motion):
+        arrays, kept_stretches = motion
+        return _back(eqx.combine(arrays, rest), kept_stretches, filled, active, most_turns)
+
+    return _one_by_one(back)(filled, (arrays, kept_stretches))
+
+
+def _one_by_one(back: Callable) -> Callable:
+    """Return ``back(cotangent, motion)`` that takes a batch of cotangents of one motion, as those of
+    `jax.jacrev`, one after the other: batched, the turns that are computed again would be another
+    program than the first ones, of other roundings. Many motions go side by side, as they came.
+    """
+    single = jax.custom_batching.custom_vmap(back)
+
+    @single.def_vmap
+    def batch(size, batched, cotangents, motion):
+        if any(jax.tree.leaves(batched[1])):
+            axes = jax.tree.map(lambda one: 0 if one else None, batched)
+            found = _one_by_one(jax.vmap(back, axes, axis_size=size))(cotangents, motion)
+        else:
+            rows = jax.tree.map(
+                lambda x, one: x if one else jnp.broadcast_to(x, (size, *jnp.shape(x))),
+                cotangents,
+                batched[0],
+            )
+            found = jax.lax.map(lambda row: single(row, motion), rows)
+        return found, jax.tree.map(lambda _: True, found)
+
+    return single
+
+
+def _back(problem, kept_stretches, filled, active: Callable, most_turns: int):
+    """Return (cotangents of ``problem``, of its first state), from those of its last, ``filled``."""
+    kept, stretches = kept_stretches
     length = _length(most_turns)
     moving, fixed = eqx.partition(problem, eqx.is_inexact_array)
 
@@ -70,12 +111,6 @@ def _run_bwd(kept_stretches, cotangent, perturbed, problem_state, active, most_t
         cotangents = jax.tree.map(lambda x: jnp.where(same, x, jnp.nan), cotangents)
         return index - 1, (begin.time, begin.attempts), cotangents
 
-    smooth = eqx.filter(state, eqx.is_inexact_array)
-    filled = jax.tree.map(
-        lambda x, c: jnp.zeros_like(x) if c is None else c,
-        smooth,
-        eqx.filter(cotangent, eqx.is_inexact_array),
-    )
     start = (stretches - 1, _ends(kept, stretches), (jax.tree.map(jnp.zeros_like, moving), filled))
     return jax.lax.while_loop(lambda c: c[0] >= 0, stretch_back, start)[2]
 
