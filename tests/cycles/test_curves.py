@@ -521,6 +521,44 @@ def test_a_special_point_right_behind_a_spot_is_noted():
     assert walk.special[1].index == turns[1]
 
 
+@dataclass(frozen=True)
+class Swinging(Equations):
+    """Cycles 3 b cos(t) at a = 1/2; from b = 1/2 on they begin half a period later."""
+
+    kind, tests, enough, sizes = "swinging", (), 1e-12, (1.0, 1.0)
+    phase: float = 0.0
+
+    def values(self, u):
+        slope = 3 * math.cos(2 * math.pi * self.phase)
+        aside = u[0] - slope * (u[2] - self.start[2])
+        return np.array([aside, u[1] - 0.5]), np.array([[1.0, 0.0, -slope], [0.0, 1.0, 0.0]]), None
+
+    def facts(self, u, more):
+        return Facts(np.zeros(2), 3 * float(u[2]), 1.0, {})
+
+    def centred(self, facts, place):
+        phase = 0.5 if place[1] > 0.5 else 0.0
+        return Swinging(self.plane, np.array([0.0, *place]), phase)
+
+    def spread(self, tangent):
+        return tangent
+
+
+def test_a_curve_goes_on_where_its_cycles_begin_at_another_phase():
+    """There their state moves the other way: the curve of folds over the phase of a belt went back
+    over where it had come from, and was called closed."""
+    no_system: Any = None
+    plane = Plane(no_system, ("a", "b"), np.zeros(2), np.ones(2))
+    equations = Swinging(plane, np.array([0.0, 0.5, 0.3]))
+    first = solve(equations, equations.start, np.eye(3)[2])
+    assert first is not None
+    walk = Walk(0.2, 100)
+    walk.run(first)
+    assert walk.code == CurveEnd.RANGE and walk.points[-1].equations.phase == 0.5
+    passed = [spot.place[1] for spot in walk.points]
+    assert (np.diff(passed) > 0).all() and passed[-1] == pytest.approx(1)
+
+
 class Kinked(Ring):
     """x'' + a x' - b x'^2 + x'^3 = push - x - (x - 0.3)_+ - (x - 0.33)_+: Hopf points at a = 0,
     whatever the springs."""

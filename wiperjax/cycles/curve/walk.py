@@ -10,7 +10,7 @@ from ...vocabulary.codes import CurveEnd
 from ..roots import root_between
 from ..shooting import Lost
 from ..walk import GENTLE, AbstractWalk
-from .equations import CLOSED, Spot, Test, solve
+from .equations import CLOSED, Equations, Spot, Test, solve
 
 SHORT = 2e-3  # of the longest step: where this one fails, the curve is given up
 LOCATED = 1e-8  # of a step's unit: how closely a special point is closed in
@@ -166,12 +166,21 @@ def centred(spot: Spot) -> Spot | None:
     except Lost:
         return None
     tangent = np.linalg.svd(jacobian)[2][-1]
-    if equations.spread(tangent) @ spot.equations.spread(spot.tangent) < 0:
+    if _alike(equations, tangent, spot) < 0:
         tangent = -tangent
     if np.max(np.abs(residual)) > CLOSED:  # what it is measured by is another around it
         return solve(equations, equations.start, tangent)
     facts = equations.facts(equations.start, more)
     return Spot(equations, equations.start, jacobian, tangent, facts)
+
+
+def _alike(equations: Equations, tangent: np.ndarray, spot: Spot) -> float:
+    """Above 0 if ``tangent`` goes the way that ``spot`` does: in the parameters, for cycles that
+    begin at another phase move otherwise there, unless these stay (at a cusp)."""
+    one, two = tangent[-2:], spot.tangent[-2:]
+    if min(np.linalg.norm(one), np.linalg.norm(two)) > STILL:
+        return float(one @ two)
+    return float(equations.spread(tangent) @ spot.equations.spread(spot.tangent))
 
 
 def turn(here: Spot, ahead: Spot) -> float:
