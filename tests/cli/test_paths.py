@@ -3,6 +3,7 @@
 The engine is the stub of `stub_sweep`. What used to hang is stopped by an alarm.
 """
 
+import dataclasses
 import errno
 import os
 import resource
@@ -19,6 +20,7 @@ import xarray as xr
 from stub_sweep import BLOCK, evaluate, half_done, make_spec, run
 
 from wiperjax.cli import main
+from wiperjax.cli.options import command_line
 from wiperjax.machine import files
 from wiperjax.machine.files import StoreError, check_output
 from wiperjax.maps import compare_rungs, driver
@@ -227,6 +229,11 @@ def test_a_table_that_cannot_be_written_leaves_the_old_one(folder, capsys, monke
     assert "\nMade by `wiperjax ladder a.toml -o t.md --force`, " in text
     assert "](" not in text  # it lies anywhere: a link would lead nowhere
 
+    odd = dataclasses.replace(lip, scene=os.fsdecode(b"a\xff"))  # as a file may be named
+    monkeypatch.setattr(compare_rungs, "compare", lambda path, say: [odd])
+    assert main("ladder a.toml -o t.md --force".split()) == 0
+    assert "| a\\udcff | " in Path("t.md").read_text()
+
 
 def test_read_only_files_are_kept(folder, monkeypatch):
     made("m.h5")
@@ -281,6 +288,14 @@ def test_a_sweep_file_may_have_any_name(folder, capsys):
     with open_map("m.h5") as ds:
         assert "s\\udcff.toml" in ds.attrs["command"]
     assert capsys.readouterr().err == ""
+
+
+def test_a_scene_may_have_any_name(tmp_path, monkeypatch):
+    """`simulate`, `follow` and `ladder` computed all and then failed to write by which command."""
+    monkeypatch.setattr(sys, "argv", ["wiperjax", "simulate", os.fsdecode(b"s\xff.toml")])
+    whole.write_dataset(xr.Dataset(attrs={"command": command_line()}), tmp_path / "r.h5")
+    with xr.open_dataset(tmp_path / "r.h5", engine="h5netcdf") as ds:
+        assert ds.attrs["command"] == "wiperjax simulate 's\\udcff.toml'"
 
 
 def test_text_that_the_terminal_cannot_show(tmp_path):

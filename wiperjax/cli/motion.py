@@ -134,7 +134,7 @@ def ladder(
         from ..machine.files import write_bytes
 
         text = preface(command_line()) + summary(results) + "\n" + table(results)
-        write_bytes(output, text.encode(), force)
+        write_bytes(output, text.encode(errors="backslashreplace"), force)
         print(f"table    {output}")
 
 

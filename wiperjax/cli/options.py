@@ -168,8 +168,10 @@ def check_once(option: str, name: str, known: Collection[str]) -> None:
 
 
 def command_line() -> str:
-    """The command that this process was started by, for the file that it makes."""
-    return shlex.join(["wiperjax", *sys.argv[1:]])
+    """The command that this process was started by, for the file that it makes: in UTF-8, which
+    names of files need not be."""
+    line = shlex.join(["wiperjax", *sys.argv[1:]])
+    return line.encode(errors="backslashreplace").decode()
 
 
 def configure(cores: int | None, **options: bool) -> None:
