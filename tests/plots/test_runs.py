@@ -469,8 +469,10 @@ def test_a_phase_portrait_holds_the_end_of_a_lip_that_collapses(angle):
     assert low <= end.get_xdata()[0] <= high
 
 
-def test_velocity_jumps_at_the_glass_in_a_phase_portrait():
-    """A ball falls from 1 mm and rebounds: its samples are 0.1 mm and more above the glass."""
+@pytest.mark.parametrize("kind", ["IMPACT", "BLOW"])
+def test_velocity_jumps_at_the_glass_in_a_phase_portrait(kind):
+    """A ball falls from 1 mm and rebounds, from the glass or a stop: its samples are 0.1 mm and
+    more above it."""
     g, e = 9.81, 0.6
     hit = np.sqrt(2e-3 / g)
     time = np.linspace(0, 1.4 * hit, 31)
@@ -479,6 +481,7 @@ def test_velocity_jumps_at_the_glass_in_a_phase_portrait():
     height = np.where(time < hit, 1e-3 - g * time**2 / 2, e * g * hit * since - g * since**2 / 2)
     run = bouncing_run().isel(time=slice(0, 31), event=[2]).assign_coords(time=time)
     run["event_time"][:], run["regime"][:] = hit, int(Regime.FLIGHT)
+    run["event_kind"][:] = int(Event[kind])
     run["position"][:, 1], run["velocity"][:, 1] = height, speed
     ax = plots.phase_portrait(run, component=1, transient=run)
     (flight,) = [c for c in ax.collections if c.get_label() == "flight"]

@@ -264,11 +264,20 @@ def test_a_key_that_does_not_suit_the_system_is_one_line(key):
         wiperjax.parse_sweep(SWEEP | {"axes": {"stiffness": {"values": [1.0]}}, key: value})
 
 
-def test_numbers_of_a_law_that_do_not_go_together_name_it():
-    numbers = {"friction": "coulomb", "mu_static": 0.2, "mu_minimum": 1.0}
-    words = r"mu_minimum must be at most mu_static \(0.2\), but was 1"
-    with pytest.raises(ValueError, match=f"^friction = 'coulomb': {words}$"):
-        wiperjax.sweep(SWEEP | {"system": "own_systems:Damped", "parameters": numbers})
+def test_numbers_of_a_law_that_do_not_go_together_are_refused_before_anything_is_stored(tmp_path):
+    damped = SWEEP | {"system": "own_systems:Damped"}
+    words = r"must be at most mu_static \(0.2\) with this friction, was 1"
+    for given in ({"mu_minimum": 1.0}, {"mu_minimum": 1}):
+        numbers = {"friction": "coulomb", "mu_static": 0.2, **given}
+        with pytest.raises(SpecError, match=f"^sweep: parameters.mu_minimum: {words}$"):
+            wiperjax.sweep(damped | {"parameters": numbers}, output=tmp_path / "map.h5")
+    axes = {"mu_minimum": {"values": [0.1, 1.0]}}
+    numbers = {"friction": "coulomb", "mu_static": 0.2}
+    with pytest.raises(SpecError, match=f"^sweep: axes.mu_minimum: {words}$"):
+        wiperjax.sweep(damped | {"parameters": numbers, "axes": axes}, output=tmp_path / "map.h5")
+    with pytest.raises(SpecError, match=r"^sweep: parameters.mu_minimum: .* was 0.3$"):
+        wiperjax.sweep(damped | {"parameters": numbers}, output=tmp_path / "map.h5")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_parameter_of_the_wiper_is_not_sent_to_its_tables():

@@ -143,6 +143,13 @@ def test_scene_is_heard_at_its_pitch(squeal, tmp_path, capsys):
     assert "full scale = 1 m/s" in printed and "not sound pressure" in printed
 
 
+@pytest.mark.parametrize(("blade", "whose"), [(1, "lip"), (0, "system")])
+def test_the_note_says_whose_motion_is_heard(blade, whose, tmp_path, capsys):
+    write_dataset(tone(700.0).assign_attrs(of_a_blade=blade), tmp_path / "run.h5")
+    assert main(["listen", str(tmp_path / "run.h5")]) == 0
+    assert f"note: motion of the {whose}, not sound pressure" in capsys.readouterr().out
+
+
 def test_a_tone_that_nobody_hears_is_noted(tmp_path, capsys):
     for frequency, said in ((5.0, True), (700.0, False)):
         path = tmp_path / f"{frequency:g}.h5"

@@ -192,7 +192,8 @@ def listen(
     )
     heard.write(output, force)
     print(f"sound    {output}: {heard.describe()}")
-    print("note: motion of the lip, not sound pressure (no dB(A)): radiation is not modelled")
+    whose = "lip" if run.attrs.get("of_a_blade", True) else "system"
+    print(f"note: motion of the {whose}, not sound pressure (no dB(A)): radiation is not modelled")
     if (tone := pitch(run)) < HEARD:
         lower = f"its tone, {tone:.3g} Hz, lies below {HEARD:g} Hz"
         print(f"note: {lower}: nobody hears it, at most its overtones", file=sys.stderr)

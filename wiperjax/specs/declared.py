@@ -13,7 +13,7 @@ from ..vocabulary.parameters import PARAMETERS, Parameter
 from .errors import Fault, listed, show
 from .family import Family, KeyOf, Values
 from .imported import fingerprint, imported, named, needs
-from .laws import Law, check_given, law_like, law_of, own_parameters
+from .laws import Law, check_coulomb, check_given, law_like, law_of, own_parameters
 
 _OF_THE_WIPER = {"blade": "its parameters stand in [parameters]", "model": "it has no rungs"}
 _OF_ITS_START = ("angle", "equilibrium")
@@ -131,7 +131,10 @@ class Declared(Family):
                 raise Fault(f"start.{key}", f"{must}, was {listed(given)}")
 
     def check_values(self, spec: Any, values: Values, key_of: KeyOf) -> None:
-        pass  # what goes together in it, it says itself when it is made
+        def key(name: str) -> str:  # a number of the law that is left out, too
+            return key_of(name).replace("blade.", "parameters.")
+
+        check_coulomb(self.law(spec), values, key)  # all else it says itself when it is made
 
     def meaning(self, spec: Any) -> dict[str, Any]:
         found = {"system": self.name, "system_source": self.source}

@@ -1,6 +1,6 @@
 """Friction laws as files name them: those of `vocabulary.kinds`, and one's own by import path."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -92,6 +92,20 @@ def law_notes(law: Law | None, known: Mapping[str, Any]) -> list[str]:
     if max(np.size(known[name]) for name in ("mu_static", "mu_minimum")) > 1:
         values = "is as low as {:g}, mu_minimum as high as {:g}"
     return [f"mu_static {values.format(least, most)}: friction rises with speed"]
+
+
+def check_coulomb(
+    law: Law | None, values: Callable[[str], np.ndarray], key_of: Callable[[str], str]
+) -> None:
+    """Raises Fault where Coulomb's friction would be larger in slip than at rest, for some of the
+    `values` of a file: before anything is stored of a sweep.
+    """
+    if law is None or law.name != "coulomb":
+        return
+    most, least = values("mu_minimum").max(), values("mu_static").min()
+    if most > least:
+        must = f"must be at most mu_static ({least:g}) with this friction"
+        raise Fault(key_of("mu_minimum"), f"{must}, was {most:g}")
 
 
 def law_like(key: str, default: Any) -> Law:

@@ -11,7 +11,7 @@ from ..vocabulary.ranges import TIP
 from ..vocabulary.wording import digits
 from .errors import Fault, listed
 from .family import Family, KeyOf, Values
-from .laws import Law, check_given, law_of
+from .laws import Law, check_coulomb, check_given, law_of
 
 
 class Wiper(Family):
@@ -70,11 +70,7 @@ class Wiper(Family):
         if spec.start.angle is not None and abs(spec.start.angle) >= collapse:
             raise Fault("start.angle", f"{inside}, was {spec.start.angle:g}")
         _check_position(spec.start, values("lip_length").min())
-        if spec.blade.friction == "coulomb":
-            most, least = values("mu_minimum").max(), values("mu_static").min()
-            if most > least:
-                must = f"must be at most mu_static ({least:g}) with this friction"
-                raise Fault(key_of("mu_minimum"), f"{must}, was {most:g}")
+        check_coulomb(self.law(spec), values, key_of)
         if spec.model not in ("lip", AUTO):
             _check_rung(spec, values, key_of)
 

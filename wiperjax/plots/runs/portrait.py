@@ -31,7 +31,7 @@ def phase_portrait(
     transient: xr.Dataset | None = None,
     legend: bool = True,
 ) -> Axes:
-    """Velocity over position of one coordinate, coloured by regime; at an impact it jumps.
+    """Velocity over position of one coordinate, coloured by regime; at impacts and blows it jumps.
 
     Arguments:
 
@@ -94,15 +94,15 @@ def orbit(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_jumps(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The `orbit` with two more points for the first impact between two samples, so that velocity
-    jumps where the tip is then; and which sample each point goes on from.
+    """The `orbit` with two more points for the first impact, or blow against a stop, between two
+    samples, so that velocity jumps where it is then; and which sample each point goes on from.
     """
     place, speed = (
         np.asarray(signal(ds, name, component), dtype=float) for name in ("position", "velocity")
     )
     sample, time = np.arange(place.size), np.asarray(ds["time"], dtype=float)
     events = event_times(ds)
-    moments = events.get("impact", np.zeros(0))
+    moments = np.sort(np.concatenate([events.get(name, []) for name in ("impact", "blow")]))
     before = np.searchsorted(time, moments, side="right") - 1
     before, first = np.unique(before[before < time.size - 1], return_index=True)
     moment, after = moments[first], before + 1
