@@ -61,9 +61,9 @@ def _run_bwd(kept_stretches, cotangent, perturbed, problem_state, active, most_t
 
 
 def _one_by_one(back: Callable) -> Callable:
-    """Return ``back(cotangent, motion)`` that takes a batch of cotangents of one motion, as those of
-    `jax.jacrev`, one after the other: batched, the turns that are computed again would be another
-    program than the first ones, of other roundings. Many motions go side by side, as they came.
+    """Return ``back(cotangent, motion)`` that takes a batch of cotangents of one motion, such as
+    those of `jax.jacrev`, one after the other: batched, the turns that are computed again would be
+    another program than the first ones, of other roundings. Many motions go side by side.
     """
     single = jax.custom_batching.custom_vmap(back)
 
@@ -85,7 +85,7 @@ def _one_by_one(back: Callable) -> Callable:
 
 
 def _back(problem, kept_stretches, filled, active: Callable, most_turns: int):
-    """Return (cotangents of ``problem``, of its first state), from those of its last, ``filled``."""
+    """Return cotangents of ``problem`` and its first state, from ``filled``, those of its last."""
     kept, stretches = kept_stretches
     length = _length(most_turns)
     moving, fixed = eqx.partition(problem, eqx.is_inexact_array)
