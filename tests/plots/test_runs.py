@@ -366,6 +366,14 @@ def test_a_line_between_two_bins_is_as_high_as_on_one(pitch):
     assert levels.levels(tone(pitch)).decibels.max() == pytest.approx(-3.01, abs=0.1)
 
 
+def test_the_spectrum_of_what_is_too_fast_to_be_heard_has_its_tone():
+    """It ended at 20 kHz, below what counts as quiet: a tip of 1.5 MHz looked silent."""
+    found = levels.lines(tone(1.5e6, seconds=1e-4, rate=5e7))
+    assert found.strongest == pytest.approx(1.5e6, rel=1e-3)
+    assert found.amplitude.max() == pytest.approx(np.sqrt(0.5), rel=1e-2)
+    plots.spectrum(tone(1.5e6, seconds=2e-5, rate=5e7))  # shorter than a spectrum of sound
+
+
 def test_spectrogram_has_the_level_of_a_sine_and_ticks_of_events():
     axes = plots.spectrogram(tone(800.0, amplitude=1.0))
     mesh = axes[0].collections[0]

@@ -194,9 +194,13 @@ def listen(
     print(f"sound    {output}: {heard.describe()}")
     whose = "lip" if run.attrs.get("of_a_blade", True) else "system"
     print(f"note: motion of the {whose}, not sound pressure (no dB(A)): radiation is not modelled")
-    if (tone := pitch(run)) < HEARD:
-        lower = f"its tone, {tone:.3g} Hz, lies below {HEARD:g} Hz"
+    tone, (lowest, highest) = pitch(run), HEARD
+    if tone < lowest:
+        lower = f"its tone, {tone:.3g} Hz, lies below {lowest:g} Hz"
         print(f"note: {lower}: nobody hears it, at most its overtones", file=sys.stderr)
+    elif tone > highest:
+        higher = f"its tone, {tone:.3g} Hz, lies above {highest:g} Hz"
+        print(f"note: {higher}: the sound holds what lies below alone", file=sys.stderr)
     if warning := heard.warning():
         print(f"note: {warning}", file=sys.stderr)
     print_end(run)

@@ -56,7 +56,7 @@ class Levels(NamedTuple):
 
 def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = None) -> Lines:
     """Amplitude spectrum of one quantity of a run, from 20 Hz (or half of a lower tone, or of the
-    strongest line where none is told) up to what is heard.
+    strongest line where none is told) up to what is heard, or to eight times a higher tone.
 
     Raises: `ValueError` for a quantity that is not there, samples that are not even, and a run that
     is too short for two lines.
@@ -67,18 +67,20 @@ def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = N
     values = signal(ds, quantity, component)
     step = sample_interval(ds)
     numbers = np.asarray(values, dtype=float)
-    if (span := step * numbers.size) * HIGHEST < FEWEST_LINES:
-        shortest = FEWEST_LINES / HIGHEST
+    tone = pitch(ds)
+    heard = np.isfinite(tone)  # rounding noise has a strongest line too
+    highest = max(HIGHEST, 8 * tone) if heard else HIGHEST
+    if (span := step * numbers.size) * highest < FEWEST_LINES:
+        shortest = FEWEST_LINES / highest
         must = f"must be of {shortest:g} s or more, was of {span:.2g} s"
-        raise ValueError(f"a spectrum up to {HIGHEST:g} Hz {must}")
+        raise ValueError(f"a spectrum up to {highest:g} Hz {must}")
     frequency, power = scipy.signal.periodogram(
         numbers, 1 / step, window="hann", detrend="constant", scaling="spectrum",
         nfft=BETWEEN * numbers.size,
     )  # fmt: skip
     # a bin has the highest level within half a bin of it: bare it shows a line beside it too low
     frequency, power = frequency[::BETWEEN], maximum_filter1d(power, BETWEEN + 1)[::BETWEEN]
-    top = min(HIGHEST, frequency[-1])
-    heard = np.isfinite(pitch(ds))  # rounding noise has a strongest line too
+    top = min(highest, frequency[-1])
     line = float(dominant_frequency(numbers, step)) if heard else float("nan")
     slowest = line
     if not heard and is_steady(ds):  # a slow system's motion is not to look like silence
