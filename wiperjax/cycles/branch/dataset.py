@@ -71,7 +71,8 @@ def branch_dataset(branch: Branch) -> xr.Dataset:
         np.stack([_known(c.state) for c in branch.cycles]),
         {"long_name": "positions and velocities at the start of the cycle"},
     )
-    variables["phase"] = ("point", np.array([c.phase for c in branch.cycles]))
+    start = {"long_name": "start of the cycle, in periods of the clock", "units": "1"}
+    variables["phase"] = ("point", np.array([c.phase for c in branch.cycles]), start)
     for key, text in (("word", "events of a period"), ("regimes", "regimes of a period")):
         texts = np.array([getattr(c, key) for c in branch.cycles], object)
         variables[key] = ("point", texts, {"long_name": text})
