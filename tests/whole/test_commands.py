@@ -106,8 +106,8 @@ def folder(made, tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("page", as_params(WITH_COMMANDS, run=True))
+@pytest.mark.long
+@pytest.mark.parametrize("page", as_params(WITH_COMMANDS))
 def test_commands_run(page, folder, capsys):
     write_files(page, folder)
     for command in commands(page):
