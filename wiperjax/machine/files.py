@@ -98,7 +98,7 @@ def reason(error: OSError) -> str:
 
 
 def sync_folder(folder: Path) -> None:
-    """Makes renames inside `folder` durable; Windows opens no folder, and does so by itself."""
+    """Makes renames inside `folder` durable; Windows opens no folder, and takes its own time."""
     if sys.platform == "win32":
         return
     descriptor = os.open(folder, os.O_RDONLY)
