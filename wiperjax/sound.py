@@ -25,7 +25,6 @@ from .vocabulary import checks
 from .vocabulary.ranges import FINITE, POSITIVE, Range
 
 RATE = 48_000  # Hz
-HEARD = (20.0, 20_000.0)  # Hz: tones from and up to which are
 COARSEST = 1 / 8000  # s between samples: nothing above 4 kHz would be left
 SAMPLES_PER_PERIOD = 10  # of the tone: corners of stick-slip need its harmonics
 FADE = 0.005  # s at both ends, against clicks

@@ -1,4 +1,4 @@
-"""`python elsewhere.py SYSTEM WORDS...`: commands of wiperjax (a list of words in JSON each), on a
+"""`python elsewhere.py SYSTEM COMMAND...`: commands of wiperjax (each one word of the shell), on a
 computer that is played.
 
 `SYSTEM` is sys.platform, "win32" or "darwin". What POSIX or Linux alone has is gone. As "win32" no
@@ -7,7 +7,6 @@ without an encoding is an error. Libraries are imported before; that they are at
 theirs to see to.
 """
 
-import json
 import os
 import sys
 import types
@@ -91,7 +90,7 @@ if __name__ == "__main__":
     from wiperjax.cli import main
 
     for command in sys.argv[2:]:
-        sys.argv = ["wiperjax", *json.loads(command)]
+        sys.argv = ["wiperjax", *command.split()]
         print("$", *sys.argv, flush=True)
         if status := main():
             sys.exit(status)

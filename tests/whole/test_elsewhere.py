@@ -1,6 +1,5 @@
 """Commands on Windows and macOS, as far as Linux can play them (`helpers/elsewhere.py`)."""
 
-import json
 import os
 import subprocess
 import sys
@@ -49,8 +48,7 @@ def test_commands_run_on_other_systems(tmp_path, system):
     (tmp_path / "squeal.toml").write_text(SCENE, encoding="utf-8")
     player = Path(__file__).parents[1] / "helpers" / "elsewhere.py"
     done = subprocess.run(
-        [sys.executable, "-X", "warn_default_encoding", player, system]
-        + [json.dumps(command.split()) for command in COMMANDS],
+        [sys.executable, "-X", "warn_default_encoding", player, system, *COMMANDS],
         cwd=tmp_path, capture_output=True, text=True, check=False,
         env=os.environ | {"PYTHONPATH": str(Path(wiperjax.__file__).parents[1])},
     )  # fmt: skip

@@ -184,7 +184,8 @@ def listen(
     check_target(output, SOUND_SUFFIXES, force, file)
     check_source(file)
     from ..datasets.run_dataset import pitch
-    from ..sound import HEARD, sound
+    from ..noise.spectrum import HEARD
+    from ..sound import sound
 
     run, _ = read(file, ["run"], "heard ('wiperjax simulate')")
     heard = sound(

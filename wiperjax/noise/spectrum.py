@@ -33,6 +33,7 @@ from scipy.ndimage import maximum_filter1d
 
 from .between_bins import Bins, refined
 
+HEARD = (20.0, 20_000.0)  # Hz: tones from and up to which people hear
 FUNDAMENTAL_RATIO = 0.5  # height of a fundamental against its highest harmonic
 FEW_HARMONICS, HARMONICS = 6, 40  # up to which a fundamental is looked for without, and with a comb
 CHUNK = 2**20  # numbers transformed at once: fewer pay for the interpreter, more for memory

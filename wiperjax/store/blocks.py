@@ -135,6 +135,7 @@ class BlockStore:
             clear(self.parts)
             if self._lock is not None:
                 remove(self._lock)
+                self._lock = None
             self.parts.rmdir()
 
     def __enter__(self) -> "BlockStore":

@@ -8,9 +8,8 @@ import xarray as xr
 from ...datasets.run_dataset import is_steady, pitch, signal
 from ...noise.classes import stored
 from ...noise.samples import sample_interval
-from ...noise.spectrum import dominant_frequency
+from ...noise.spectrum import HEARD, dominant_frequency
 
-HIGHEST = 20_000.0  # Hz: what is heard
 FEWEST_LINES = 4  # of a spectrum: the first two are skirts of the mean
 BETWEEN = 8  # places between two bins where a line is looked for
 VELOCITIES = ("velocity", "output", "slip_speed")
@@ -69,7 +68,9 @@ def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = N
     numbers = np.asarray(values, dtype=float)
     tone = pitch(ds)
     heard = np.isfinite(tone)  # rounding noise has a strongest line too
-    highest = max(HIGHEST, 8 * tone) if heard else HIGHEST
+    lowest, highest = HEARD
+    if heard:
+        highest = max(highest, 8 * tone)
     if (span := step * numbers.size) * highest < FEWEST_LINES:
         shortest = FEWEST_LINES / highest
         must = f"must be of {shortest:g} s or more, was of {span:.2g} s"
@@ -85,7 +86,7 @@ def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = N
     slowest = line
     if not heard and is_steady(ds):  # a slow system's motion is not to look like silence
         slowest = float(frequency[2:][np.argmax(power[2:])])
-    low = max(frequency[2], min(20.0, 0.5 * slowest if slowest > 0 else 20.0))
+    low = max(frequency[2], min(lowest, 0.5 * slowest if slowest > 0 else lowest))
     inside = (frequency >= low) & (frequency <= top)
     amplitude = np.sqrt(power[inside])
     return Lines(frequency[inside], amplitude, line, quiet_level(ds, values), 1.5 * frequency[1])
