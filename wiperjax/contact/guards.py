@@ -25,19 +25,24 @@ from .space import Contact
 from .system import AbstractSystem, like
 
 FIRST, SECOND, JAM = 0, 1, 2
-GAP_DIGITS = 16  # last digits, of the numbers that a gap is the difference of
+ROUNDED = 16  # last digits, of the numbers that a gap is the difference of
 
 
 def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
     """Return what a gap may be off by rounding, where it is what larger numbers leave of each
-    other: `GAP_DIGITS` of its parts by the time and each coordinate; without derivative. Nothing
+    other: `ROUNDED` digits of its parts by the time and each coordinate; without derivative. Nothing
     where contact is for good.
     """
     if not system.unilateral:
         return jnp.zeros_like(q[0])
 
     (size,) = parts(lambda t, *q: (system.gap(t, q),), t, *q)
-    return GAP_DIGITS * float(jnp.finfo(size.dtype).eps) * size
+    return rounding(size)
+
+
+def rounding(size: Scalar) -> Scalar:
+    """Return what a difference of numbers of this ``size`` may be off by."""
+    return ROUNDED * float(jnp.finfo(size.dtype).eps) * size
 
 
 def parts(function, *at) -> tuple[Scalar, ...]:

@@ -5,6 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from own_systems import Walled
 from problems import IMPACT_CASES, periodic_impacts
 from systems import turn
 
@@ -83,6 +84,14 @@ def test_what_presses_against_a_stop_ends_with_its_code(restitution):
         assert len(times) > 20
     else:
         assert len(times) == 1
+
+
+@pytest.mark.slow
+def test_blows_that_pile_up_far_from_the_origin_end_too():
+    """Flights no higher than the switch's rounding have no end of their own: the place stays."""
+    motion = wiperjax.simulate(Walled(), 20.0, initial_state=((0.0,), (1.5,)))
+    assert motion.result == Result.ZENO_UNRESOLVED and motion.sizes["event"] < 50
+    assert float(motion.final_position[0]) == pytest.approx(0.6, abs=1e-12)
 
 
 class Lacking(Struck):

@@ -3,14 +3,14 @@
 Nothing of this is in the program of a system without stops.
 """
 
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
-from ...contact.guards import stop_slots
+from ...contact.guards import parts, rounding, stop_slots
 from ...contact.space import Contact
 from ...contact.system import AbstractSystem, cast
 from ...numerics.arrays import where
@@ -64,20 +64,24 @@ def settle(problem: Problem, c: Contact, blow: Struck, motion: Motion, fired: Fi
     return motion, fired._replace(hits=fired.hits | opens)
 
 
-def leave(system: AbstractSystem, blow: Struck, orders: list, time, q, v, rate, was_flying):
+def leave(problem: Problem, system, blow: Struck, orders: list, time, q, v, rate, was_flying):
     """Return the orders of the guards' zeros behind a blow, and whether it leads nowhere: the stop
-    is neither left at a speed nor with an acceleration.
+    is neither left at a speed nor with an acceleration, or only for a flight that is none (as
+    those between impacts: shorter than ``zeno_time``, or no higher than the switch's rounding).
 
     ``rate`` is that of the vector field behind it. Where a gap begins to open at this very instant
     (at an event before), it does so at another speed now.
     """
     rising, bends = _rates(system, time, q, v, *rate)
+    heights = parts(lambda t, *qv: _of_stops(system, t, qv[: len(q)], qv[len(q) :]), time, *q, *v)
     orders, nowhere = list(orders), jnp.zeros_like(blow.any)
-    slots = zip(stop_slots(system), blow.stops, blow.falling, rising, bends, strict=True)
-    for slot, mask, before, after, bend in slots:
+    slots = zip(stop_slots(system), blow.stops, blow.falling, rising, bends, heights, strict=True)
+    for slot, mask, before, after, bend, height in slots:
         leaves = after > STANDS * jnp.abs(before)
         orders[slot] = jnp.where(mask, jnp.where(leaves, 1, 2), orders[slot]).astype(jnp.int32)
-        nowhere = nowhere | (mask & ~leaves & (bend <= 0))
+        told = jnp.sqrt(8 * rounding(height) * jnp.maximum(-bend, 0.0))
+        back = 2 * after < jnp.maximum(told, -problem.zeno_time * bend)
+        nowhere = nowhere | (mask & jnp.where(leaves, back, bend <= 0))
     begins = blow.any & was_flying & (orders[0] > 0)
     orders[0] = jnp.where(begins, 1, orders[0]).astype(jnp.int32)
     return orders, nowhere
@@ -93,9 +97,11 @@ def _rates(system: AbstractSystem, time, q, v, speeds, accelerations):
 
         return rate
 
-    def of_stops(time, q, v):
-        values = system.switches(time, q, v)
-        return tuple(jnp.asarray(values[place], v[0].dtype) + 0.0 * v[0] for place in system.stops)
-
-    once = along(of_stops)
+    once = along(partial(_of_stops, system))
     return once(time, q, v), along(once)(time, q, v)
+
+
+def _of_stops(system: AbstractSystem, time, q, v) -> tuple[Scalar, ...]:
+    """Return the values of the stops' switches."""
+    values = system.switches(time, q, v)
+    return tuple(jnp.asarray(values[place], v[0].dtype) + 0.0 * v[0] for place in system.stops)
