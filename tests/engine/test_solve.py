@@ -86,6 +86,9 @@ def test_result_codes():
     # it gets nowhere: not the whole budget is spent on it
     s = trajectory(ball, 3.0, start, max_step=1e-9, max_steps=10**6)
     assert Result(int(s.result)) == Result.STEP_TOO_SMALL and int(s.steps) < 10**4
+    # nor where each step ends with an event
+    s = trajectory(Ball(9.81, 1.0), 1e6, ((0.0,), (1e-5,)), max_steps=10**6)
+    assert Result(int(s.result)) == Result.STEP_TOO_SMALL and int(s.steps) < 10**4
     s = trajectory(ball, 3.0, ((-0.1,), (0.0,)))
     assert Result(int(s.result)) == Result.INCONSISTENT_START
     s = trajectory(Ball(np.nan, 0.5), 3.0, start)

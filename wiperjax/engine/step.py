@@ -74,7 +74,7 @@ def flow(problem: Problem, state: State) -> State:
         unproved=state.unproved + plan.unproved,
         streak=jnp.where(moves, 0, state.streak + fires),
     )
-    return _fail(problem, moved, trial, plan)
+    return _fail(problem, moved, trial, plan, state.active)
 
 
 def jump(problem: Problem, state: State) -> State:
@@ -248,11 +248,12 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
     )
 
 
-def _fail(problem: Problem, state: State, trial: Trial, plan: Plan) -> State:
-    """Give the trajectory its failure code where it cannot keep its promise."""
+def _fail(problem: Problem, state: State, trial: Trial, plan: Plan, counted) -> State:
+    """Give the trajectory its failure code where it cannot keep its promise; ``counted``: its trial
+    step counts."""
     floor = _tick(problem, state)
     # a lane that gets nowhere, as at the end of a state's digits, must not keep its batch
-    paced = state.active & (state.attempts & (PACE_TURNS - 1) == 0)
+    paced = counted & (state.attempts & (PACE_TURNS - 1) == 0)
     budget = HOPELESS * jnp.maximum(problem.max_steps, LEAST_BUDGET)
     least = (problem.end - state.time) * (PACE_TURNS / budget)
     stalls = paced & (state.time - state.paced_time < least)
