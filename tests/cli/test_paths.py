@@ -443,6 +443,9 @@ def test_the_picture_of_this_sweep_is_drawn_again(folder, monkeypatch, capsys):
     capsys.readouterr()
     assert said(capsys, "sweep s.toml -o m.h5 --resume").startswith("m.png: exists already")
     assert Path("m.png").read_bytes() == classes
+    # of another sweep the map is told, not its picture
+    Path("s.toml").write_text(Path("s.toml").read_text().replace("window = ", "window = 1"))
+    assert said(capsys, "sweep s.toml -o m.h5 --resume").startswith("m.h5: was made otherwise")
 
 
 @pytest.mark.slow

@@ -188,7 +188,8 @@ def check_map_and_picture(
     from ..store.blocks import BlockStore
 
     redraw = force or (resume and BlockStore.may_replace(output))
-    if not (resume and output.is_file()):  # else the driver looks whether it is this map
+    there = resume and output.is_file()  # the driver looks whether it is this map
+    if not there:
         check_target(output, MAP_SUFFIXES, redraw, file)
     if drawing is None:
         return redraw
@@ -197,7 +198,8 @@ def check_map_and_picture(
         from ..plots.files import subject, subject_of
 
         redraw = subject_of(drawing) == subject(usual_of_map(spec.shape), spec.digest())
-    check_target(drawing, STILLS, redraw, file)
+    if not there:  # else little is computed before the picture's own look
+        check_target(drawing, STILLS, redraw, file)
     return redraw
 
 
