@@ -42,6 +42,20 @@ from wiperjax.vocabulary import cf, codes, schema
 from wiperjax.vocabulary.codes import RESULTS
 
 
+@pytest.mark.parametrize(("start", "left"), [(0, []), (BLOCK, ["map.h5.parts"])])
+def test_a_refused_sweep_leaves_what_it_computed_alone(tmp_path, start, left):
+    """Else its next try, mended, would be refused for an unfinished one."""
+
+    def refusing(spec, cells):
+        if cells[0] >= start:
+            raise ValueError("load must be positive, but was -1")
+        return evaluate(spec, cells)
+
+    with pytest.raises(ValueError, match="load must be"):
+        run(make_spec(), tmp_path / "map.h5", evaluate=refusing)
+    assert [entry.name for entry in tmp_path.iterdir()] == left
+
+
 def test_a_sweep_makes_one_ordinary_file(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
     ds = run(spec, path, command="typed")

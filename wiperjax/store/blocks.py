@@ -141,8 +141,13 @@ class BlockStore:
     def __enter__(self) -> "BlockStore":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Closes it; one that holds nothing is removed where the sweep itself is refused: what a
+        person mends then is another sweep."""
+        if kind is not None and issubclass(kind, ValueError) and not self._names:
+            self.remove()
+        else:
+            self.close()
 
     # -- blocks --
 
