@@ -64,10 +64,10 @@ def settle(problem: Problem, c: Contact, blow: Struck, motion: Motion, fired: Fi
     return motion, fired._replace(hits=fired.hits | opens)
 
 
-def leave(problem: Problem, system, blow: Struck, orders: list, time, q, v, rate, was_flying):
+def leave(system: AbstractSystem, blow: Struck, orders: list, time, q, v, rate, was_flying):
     """Return the orders of the guards' zeros behind a blow, and whether it leads nowhere: the stop
-    is neither left at a speed nor with an acceleration, or only for a flight that is none (as
-    those between impacts: shorter than ``zeno_time``, or no higher than the switch's rounding).
+    is neither left at a speed nor with an acceleration, or for a flight no higher than the rounding
+    of its switch, of which no clock would ever see the end.
 
     ``rate`` is that of the vector field behind it. Where a gap begins to open at this very instant
     (at an event before), it does so at another speed now.
@@ -79,9 +79,8 @@ def leave(problem: Problem, system, blow: Struck, orders: list, time, q, v, rate
     for slot, mask, before, after, bend, height in slots:
         leaves = after > STANDS * jnp.abs(before)
         orders[slot] = jnp.where(mask, jnp.where(leaves, 1, 2), orders[slot]).astype(jnp.int32)
-        told = jnp.sqrt(8 * rounding(height) * jnp.maximum(-bend, 0.0))
-        back = 2 * after < jnp.maximum(told, -problem.zeno_time * bend)
-        nowhere = nowhere | (mask & jnp.where(leaves, back, bend <= 0))
+        unseen = after**2 < -2 * bend * rounding(height)
+        nowhere = nowhere | (mask & jnp.where(leaves, unseen, bend <= 0))
     begins = blow.any & was_flying & (orders[0] > 0)
     orders[0] = jnp.where(begins, 1, orders[0]).astype(jnp.int32)
     return orders, nowhere

@@ -101,7 +101,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     reactions = forces(system, c, after)
     rate, presses = (rates(system, time, q, v), acceleration(c, reactions)), None
     if stop is not None:
-        orders, presses = leave(problem, system, stop, orders, time, q, v, rate, fired.was_flying)
+        orders, presses = leave(system, stop, orders, time, q, v, rate, fired.was_flying)
         stopped, kind = stopped & ~stop.any, jnp.where(stop.any, int(Event.BLOW), kind)
     return Outcome(
         time=time,
