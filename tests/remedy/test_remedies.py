@@ -285,6 +285,37 @@ def test_events_that_are_not_told_apart_are_not_called_the_same():
     assert not descent._same_events(many, many)
 
 
+class Tilts(Oscillator):
+    """Pressed the less, the less it is tilted."""
+
+    tilt: float = 0.03
+
+    def normal_force(self, t, q, v):
+        return self.load * (1 + self.tilt**2)
+
+
+@pytest.mark.long
+def test_a_way_that_leads_up_says_where_it_was_lowest():
+    """It steps across a valley narrower than its step, and said nothing of it."""
+    cycle = find_cycle(Tilts(belt=wiperjax.SteadyBelt(0.3)), settle=60.0)
+    path = remedy.descend(cycle, {"tilt": (-1.0, 1.0)}, most=1)
+    levels = path.steps.velocity_rms.values
+    assert levels[1] > levels[0]
+    assert path.end == "1 steps; velocity_rms was least at step 0"
+
+
+@pytest.mark.long
+def test_where_a_slow_cycle_ends_the_motion_has_time_to_settle():
+    """Of a period of 8 s it had 0.1 s: a block that comes to rest was called not_periodic."""
+    cycle = find_cycle(Oscillator(belt=wiperjax.SteadyBelt(0.3)), settle=60.0)
+    assert cycle.period > 5.0
+    bounds = {"damping": (0.05, 3.0)}
+    path = remedy.descend(cycle, bounds, step=0.3)
+    assert path.end == "the cycle has ended: at_rest" and path.steps.velocity_rms[-1] == 0
+    early = remedy.descend(cycle, bounds, step=0.3, settle=0.1).end
+    assert early.startswith("the cycle has ended: not_periodic (")  # and why
+
+
 class Own(wiperjax.SteadyBelt):
     """A steady belt of one's own: of a kind that has no name."""
 
