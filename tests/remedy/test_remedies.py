@@ -169,6 +169,16 @@ def test_a_quiet_blade_is_left_as_it_is():
     assert float(found.cost[0]) < 1e-4
 
 
+@pytest.mark.long
+def test_a_tip_that_rides_on_the_belt_is_not_called_quiet():
+    """At 0.01 m/s it chatters at 1.7 Hz: the window of 0.1 s, all of it stick, had 0 m/s."""
+    with pytest.raises(ValueError, match="or rides on the belt"):
+        remedy.quieten(chattering(0.01), {"normal_load": (10.0, 20.0)}, starts=1)
+    longer = {"duration": 2.0, "window": 1.2, "starts": 1, "most": 1}
+    found = remedy.quieten(chattering(0.01), {"normal_load": (10.0, 20.0)}, **longer).parameters
+    assert found.attrs["velocity_rms_before"] > 0.1
+
+
 def test_a_search_begins_from_the_blade_itself():
     """Of a blade on an edge it began a hundredth inside, and might end with a worse one."""
     blade = wiperjax.Wiper(normal_load=20.0, attack_angle=0.1)
