@@ -833,6 +833,15 @@ def test_the_frequency_of_a_run_is_told_where_it_has_one(
     assert f"frequency   {word}" in capsys.readouterr().out
 
 
+def test_modes_of_a_sweep_name_its_file(folder, capsys):
+    """Of a sweep whose model a probe would choose it said what was wrong, not in which file."""
+    axes = 'model = "auto"\n[axes]\nattack_angle = { values = [0, 5] }\n'
+    Path("s.toml").write_text(axes + "[run]\ntransient = 0.1\nwindow = 0.1\n")
+    assert main(["modes", "s.toml"]) == 1
+    said = "wiperjax: s.toml: model must be one of block, bar, lip, but was 'auto'"
+    assert said in capsys.readouterr().err
+
+
 def test_info_and_export_of_modes_over_a_sweep(folder, capsys):
     """They were taken for a run: "run must be a run of a scene file"."""
     rates = np.array([[-1.0, 2.0], [3.0, np.nan]])

@@ -169,6 +169,16 @@ def test_a_quiet_blade_is_left_as_it_is():
     assert float(found.cost[0]) < 1e-4
 
 
+@pytest.mark.long
+def test_a_tip_that_rides_on_the_belt_is_not_called_quiet():
+    """At 0.01 m/s it chatters at 1.7 Hz: the window of 0.1 s, all of it stick, had 0 m/s."""
+    with pytest.raises(ValueError, match="or rides on the belt"):
+        remedy.quieten(chattering(0.01), {"normal_load": (10.0, 20.0)}, starts=1)
+    longer = {"duration": 2.0, "window": 1.2, "starts": 1, "most": 1}
+    found = remedy.quieten(chattering(0.01), {"normal_load": (10.0, 20.0)}, **longer).parameters
+    assert found.attrs["velocity_rms_before"] > 0.1
+
+
 def test_a_search_begins_from_the_blade_itself():
     """Of a blade on an edge it began a hundredth inside, and might end with a worse one."""
     blade = wiperjax.Wiper(normal_load=20.0, attack_angle=0.1)
@@ -283,6 +293,37 @@ def test_events_that_are_not_told_apart_are_not_called_the_same():
     word, regimes = orbit.words(cut)
     many = replace(cycle, motion=cut, word=word, regimes=regimes)
     assert not descent._same_events(many, many)
+
+
+class Tilts(Oscillator):
+    """Pressed the less, the less it is tilted."""
+
+    tilt: float = 0.03
+
+    def normal_force(self, t, q, v):
+        return self.load * (1 + self.tilt**2)
+
+
+@pytest.mark.long
+def test_a_way_that_leads_up_says_where_it_was_lowest():
+    """It steps across a valley narrower than its step, and said nothing of it."""
+    cycle = find_cycle(Tilts(belt=wiperjax.SteadyBelt(0.3)), settle=60.0)
+    path = remedy.descend(cycle, {"tilt": (-1.0, 1.0)}, most=1)
+    levels = path.steps.velocity_rms.values
+    assert levels[1] > levels[0]
+    assert path.end == "1 steps; velocity_rms was least at step 0"
+
+
+@pytest.mark.long
+def test_where_a_slow_cycle_ends_the_motion_has_time_to_settle():
+    """Of a period of 8 s it had 0.1 s: a block that comes to rest was called not_periodic."""
+    cycle = find_cycle(Oscillator(belt=wiperjax.SteadyBelt(0.3)), settle=60.0)
+    assert cycle.period > 5.0
+    bounds = {"damping": (0.05, 3.0)}
+    path = remedy.descend(cycle, bounds, step=0.3)
+    assert path.end == "the cycle has ended: at_rest" and path.steps.velocity_rms[-1] == 0
+    early = remedy.descend(cycle, bounds, step=0.3, settle=0.1).end
+    assert early.startswith("the cycle has ended: not_periodic (")  # and why
 
 
 class Own(wiperjax.SteadyBelt):

@@ -82,7 +82,9 @@ def _found(file: Path, model: str | None) -> Any:
     from ..specs.load import load_scene, load_sweep
 
     if _is_sweep(file):
-        return modes_over(load_sweep(file, model))
+        spec = load_sweep(file, model)  # names the file itself
+        with told_of(file):
+            return modes_over(spec)
     from ..systems.build import build
 
     spec = load_scene(file, model)

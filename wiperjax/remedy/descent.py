@@ -21,6 +21,8 @@ from .box import Box
 from .gradient import MEASURES, sensitivities
 from .judge import verdict
 
+SETTLE, PERIODS = 0.1, 20  # s, and periods of the cycle: in the longer of them a motion settles
+
 
 class Path(NamedTuple):
     """The way to a remedy."""
@@ -38,17 +40,20 @@ def descend(
     measure: str = "velocity_rms",
     step: float = 0.04,
     most: int = 60,
-    settle: float = 0.1,
+    settle: float | None = None,
 ) -> Path:
     """Return the path of steepest descent of a cycle's noise inside ``bounds``, until it ends.
 
     **Arguments:** ``cycle`` to begin with; ``bounds``, name -> (low, high), SI units: a step is
     measured in these ranges, so a wide range is a cheap parameter; ``measure`` (see
     `sensitivities`); ``step``, its length; ``most`` steps; ``settle`` [s] of the simulations that
-    look for another motion where the cycle has ended.
+    look for another motion where the cycle has ended (None: `SETTLE`, or `PERIODS` of the cycle if
+    these are longer).
 
-    **Returns** a `Path`. ``end`` is one of: the cycle ends and nothing replaces it (quiet); a
-    measure of 0; bounds that leave no way down; the number of steps. ``same_events`` is False at a
+    **Returns** a `Path`. ``end`` is one of: the cycle ends and no other is found (`at_rest` is
+    quiet; what else it may be, it says); a measure of 0; bounds that leave no way down; the number
+    of steps. A step may lead up, across a valley or where events change: where the last system is
+    not the one of the least noise, ``end`` names the step that was. ``same_events`` is False at a
     step whose events are not those of the step before: the gradient that led there did not know of
     them; and where a period has more events than are told apart. Another system than a
     wiper, and one on a belt that turns, has no ``label``.
@@ -58,8 +63,9 @@ def descend(
     checks.choice("measure", measure, MEASURES)
     step = checks.number("step", step, Range(1e-6, 1))
     most = checks.whole("most", most, Range(1, 10**6, whole=True))
-    settle = checks.number("settle", settle, POSITIVE)
     shooting_of(cycle)
+    settle = max(SETTLE, PERIODS * cycle.period) if settle is None else settle
+    settle = checks.number("settle", settle, POSITIVE)
     share = box.shares_of(cycle.system)
     if np.any(outside := (share < 0) | (share > 1)):
         worst = box.names[int(np.argmax(outside))]
@@ -89,11 +95,28 @@ def descend(
             other = _settled(cycle, system, settle, default=True)
             following = other if other.found == Found.FOUND else following
         if following.found != Found.FOUND:
-            end = f"the cycle has ended: {following.found.name.lower()}"
+            why = f" ({following.why})" if following.why else ""
+            end = f"the cycle has ended: {following.found.name.lower()}{why}"
             rows.append(_row(replace(following, system=system), bounds, measure, False))
             break
         rows.append(_row(following, bounds, measure, _same_events(cycle, following)))
         cycle = following
+    end += _least(rows, measure)
+    said = ""
+    if isinstance(system, Wiper) and not turns(system):
+        said = verdict(system, settle=settle)["label"]
+    return Path(_steps(rows, system, bounds, measure, end), system, end, said)
+
+
+def _least(rows: list[dict[str, Any]], measure: str) -> str:
+    """Which step had the least noise, if that is not the last one and the cycle goes on there."""
+    noises = [row[measure] for row in rows]
+    least = int(np.nanargmin(noises))
+    return f"; {measure} was least at step {least}" if noises[-1] > noises[least] else ""
+
+
+def _steps(rows: list[dict[str, Any]], system, bounds, measure: str, end: str) -> xr.Dataset:
+    """The way as a dataset over ``step``."""
     about = {name: numbers.attributes(system, name) for name in bounds}
     about[measure] = column_attributes(system, measure)
     columns: dict[str, Any] = {
@@ -102,10 +125,7 @@ def descend(
     }
     columns["word"] = ("step", np.array([row["word"] for row in rows], object))
     columns["same_events"] = ("step", np.array([row["same_events"] for row in rows]))
-    said = ""
-    if isinstance(system, Wiper) and not turns(system):
-        said = verdict(system, settle=settle)["label"]
-    return Path(xr.Dataset(columns, attrs={"end": end}), system, end, said)
+    return xr.Dataset(columns, attrs={"end": end})
 
 
 def _same_events(a: Cycle, b: Cycle) -> bool:

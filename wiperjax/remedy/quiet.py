@@ -58,8 +58,10 @@ def quieten(
     (`scipy.optimize.minimize`, L-BFGS-B); ``most`` steps of it.
 
     **Returns** a `Quietened`. To the search a failed simulation is twice the noise that a change
-    is paid by; where one ends in it, ``velocity_rms`` is NaN, and it comes last. If the simulation
-    of the blade as it is fails, a ValueError is raised.
+    is paid by; where one ends in it, ``velocity_rms`` is NaN, and it comes last. So it is of a tip
+    that rides on a belt that does not turn for the whole window: it slips later, and how loudly
+    that window does not tell. For such a blade as it is, and for one whose simulation fails, a
+    ValueError is raised.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
     check_single(blade)
@@ -82,7 +84,8 @@ def quieten(
 
     before, _, rms_before = noise(given)
     if np.isnan(before):
-        raise ValueError("blade must be one whose simulation finishes, but this one's fails")
+        must = "blade must be one whose simulation finishes, with slip in its window"
+        raise ValueError(f"{must}, but this one's fails, or rides on the belt (a longer duration?)")
     heard = max(before, Thresholds.quiet_velocity_ratio * float(blade.belt.rms)) or 1.0
 
     def price(share):
@@ -111,7 +114,7 @@ def quieten(
 @Kept
 def _noise(system: Any, box: Box, share, times, rtol):
     """Spread of the tip's velocity over its floor, the slope of that by the shares, the spread
-    itself, and whether the motion finished."""
+    itself, and whether the motion finished, and tells of a noise."""
     duration, window = times
 
     def noise(share):
@@ -122,7 +125,9 @@ def _noise(system: Any, box: Box, share, times, rtol):
         judged = jnp.where(repeats, periods / jnp.where(repeats, frequency, 1.0), window)
         begins = jnp.maximum(duration - judged, 0.0)  # rounding, where the window is all of it
         run = solve(changed, duration, rtol=rtol, statistics_start=begins, max_events=0)
-        fine = run.result == Result.FINISHED
+        rides = run.statistics.stick_time >= judged * (1 - 1e-9)
+        carried = rides & ~repeats & (jnp.asarray(changed.belt.peak) > 0)
+        fine = (run.result == Result.FINISHED) & ~carried
         spread = jnp.where(fine, run.statistics.variance(judged), 0.0)
         level = jnp.sqrt(spread + (_FLOOR * changed.belt.peak) ** 2)
         return level, (level, run.statistics.deviation(judged), fine)
