@@ -71,7 +71,7 @@ def sign_changes(
         at_root = room[:-1] * away[1:] + room[1:] * away[:-1]
         change = (up[1:] != up[:-1]) & has[1:] & has[:-1] & (at_root > 0)
         number = seen + jnp.cumsum(change) - 1
-        mine = change & (number == jnp.arange(count)[:, None])
+        mine = change[None] & (number[None] == jnp.arange(count)[:, None])
         which, one = jnp.argmax(mine, axis=1), jnp.any(mine, axis=1)
         here = SignChanges(one, x[which], x[which + 1], up[which])
         found = jax.tree.map(lambda new, old: jnp.where(one, new, old), here, found)
