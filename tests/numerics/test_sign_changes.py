@@ -98,3 +98,11 @@ def test_a_root_beside_the_end_of_what_it_needs_is_seen_and_one_beyond_is_none(e
 
 def test_none():
     assert len(found(always(lambda x: 1.0 + x**2), 2)) == 0
+
+
+def test_ranks_are_not_promoted():
+    """With ``jax_numpy_rank_promotion = "raise"`` steady slip and modes of a wiper were refused, in
+    words about shapes that no caller has seen."""
+    with jax.numpy_rank_promotion("raise"):
+        changes = sign_changes(lambda x: (x, x < 2, x + 2), 1.0, -0.9, STRETCHES, 3)
+    assert np.asarray(changes.exists).tolist() == [True, False, False]
