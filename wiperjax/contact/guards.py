@@ -30,8 +30,8 @@ ROUNDED = 16  # last digits, of the numbers that a gap is the difference of
 
 def gap_rounding(system: AbstractSystem, t, q) -> Scalar:
     """Return what a gap may be off by rounding, where it is what larger numbers leave of each
-    other: `ROUNDED` digits of its parts by the time and each coordinate; without derivative. Nothing
-    where contact is for good.
+    other: `ROUNDED` digits of its parts by the time and each coordinate; without derivative.
+    Nothing where contact is for good.
     """
     if not system.unilateral:
         return jnp.zeros_like(q[0])
