@@ -249,8 +249,7 @@ def _move(problem: Problem, state: State, trial: Trial, moves, plan: Plan) -> St
 
 
 def _fail(problem: Problem, state: State, trial: Trial, plan: Plan, counted) -> State:
-    """Give the trajectory its failure code where it cannot keep its promise; ``counted``: its trial
-    step counts."""
+    """Give a lane its failure code where it cannot keep its promise; `counted`: its try counts."""
     floor = _tick(problem, state)
     # a lane that gets nowhere, as at the end of a state's digits, must not keep its batch
     paced = counted & (state.attempts & (PACE_TURNS - 1) == 0)
