@@ -24,7 +24,7 @@ from wiperjax.maps import around_scene
 from wiperjax.noise import run_class
 from wiperjax.runs.scene import run_scene
 from wiperjax.store import whole
-from wiperjax.vocabulary import codes
+from wiperjax.vocabulary import codes, schema
 from wiperjax.vocabulary.cf import flags
 
 NAN = float("nan")
@@ -804,6 +804,27 @@ def test_info_of_a_run_begins_with_its_class(squeal, folder, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert any(re.match(r"label +squeal$", line) for line in lines[:4])
     assert any(line.startswith("tip_mass") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("result", "line"),
+    [
+        ("zeno_unresolved", "failed       1 cell: zeno_unresolved, impacts accumulate"),
+        ("finished", "failed       1 cell: finished, but without numbers that its class rests on"),
+    ],
+)
+def test_why_cells_of_a_map_failed_is_told(result, line, capsys):
+    """Neither a sweep nor `info` of its map said it: only the variable `result` did."""
+    ds = xr.Dataset(
+        {
+            name: ("speed", values, schema.SCHEMA[name].attributes())
+            for name, values in {"label": [0, 6], "result": [0, codes.RESULTS[result]]}.items()
+        }
+    )
+    tables.print_open(ds)
+    assert capsys.readouterr().out.startswith(line)
+    tables.print_open(ds.isel(speed=[0]))
+    assert not capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -272,6 +272,24 @@ def test_anatomy_of_a_class():
     assert class_counts.unsettled_count(ds.assign(settled=settled)) == 2
 
 
+def test_failures_are_counted_by_their_result():
+    cells = {
+        "label": [[6, 6, 0], [4, 6, 6]],  # a failure that finished has no numbers for its class
+        "result": [[5, 3, 0], [0, 5, 0]],
+    }
+    ds = xr.Dataset(
+        {
+            name: (("angle", "speed"), values, schema.SCHEMA[name].attributes())
+            for name, values in cells.items()
+        }
+    )
+    found = [("zeno_unresolved", 2), ("finished", 1), ("step_budget_spent", 1)]
+    assert class_counts.failures(ds) == found
+    assert class_counts.failures(ds.assign(result=ds["result"].transpose())) == found
+    assert class_counts.failures(ds.isel(speed=[2], angle=[0])) == []
+    assert class_counts.failures(ds[["label"]]) == []
+
+
 def test_cells_are_counted_whatever_the_order_of_the_axes_of_one_variable():
     """`xr.where` orders them as its mask does; the label of one cell met the band of another."""
     cells = {

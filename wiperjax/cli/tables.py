@@ -66,9 +66,15 @@ def print_classes(dataset: Any) -> None:
 
 
 def print_open(dataset: Any) -> None:
-    """How many answers of a map are not the last word: no frequency, or no settled motion."""
-    from ..noise.class_counts import unsettled_count, untold_count
+    """How many answers of a map are not the last word: failed, no frequency, no settled motion."""
+    from ..noise.class_counts import failures, unsettled_count, untold_count
+    from ..vocabulary.codes import ADVICE, RESULTS, Result
 
+    for name, count in failures(dataset):
+        why = ADVICE[Result(RESULTS[name])] if name in RESULTS else "a code of another version"
+        if name == "finished":
+            why = "but without numbers that its class rests on"
+        print(f"failed       {count} {counted(dataset, count)}: {name}, {why}")
     if fast := untold_count(dataset):
         why = "carried, too fast for the finest samples, or of no two periods"
         print(f"not told     {fast} {counted(dataset, fast)}: {why}")

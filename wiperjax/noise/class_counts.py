@@ -80,6 +80,17 @@ def anatomy(ds: xr.Dataset, label: str = "other") -> list[tuple[str, str, int]]:
     return sorted(rows, key=lambda row: -row[2])
 
 
+def failures(ds: xr.Dataset) -> list[tuple[str, int]]:
+    """Result and number of the cells of a map that failed, the most frequent first. Those that
+    `finished` lack numbers that their class rests on.
+    """
+    if "result" not in ds:
+        return []
+    failed = ds[["label", "result"]].where(ds["label"] == LABELS["failed"])
+    rows = [(name, count) for name, count, _ in class_table(failed, "result") if count]
+    return sorted(rows, key=lambda row: -row[1])
+
+
 def untold_count(ds: xr.Dataset) -> int:
     """Number of noisy cells whose frequency the finest samples do not tell."""
     if "frequency_told" not in ds:

@@ -26,6 +26,7 @@ from .totals import RegimeTotals, Totals
 
 # corners of the vector field and of the prescribed motion keep its value: no jump of a derivative
 HARMLESS = (Event.NONE, Event.KINK, Event.BELT_REVERSAL, Event.BELT_KINK)
+ROUGH = 500  # roundings of a guard's size, below which the bend of its five node values is noise
 SLIGHT = 1e-6  # of a value: what differs by less has neither jumped nor risen
 
 
@@ -83,7 +84,9 @@ class Margins(AbstractObserver):
             bend = (35 * e - 104 * d + 114 * c - 56 * b + 11 * a) / 3 * 4  # d2/dtheta2 at the end
             scale = jnp.where(size > 0, size, 1.0)
             ends = (slope < 0) & (jnp.abs(e) <= 1e-6 * jnp.maximum(size, 1e-300))
-            depth = jnp.where(bend > 0, slope * slope / jnp.where(bend > 0, 2 * bend, 1.0), scale)
+            # one too short to tell its bend begins within 1e-6: the one before ends here, too
+            told = bend > ROUGH * jnp.finfo(bend.dtype).eps * scale
+            depth = jnp.where(told, slope * slope / jnp.where(told, 2 * bend, 1.0), scale)
             inside = jnp.minimum(jnp.minimum(b, c), d)
             turns = (inside < jnp.minimum(a, e)) | (fell & (b > a))
             clear = jnp.maximum(jnp.minimum(inside, a), 0.0)
