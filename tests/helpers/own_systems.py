@@ -348,3 +348,42 @@ class RunsBack(OnePiece):
     @property
     def rms(self):
         return 0.3
+
+
+class DrivenBetweenWalls(wiperjax.AbstractSystem):
+    """Den Hartog's block, driven on a floor at rest, between two walls."""
+
+    unilateral = False
+    coordinates = ("x",)
+    stops = (0, 1)
+    drive_frequency: float = parameter(3.0, "Hz", above=0)
+    play: float = parameter(0.03, "m", above=0, long_name="from the middle to a wall")
+    restitution: float = parameter(0.6, low=0, high=1)
+    friction: wiperjax.AbstractFriction = wiperjax.Coulomb(0.3)
+
+    def free_acceleration(self, t, q, v):
+        return (40 * jnp.cos(2 * jnp.pi * self.drive_frequency * t) - 1000 * q[0],)
+
+    def directions(self, t, q):
+        return (1.0,), (0.0,)
+
+    def normal_force(self, t, q, v):
+        return 20.0
+
+    def slip_speed(self, t, q, v):
+        return v[0]
+
+    def switches(self, t, q, v):
+        return self.play - q[0], self.play + q[0]
+
+    def rebound(self, stop, t, q, v, closed):
+        return (-self.restitution * v[0],)
+
+    def output(self, t, q, v):
+        return v[0]
+
+    def default_state(self):
+        return (0.0,), (0.0,)
+
+    def scales(self, n):
+        return (0.01,), (0.3,)

@@ -19,10 +19,10 @@ from ..vocabulary.codes import RUNNING, Regime, Result
 from .carry.problem import Problem
 from .carry.recall import remember
 from .carry.state import BREAK, State
-from .event.braked import at_jam
 from .event.event_time import drift, time_to_event
 from .event.plan import Plan, locate
 from .event.transition import Outcome, transition
+from .event.unmoved import unmoved
 from .observers.base import Happening, Stretch, gathered
 from .sampling.at_times import take_samples
 from .sampling.means import take_means
@@ -82,8 +82,7 @@ def jump(problem: Problem, state: State) -> State:
 
     (A completed sequence of impacts does take its time.)
     """
-    if problem.system.coupled:
-        state = at_jam(problem, state)
+    state = unmoved(problem, state)
     happens = state.due >= 0
     breaks = state.due == BREAK
     fires = happens & ~breaks
