@@ -11,7 +11,7 @@ from systems import Ball
 import wiperjax
 from wiperjax import Wiper, WipingBelt
 
-STEPS = 2500
+STEPS = 4000
 TYPICAL = np.array([0.3, 10.0, 0.3, 0.5, 1e-4])  # sizes of the parameters
 
 
@@ -23,7 +23,7 @@ def measure(p, phase, **options):
         blade,
         0.005,
         initial_state=((6e-3 * jnp.sin(p[0]), p[4]), (0.0, 0.0)),
-        rtol=1e-10,
+        rtol=1e-11,
         max_events=2,
         **options,
     )
@@ -51,8 +51,8 @@ def test_forward_and_reverse_agree():
     reverse = jax.jit(jax.grad(backward, has_aux=True))
     steps, sticks, flies = [], 0, 0
     for p, phase in zip(blades, phases, strict=True):
-        (a, (result, *seen)), (b, _) = forward(p, phase), reverse(p, phase)
-        assert int(result) == wiperjax.Result.FINISHED
+        (a, (result, *seen)), (b, (backwards, *_)) = forward(p, phase), reverse(p, phase)
+        assert int(result) == int(backwards) == wiperjax.Result.FINISHED
         a, b = (np.asarray(g) * TYPICAL for g in (a, b))
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * np.abs(a).max())
         steps.append(int(seen[0]))
