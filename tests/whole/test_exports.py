@@ -156,11 +156,17 @@ def damaged(run):
         "its regime lies along case and time": xr.concat([run, run], "case"),
         "holds no samples over time": run.isel(time=slice(0, 0)),
         "holds no samples": run.isel(time=0),
+        "its time must be in s, but is in ms": run.assign_coords(
+            time=(1e3 * run.time).assign_attrs(units="ms")
+        ),
+        "its regime must be whole codes, but had 0.5": run.assign(regime=0 * run.regime + 0.5),
     }
 
 
 def test_what_was_a_run_is_no_run_for_any(squeal, tmp_path):
-    """Of events along time, too, a sound asked for 26 GiB; the table of an empty run was empty."""
+    """Of events along time, too, a sound asked for 26 GiB; the table of an empty run was empty,
+    that of a run in ms said `time (s)` over its thousands.
+    """
     short = squeal.isel(time=slice(0, 100), event=slice(0, 5)).load()
     for said, ds in damaged(short).items():
         for ask in (sound, plots.time_history, lambda ds: export(ds, tmp_path / "run.csv")):
