@@ -49,6 +49,15 @@ def test_matlab_finds_samples_events_and_units(squeal, tmp_path):
     assert "; 2 slip_neg; " in str(found["units"]["regime_before"])
 
 
+def test_matlab_is_given_names_that_it_can_have(squeal, tmp_path):
+    """A coordinate φ was "'latin-1' codec can't encode"."""
+    path = tmp_path / "run.mat"
+    export(squeal.assign_coords(axis=["φ", "a, b"]), path)
+    found = scipy.io.loadmat(path, squeeze_me=True)
+    np.testing.assert_array_equal(found["velocity_u03c6"], squeal["velocity"].sel(axis="x"))
+    assert found["units"]["position_au002cu0020b"] == "m"
+
+
 def test_test_software_finds_a_response_for_each_quantity(squeal, tmp_path):
     path = tmp_path / "run.uff"
     export(squeal, path)
