@@ -6,6 +6,7 @@ Samples over time with their units, in SI; events beside them where the format h
 
 import csv
 import io
+import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -36,7 +37,7 @@ def export(run: xr.Dataset, path: str | Path, force: bool = False) -> None:
 
     - `.csv`: a line for each sample, `time (s)` first; the regime by its code, named in the head.
     - `.mat`: a variable for each quantity, `(samples,)`, those of the events, and `units`, of codes
-        what each means.
+        what each means. Letters that MATLAB's names cannot have are numbers: `position_u03c6`.
     - `.uff` or `.unv`: a dataset 58 for each quantity (time response, evenly spaced), each
         coordinate of a system of one's own a point of its own, and what is of the contact, or the
         output, at that of its coordinate, or at one more where it is none's; of modes
@@ -98,7 +99,7 @@ def _csv(run: xr.Dataset, path: Path) -> None:
 
 
 def _mat(run: xr.Dataset, path: Path) -> None:
-    found = columns(run)
+    found = {_identifier(name): column for name, column in columns(run).items()}
     events = {str(n): np.asarray(run[n]) for n in run.data_vars if run[n].dims == ("event",)}
     units = {name: unit for name, (_, unit) in found.items()}
     units |= {name: _unit(run[name]) for name in events}
@@ -107,6 +108,11 @@ def _mat(run: xr.Dataset, path: Path) -> None:
     about = {"title": str(run.attrs.get("title", "")), "units": units}
     with open(path, "wb") as file:  # by its name scipy would add an ending
         scipy.io.savemat(file, held | about, oned_as="column", long_field_names=True)
+
+
+def _identifier(name: str) -> str:
+    """A name as a variable of MATLAB may have it: other letters by their number."""
+    return re.sub(r"\W", lambda letter: f"u{ord(letter[0]):04x}", name, flags=re.ASCII)
 
 
 def _uff(run: xr.Dataset, path: Path) -> None:

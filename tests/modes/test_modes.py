@@ -428,6 +428,7 @@ def test_a_map_is_judged_in_the_order_of_its_sweep_only():
     for changed in (
         simulated.isel(belt_speed=slice(None, None, -1)),
         simulated[{"belt_speed": [1, 2]}],
+        simulated.assign_coords(belt_speed=list(map(str, simulated.belt_speed.values))),
     ):
         with pytest.raises(ValueError, match=r"^the map's values of belt_speed must be those of"):
             beside(found, changed)

@@ -674,6 +674,10 @@ def test_raster_shows_the_regime_over_time(small_map):
     assert "beats" not in plots.regime_raster(ds).figure.get_suptitle()
     ds["label"][:] = codes.LABELS["other"]
     assert "too few for 2928 Hz" in plots.regime_raster(ds).figure.get_suptitle()
+    falls = ds.isel(raster_time=slice(None, None, -1))  # said `every -1 ms`
+    assert "too few for 2928 Hz" in plots.regime_raster(falls).figure.get_suptitle()
+    with pytest.raises(ValueError, match="^raster_time must have values that rise, or fall"):
+        plots.regime_raster(ds.isel(raster_time=[2, 0, 1]))
 
 
 def test_cuts_are_at_the_nearest_cell_and_said(small_map):
@@ -798,6 +802,12 @@ def test_located_borders_are_joined_however_an_axis_is_spaced(tmp_path, monkeypa
     x, y = (ends[..., 0] + 40) / 80, (ends[..., 1] - low) / (high - low)
     located = np.hypot(x - middle[0], y - middle[1])
     assert np.quantile(np.abs(located - radius), 0.9) < 1 / 2**5 / 4
+    with whole.open_map(path) as ds:
+        other = (3.6 * ds["belt_speed"]).assign_attrs(units="km/h")
+        faster = plots.with_borders(ds, found).assign_coords(belt_speed=other)
+        # those of more than the lowest of the other unit were drawn, at a third of their place
+        with pytest.raises(ValueError, match="^belt_speed must be in m/s, as the borders of its"):
+            plots.class_map(faster)
 
 
 def refined_ball(path, radius, levels):

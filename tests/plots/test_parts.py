@@ -145,6 +145,24 @@ def test_maps_that_were_joined_over_texts_are_drawn_for_each_of_them():
         plots.along_axis(stacked, along="case")
 
 
+def test_an_axis_of_laws_or_models_is_not_that_of_the_first_map():
+    """The attributes of joined maps are the first's: `coulomb friction, friction stribeck`."""
+    parts = [a_map(blade={"friction": law}) for law in ("coulomb", "stribeck")]
+    assert "coulomb friction" in heading(plots.class_map(parts[0]))
+    both = xr.concat(parts, xr.Variable("friction", ["coulomb", "stribeck"]))
+    assert "coulomb" not in heading(plots.class_map(both))
+    assert "stribeck" in heading(plots.class_map(both.sel(friction="stribeck")))
+    assert "coulomb" not in heading(plots.class_map(both.sel(friction="stribeck")))
+
+
+def test_a_title_is_no_formula():
+    """Of `$5 and $6` the signs were gone, and what is between them in italics."""
+    title = "costs $5 and $6"
+    drawn = np.ravel(plots.class_map(a_map(title=title)))[0].figure
+    assert drawn._suptitle.get_text().startswith(r"costs \$5 and \$6")
+    assert not matplotlib.cbook.is_math_text(drawn._suptitle.get_text())
+
+
 def test_a_selection_of_nothing_is_refused_by_the_name_of_its_axis():
     falling = a_map().sortby("attack_angle", ascending=False)
     nothing = falling.sel(attack_angle=slice(0, 5))

@@ -410,6 +410,13 @@ def test_a_run_of_one_sample_is_drawn_without_a_warning_and_not_animated(squeal)
             plots.animate(one)
 
 
+def test_a_run_whose_time_falls_is_drawn_by_none(squeal):
+    """Its history had no regimes, its portrait asked for bins that increase."""
+    for draw in (plots.time_history, plots.phase_portrait, plots.run_overview):
+        with pytest.raises(ValueError, match="^the time of the run must rise, but falls; run.sort"):
+            draw(squeal.sortby("time", ascending=False))
+
+
 def test_friction_force_lies_on_the_stribeck_curve(squeal):
     speed = np.linspace(0.01, 2.0, 50)
     law = Stribeck(1.0, 0.3, 0.1, 1.0, 0.02)

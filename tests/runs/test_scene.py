@@ -293,6 +293,12 @@ def test_samples_that_cannot_tell_a_class_are_refused_and_a_heading_has_none(
     assert re.match(f"label       not known: .*{line}", capsys.readouterr().out)
 
 
+def test_a_run_that_was_interpolated_tells_no_class(squeal):
+    """KeyError: 0.567, of a regime between two."""
+    with pytest.raises(ValueError, match="^regime must be whole codes, but had 0.5"):
+        assess(squeal.assign(regime=0 * squeal.regime + 0.5))
+
+
 @pytest.mark.parametrize("part", [slice(None, 0.15), slice(0.15, None), slice(0.12, 0.17)])
 def test_a_cut_run_is_counted_in_the_time_that_its_samples_are_of(squeal, part):
     """Whose motion repeats costs the same a slip in every part of it."""

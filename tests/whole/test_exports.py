@@ -49,6 +49,15 @@ def test_matlab_finds_samples_events_and_units(squeal, tmp_path):
     assert "; 2 slip_neg; " in str(found["units"]["regime_before"])
 
 
+def test_matlab_is_given_names_that_it_can_have(squeal, tmp_path):
+    """A coordinate φ was "'latin-1' codec can't encode"."""
+    path = tmp_path / "run.mat"
+    export(squeal.assign_coords(axis=["φ", "a, b"]), path)
+    found = scipy.io.loadmat(path, squeeze_me=True)
+    np.testing.assert_array_equal(found["velocity_u03c6"], squeal["velocity"].sel(axis="x"))
+    assert found["units"]["position_au002cu0020b"] == "m"
+
+
 def test_test_software_finds_a_response_for_each_quantity(squeal, tmp_path):
     path = tmp_path / "run.uff"
     export(squeal, path)
@@ -156,11 +165,17 @@ def damaged(run):
         "its regime lies along case and time": xr.concat([run, run], "case"),
         "holds no samples over time": run.isel(time=slice(0, 0)),
         "holds no samples": run.isel(time=0),
+        "its time must be in s, but is in ms": run.assign_coords(
+            time=(1e3 * run.time).assign_attrs(units="ms")
+        ),
+        "its regime must be whole codes, but had 0.5": run.assign(regime=0 * run.regime + 0.5),
     }
 
 
 def test_what_was_a_run_is_no_run_for_any(squeal, tmp_path):
-    """Of events along time, too, a sound asked for 26 GiB; the table of an empty run was empty."""
+    """Of events along time, too, a sound asked for 26 GiB; the table of an empty run was empty,
+    that of a run in ms said `time (s)` over its thousands.
+    """
     short = squeal.isel(time=slice(0, 100), event=slice(0, 5)).load()
     for said, ds in damaged(short).items():
         for ask in (sound, plots.time_history, lambda ds: export(ds, tmp_path / "run.csv")):

@@ -27,6 +27,12 @@ def unfit(ds: xr.Dataset) -> str:
         if name in ds and ds[name].dims != own:
             part = "run.sel(time=slice(...)) takes a part of a run, run.where and xr.concat do not"
             return f"its {name} lies along {' and '.join(map(str, ds[name].dims))}: {part}"
+    if (unit := str(ds["time"].attrs.get("units", "s"))) != "s":  # that of its events, too
+        return f"its time must be in s, but is in {unit}"
+    codes = np.asarray(ds["regime"]) if "regime" in ds else np.zeros(1)
+    if codes.dtype.kind == "f" and (between := codes[codes != np.round(codes)]).size:
+        part = "it was averaged or interpolated; run.sel takes whole samples"
+        return f"its regime must be whole codes, but had {between[0]:g}: {part}"
     return ""
 
 

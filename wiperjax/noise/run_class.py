@@ -16,6 +16,7 @@ from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
 from ..vocabulary.kinds import BELT_KINDS, since_reversal, usual_transient
 from ..vocabulary.ranges import FEWEST_SETTLED, Range
 from ..vocabulary.thresholds import FEWEST_PERIODS, Thresholds, silence
+from .class_counts import whole_codes
 from .classes import classify, stored
 from .samples import judged, sample_interval
 from .signals import signal_columns
@@ -211,7 +212,7 @@ def _slips(run: xr.Dataset, start: float, end: float) -> dict[str, float]:
     time = np.asarray(run["time"], dtype=float)
     names = flag_names(run["regime"])
     regime, before, after = (
-        np.array([names[code] for code in np.asarray(run[name]).tolist()], dtype=str)
+        np.array([names[code] for code in whole_codes(run[name]).tolist()], dtype=str)
         for name in ("regime", "regime_before", "regime_after")
     )
     at = np.asarray(run["event_time"], dtype=float)

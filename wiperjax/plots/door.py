@@ -82,6 +82,8 @@ def check_dataset(name: str, value: Any, kind: str, needs: tuple[str, ...]) -> N
         raise ValueError(f"{name} must be {such_as}, but has no {missing[0]}")
     if kind == "run" and (why := unfit(value)):
         raise ValueError(f"{name} must be {such_as}, but {why}")
+    if kind == "run" and float(value["time"][-1]) < float(value["time"][0]):  # without its regimes
+        raise ValueError("the time of the run must rise, but falls; run.sortby('time') sorts it")
 
 
 def check_options(options: Mapping[str, Any]) -> None:

@@ -130,6 +130,9 @@ def _rank(ds: xr.Dataset, name: str, values: np.ndarray) -> np.ndarray:
     is a part of the one that the borders are of.
     """
     axis = np.asarray(ds[name].values, dtype=float)
+    unit, own = (ds[one].attrs.get("units") for one in (PREFIX + name, name))
+    if None not in (unit, own) and unit != own:
+        raise ValueError(f"{name} must be in {unit}, as the borders of its map are, was in {own}")
     if _geometric(ds, name):  # may be negative throughout
         axis, values = np.log(np.abs(axis)), np.log(np.abs(values))
     order = np.argsort(axis)

@@ -212,6 +212,7 @@ def regime_raster(
     """
     if "regime_raster" not in ds:
         raise ValueError("this map holds no regime over time; sweep with [run] raster = 200, say")
+    check_order(ds, "raster_time")
     line, where, along = _line(ds, along, at)
     ax, whole = axes_or_page(ax, (7.0, 5.0))
     codes = line["regime_raster"].transpose(along, "raster_time").values
@@ -234,7 +235,7 @@ def regime_raster(
             words = f"ended before ({', '.join(map(readable, ended))})"
             handles.append(Patch(color=UNKNOWN, label=words))
         legend_below(ax.figure, handles)
-        coarse = _coarse(line, float(np.diff(time).mean()))
+        coarse = _coarse(line, float(np.abs(np.diff(time)).mean()))
         set_caption(ax.figure, ds, where, start_text(ds), coarse)
     return ax
 

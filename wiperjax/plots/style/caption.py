@@ -69,7 +69,8 @@ def _kinds(ds: xr.Dataset) -> list[str]:
     belt = {f"{name}belt": name for name in BELTS}.get(belt.lower(), belt)  # or a class of its own
     model = "" if is_own(ds) else attrs.get("model", BLADES.get(str(attrs.get(SYSTEM)), ""))
     kinds = {"belt": belt, "model": model, "friction": str(attrs.get("friction", ""))}
-    said = {what: kind for what, kind in kinds.items() if kind.lower() not in UNSAID}
+    joined = {*ds.coords, *ds.dims}  # an axis: the attribute is that of the first map alone
+    said = {w: kind for w, kind in kinds.items() if kind.lower() not in UNSAID and w not in joined}
     kinds_said = [f"{kind.rpartition(':')[2]} {what}" for what, kind in said.items()]  # no path
     scalars = [] if kind_of(ds) == "run" else [c for c in ds.coords.values() if not c.ndim]
     return kinds_said + [f"{long_name(c)} {c.item()}" for c in scalars if not is_numeric(c)]
@@ -123,7 +124,7 @@ def set_caption(figure: Figure | SubFigure, ds: xr.Dataset, *notes: str) -> None
     title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", ""))
     lines = [parameters_text(ds), noise_text(ds), *notes, _fault(ds)]
     width = 12.5 * figure.get_figwidth() if isinstance(figure, Figure) else 120
-    title = textwrap.fill(title, int(0.9 * width))
+    title = textwrap.fill(title, int(0.9 * width)).replace("$", r"\$")  # no formula
     text = "\n".join(wrapped(line, width) for line in lines if line)
     figure.suptitle(f"{title}\n{text}" if title and text else title or text, fontsize="medium")
 
