@@ -260,7 +260,7 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan, counted) -> 
     piles = state.regime == Regime.FLIGHT
     for slot in stop_slots(problem.system):
         piles = piles | (state.orders[slot] > 0)
-    piles = piles & (state.time - state.last_event <= floor) & ~stalls
+    piles = piles & (state.time - state.last_event <= floor)
     few = state.position[0].dtype != state.time.dtype  # no shorter step lowers what is rounding
     small = int(Result.TOO_FEW_DIGITS if few else Result.STEP_TOO_SMALL)
     why = jnp.where(piles, int(Result.ZENO_UNRESOLVED), small)

@@ -6,7 +6,9 @@ in it: a second call for a system of the same type does not compile again.
 """
 
 import json
+import time
 from collections.abc import Callable
+from datetime import timedelta
 from functools import partial
 from typing import Any
 
@@ -50,6 +52,7 @@ from .dataset import labelled, with_statistics
 
 EVENTS_AT_ONCE = 1024  # capacity of the log on the device
 STEPS_AT_ONCE = 16384  # about a second: Ctrl-C is heard between
+PATIENCE = 10.0  # s, after which a run says how far it is
 TINY = 1e-4  # of scales that nobody has stated: a motion so small has lost four of its digits
 ROUNDING = 1e-14  # of these: a motion that is none
 FEWEST_SLOTS = 65536  # of the sample buffer: 4 MB
@@ -186,9 +189,15 @@ def _watched(case: Case, check_start: Callable[[int], None]) -> tuple[State, Eve
     state = _begin(case)
     check_start(int(state.result))
     pieces = [_logged(state.log)]  # none yet, and none at all if it ends where it begins
+    begun, told = time.monotonic(), False
     while int(state.result) == RUNNING:
         state = _advance(case.problem, state)
         pieces.append(_logged(state.log))
+        spent = time.monotonic() - begun
+        if not told and spent > PATIENCE:
+            told, done, end = True, float(state.time), float(case.problem.end)
+            rest = timedelta(seconds=round(min(spent * (end / done - 1), 1e12))) if done else "?"
+            log.warning("note: at %.3g of %.3g s; the rest takes %s at this pace", done, end, rest)
     columns: Any = [np.concatenate(column) for column in zip(*pieces, strict=True)]
     return state, EventLog(*columns, count=len(columns[0]))
 
