@@ -189,17 +189,30 @@ def _watched(case: Case, check_start: Callable[[int], None]) -> tuple[State, Eve
     state = _begin(case)
     check_start(int(state.result))
     pieces = [_logged(state.log)]  # none yet, and none at all if it ends where it begins
-    begun, told = time.monotonic(), False
+    pace = None
     while int(state.result) == RUNNING:
         state = _advance(case.problem, state)
         pieces.append(_logged(state.log))
-        spent = time.monotonic() - begun
-        if not told and spent > PATIENCE:
-            told, done, end = True, float(state.time), float(case.problem.end)
-            rest = timedelta(seconds=round(min(spent * (end / done - 1), 1e12))) if done else "?"
-            log.warning("note: at %.3g of %.3g s; the rest takes %s at this pace", done, end, rest)
+        pace = pace or _Pace(float(state.time), float(case.problem.end))  # compiled by now
+        pace.look(float(state.time))
     columns: Any = [np.concatenate(column) for column in zip(*pieces, strict=True)]
     return state, EventLog(*columns, count=len(columns[0]))
+
+
+class _Pace:
+    """Logs once, after `PATIENCE`, how far a run is and what the rest of it takes."""
+
+    def __init__(self, start: float, end: float):
+        self.start, self.end, self.begun, self.told = start, end, time.monotonic(), False
+
+    def look(self, now: float) -> None:
+        spent = time.monotonic() - self.begun
+        if self.told or spent < PATIENCE or now <= self.start:
+            return
+        self.told = True
+        rest = spent * (self.end - now) / (now - self.start)
+        rest = timedelta(seconds=round(min(rest, 1e12)))
+        log.warning("note: at %.3g of %.3g s; the rest takes %s at this pace", now, self.end, rest)
 
 
 def _logged(log: EventLog) -> list[np.ndarray]:
