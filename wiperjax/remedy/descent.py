@@ -63,9 +63,9 @@ def descend(
     checks.choice("measure", measure, MEASURES)
     step = checks.number("step", step, Range(1e-6, 1))
     most = checks.whole("most", most, Range(1, 10**6, whole=True))
+    settle = None if settle is None else checks.number("settle", settle, POSITIVE)
     shooting_of(cycle)
     settle = max(SETTLE, PERIODS * cycle.period) if settle is None else settle
-    settle = checks.number("settle", settle, POSITIVE)
     share = box.shares_of(cycle.system)
     if np.any(outside := (share < 0) | (share > 1)):
         worst = box.names[int(np.argmax(outside))]
