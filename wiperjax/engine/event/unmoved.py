@@ -8,7 +8,6 @@ slower than the motion.
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
 from ...contact.guards import JAM
@@ -25,8 +24,25 @@ def unmoved(problem: Problem, state: State) -> State:
     """Return ``state`` with the derivative of the time of such an event where one is due.
 
     One at the instant of another is where that is: it moves with it, whatever its own guard does.
-    So does one at the very start of a motion.
+    So does one at the very start of a motion. Costs nothing but where derivatives are taken.
     """
+    time, q, v, observed = _as_they_are(problem, state)
+    return state._replace(time=time, position=q, velocity=v, observed=observed)
+
+
+@eqx.filter_custom_jvp
+def _as_they_are(problem: Problem, state: State):
+    return state.time, state.position, state.velocity, state.observed
+
+
+@_as_they_are.def_jvp
+def _as_they_move(primals, tangents):
+    _, changes = eqx.filter_jvp(_moved, primals, tangents)
+    return _as_they_are(*primals), changes
+
+
+def _moved(problem: Problem, state: State):
+    """Time, position, velocity and record of a ``state`` at the event that is due."""
     system = problem.system.on_piece(state.piece).on_sides(state.sides)
     t, q, v, still = state.time, state.position, state.velocity, jnp.zeros_like(state.time)
     due = (state.due >= 0) & (state.streak == 1) & (state.time > state.last_event)
@@ -55,22 +71,4 @@ def unmoved(problem: Problem, state: State) -> State:
     )
     # where statistics begin with it, the stretch behind it counts what is in front of that
     counts = due & (t != problem.mark)
-    seen = gathered(problem.observer, "stretch", state.observed, stretch, counts)
-    there = (t, q, v, state.observed)
-    time, q, v, observed = jax.tree.map(_changing_like, there, (*moved, seen))
-    return state._replace(time=time, position=q, velocity=v, observed=observed)
-
-
-def _changing_like(value, other):
-    """Return ``value`` with the derivative of ``other``, computed only where one is taken."""
-    return _with_derivative(value, other) if eqx.is_inexact_array(value) else value
-
-
-@jax.custom_jvp
-def _with_derivative(value, other):
-    return value
-
-
-@_with_derivative.defjvp
-def _of_other(given, tangents):
-    return given[0], tangents[1]
+    return *moved, gathered(problem.observer, "stretch", state.observed, stretch, counts)
