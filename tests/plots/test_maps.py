@@ -584,6 +584,15 @@ def test_speeds_of_an_overview_have_the_colours_of_what_is_heard(small_map):
     assert ax.collections[0].get_clim() == pytest.approx((0.2, 0.5))
 
 
+def test_speeds_of_quiet_cells_alone_have_a_scale_of_their_own(small_map):
+    """It was that of frequencies, 10 to 1000, as m/s."""
+    speed = xr.zeros_like(small_map["velocity_rms"]) + 2e-3 * small_map["belt_speed"]
+    quiet = xr.full_like(small_map["label"], codes.LABELS["quiet"])
+    figure = plots.map_overview(small_map.assign(velocity_rms=speed, label=quiet))
+    (ax,) = (ax for ax in figure.axes if ax.get_title().startswith("tip velocity"))
+    assert ax.collections[0].get_clim()[1] == pytest.approx(float(speed.max()))
+
+
 def test_what_stands_still_is_not_drawn_as_a_cell_without_a_number(small_map):
     """Cells that stuck all the time, of a speed of exactly zero, were grey among black ones."""
     speed = small_map["velocity_rms"].copy(data=np.full(small_map["label"].shape, 0.3))
@@ -662,8 +671,9 @@ def test_raster_shows_the_regime_over_time(small_map):
     values = plots.regime_raster(ds, along="attack_angle").collections[0].get_array()
     assert values.shape == (17, 4) and (values[0] == 4).all()  # beside the four regimes: grey
     ds["label"][0] = codes.LABELS["collapsed"]
-    figure = plots.regime_raster(ds, along="attack_angle").figure
-    assert "ended before (collapsed)" in _texts(figure)
+    ax = plots.regime_raster(ds, along="attack_angle")
+    assert "ended before (collapsed)" in _texts(ax.figure)
+    assert ax.get_xlim() == pytest.approx((0.0, 35.0))  # ms; began at -5
     np.testing.assert_array_equal(values[1:], regimes[1:, 1, 4])
     assert plots.class_map(ds).shape == (3,)  # the instants are no axis of the cells
     with pytest.raises(ValueError, match="not one number a cell: it has one for each raster_time"):

@@ -224,7 +224,8 @@ def regime_raster(
     values = np.select([codes == code for code in order], range(len(order)), len(order))
     values = np.ma.masked_array(values, np.isnan(codes))  # of cells that `ds.where` took out
     up = edges(shown(line[along])[0])
-    ax.pcolormesh(time, up, values, cmap=colours, norm=borders, rasterized=True)
+    begun = time.clip(min=0.0)  # nothing was seen before the window
+    ax.pcolormesh(begun, up, values, cmap=colours, norm=borders, rasterized=True)
     set_axis(ax, "y", line[along])
     ax.set_xlabel("time in the settled window (ms)")
     if whole:

@@ -48,6 +48,7 @@ def map_overview(
     fraction_map(ds, "stick", axes[1], x=x, y=y, at=at)
     plane = cut(ds, (x, y), at)[0]
     loud = told(plane, "velocity_rms").where(plane["label"] != LABELS["quiet"])
+    heard = np.ma.masked_invalid(loud)
     value_map(
         ds,
         "velocity_rms",
@@ -55,7 +56,7 @@ def map_overview(
         x=x,
         y=y,
         at=at,
-        norm=tones(np.ma.masked_invalid(loud)),
+        norm=tones(heard) if heard.count() else None,  # of quiet cells alone: as they are
         cmap="magma",
         title=f"{moving(ds)} (std)",
     )
