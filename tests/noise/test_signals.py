@@ -76,6 +76,16 @@ def test_strokes_are_judged_without_the_reversal():
     assert found["settled"][2] == SETTLED["yes"]
 
 
+def test_the_strongest_tone_of_a_stroke_is_told_wherever_the_window_begins():
+    """A window of one period, whose ends are as good as its middle: the motion goes round."""
+    since = TIME - np.round(TIME)  # V = 0 at 0, 1, 2 s: a belt of 0.5 Hz
+    squeal = np.where((TIME > 0.05) & (TIME < 0.4), tone(700), 0.0)
+    weaker = np.where((TIME > 0.7) & (TIME < 0.95), tone(900, 0.6), 0.0)
+    moved = [np.roll(squeal + weaker, TIME.size // 2 * k) for k in (0, 1)]
+    found = columns(*moved, since=since, wiping=0.5)
+    assert found["dominant_frequency"] == pytest.approx([700, 700], abs=0.5)
+
+
 @pytest.mark.parametrize("samples", [4096, 32768])
 @pytest.mark.parametrize("wiping", [0.7, 4.0, 7.6])
 def test_the_level_of_strokes_is_that_of_their_tone(wiping, samples):

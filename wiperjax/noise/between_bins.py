@@ -1,10 +1,10 @@
 """A spectrum between its bins, from few of them.
 
-A Hann window ends at zero, so a transform that is padded to four times its length is smooth: over
-one bin its phase, told from the middle of the window, turns by 45 degrees at most. There a
-polynomial of degree `DEGREE` through `REACH` bins on either side is as good as the sum over all
-samples (to 3e-8 of a line's height, by least squares over all that a window may hold), and Newton's
-method on it costs a hundredth.
+A transform that is padded to four times its length is smooth: over one bin its phase, told from the
+middle of the window, turns by 45 degrees at most. There a polynomial of degree `DEGREE` through
+`REACH` bins on either side is as good as the sum over all samples (to 3e-8 of a line's height under
+a Hann window, which ends at zero, to 3e-7 without, by least squares over all that a window may
+hold), and Newton's method on it costs a hundredth.
 """
 
 from functools import lru_cache
@@ -29,15 +29,16 @@ class Bins(NamedTuple):
 
     @classmethod
     @lru_cache(maxsize=512)  # tones are of any length
-    def of(cls, samples: int, averaged: bool, precision: str) -> "Bins":
-        """Bins of signals of so many `samples`; `averaged` over their intervals, or not."""
+    def of(cls, samples: int, averaged: bool, precision: str, faded: bool = False) -> "Bins":
+        """Bins of signals of so many `samples`; `averaged` over their intervals, or not; under a
+        Hann window, or all alike where they are `faded` already."""
         length = int(scipy.fft.next_fast_len(PADDING * samples, real=True) or 0)
-        window = np.hanning(samples + 2)[1:-1].astype(precision)
+        window = (np.ones(samples) if faded else np.hanning(samples + 2)[1:-1]).astype(precision)
         response = None
         if averaged:
             place = np.arange(length // 2 + 1) / length  # cycles per sample
             response = (np.sinc(place) ** 2).astype(precision)
-        return cls(samples, window, length, response, _polynomial(samples, length))
+        return cls(samples, window, length, response, _polynomial(samples, length, faded))
 
     @property
     def resolution(self) -> float:
@@ -45,12 +46,12 @@ class Bins(NamedTuple):
         return self.length / self.samples
 
 
-def _polynomial(samples: int, length: int) -> np.ndarray:
+def _polynomial(samples: int, length: int, faded: bool) -> np.ndarray:
     """`Bins.polynomial`, by least squares over tones in the place of time, as loud as the window
     lets them be, at a bin or less from the middle one.
     """
     turn = np.pi * samples / length * np.linspace(-1, 1, 401)
-    loud = np.cos(0.5 * np.linspace(-np.pi, np.pi, 401)) ** 2
+    loud = np.ones(401) if faded else np.cos(0.5 * np.linspace(-np.pi, np.pi, 401)) ** 2
     bins = np.arange(-REACH, REACH + 1)
     wanted = np.cos(np.pi * (np.arange(32) + 0.5) / 32)
 

@@ -83,8 +83,9 @@ def signal_columns(
         # halves of a window compare if each holds whole periods
         periods = wiping * interval * signal.shape[1] / 2
         halves_agree = (np.round(periods) >= 1) & (np.abs(periods - np.round(periods)) < 1e-6)
+    faded = since is not None  # by `_strokes`, the ends of the window too
     found["dominant_frequency"], told = strongest_lines(
-        signal, interval, averaged=True, inner=inner
+        signal, interval, averaged=True, inner=inner, faded=faded
     )
     found["frequency_told"] = np.where(told, TOLD["yes"], TOLD["no"])
     pitch = found["dominant_frequency"]

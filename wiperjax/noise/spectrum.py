@@ -3,7 +3,9 @@
 How it is found. The mean is removed, the signal is weighted with a Hann window and its spectrum is
 taken with zero padding, so that two lines are compared at (nearly) their true heights: on the bare
 bins the Hann window loses up to 1.4 dB between bins, enough to prefer the second harmonic of a
-narrow pulse train to its fundamental. The STRONGEST LINE is then the highest local maximum that
+narrow pulse train to its fundamental. (Strokes have faded ends already, and all weigh alike: on a
+belt that turns twice in the window Hann's would hear the middle one alone, and of one motion tell
+another tone wherever the window begins.) The STRONGEST LINE is then the highest local maximum that
 lies at `minimum_cycles` cycles per window or above; slower motion cannot be told from drift. Where
 that is so much larger that the line may be one of its side lobes in the window, or an overtone, the
 line has to stand out of what lies beside it. Its place is refined by a parabola and then by
@@ -76,6 +78,7 @@ def strongest_lines(
     *,
     averaged: bool = False,
     inner: Any = None,
+    faded: bool = False,
     minimum_cycles: float = 1.5,
 ) -> Lines:
     """Strongest spectral line of each signal, and whether the samples tell it.
@@ -90,6 +93,7 @@ def strongest_lines(
         instants nothing is known but the samples: they tell all that they seem to.
     - `inner`: variance inside the intervals, shape (..., samples), or its mean, (..., 1); None
         where there is none.
+    - `faded`: the signal vanishes at its ends, and wherever it is cut, and needs no weight.
     - `minimum_cycles`: lines with fewer cycles in the window than this are not looked for.
 
     Returns: `Lines` of shape (...,). Those of a signal do not depend on its neighbours, to the bit.
@@ -112,7 +116,7 @@ def strongest_lines(
         inner = np.asarray(inner, dtype=float)
         width = inner.shape[-1] if inner.ndim else 1
         hidden = np.broadcast_to(inner, (*signal.shape[:-1], width)).reshape(-1, width)
-    bins = Bins.of(samples, averaged, flat.dtype.name)
+    bins = Bins.of(samples, averaged, flat.dtype.name, faded)
     rows = max(1, CHUNK // bins.length)
     found = [
         _strongest(flat[part], None if hidden is None else hidden[part], bins, minimum_cycles)
