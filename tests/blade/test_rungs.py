@@ -20,6 +20,7 @@ from wiperjax.contact.friction import Stribeck
 from wiperjax.contact.regimes import forces, vector_field
 from wiperjax.contact.space import contact
 from wiperjax.maps import compare_rungs
+from wiperjax.noise.class_counts import lifted_count
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import SpecError, load_scene, parse_scene, parse_sweep
 from wiperjax.vocabulary.kinds import MODELS
@@ -69,6 +70,7 @@ def test_a_bar_that_would_lift_off_slides_freely():
     assert bar.constraint_force(t, q, fast) < 0
     assert bar.normal_force(t, q, fast) == pytest.approx(1e-6 * 15)
     assert bar.switches(t, q, fast)[-1] < 0 < bar.switches(t, q, (jnp.asarray(-0.3),))[-1]
+    assert bar.on_sides((1.0, -1.0)).lifted and not bar.on_sides((-1.0, 1.0)).lifted
 
 
 def test_a_bar_keeps_its_side_of_the_corner_where_it_begins_to_slide_freely():
@@ -282,6 +284,27 @@ def test_a_sweep_on_the_bar_gives_the_map_of_the_lip(steady_scenes):
         assert bar["final_y"] == 0 and bar["lift_off_count"] == 0
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("belt", [{}, {"kind": "wiping", "amplitude": 0.5, "frequency": 5.0}])
+def test_a_map_of_the_bar_says_where_the_lip_would_leave_the_glass(belt):
+    """Its flight was 0 everywhere, its mechanism another than the lip's, and nobody was told."""
+    axes = {
+        "attack_angle": {"values": [-30.0, 0.0]},
+        "normal_load": {"values": [1.0, 2.0, 15.0]},
+    }
+    asked = {"axes": axes, "belt": belt, "run": {"transient": 0.2, "window": 0.2}}
+    bar, lip = (
+        wiperjax.sweep({**asked, "model": model}, progress=False) for model in ("bar", "lip")
+    )
+    flies = lip.flight_fraction > 0
+    assert 0 < flies.sum() < flies.size
+    np.testing.assert_array_equal(bar.flight_fraction > 0, flies)
+    assert lifted_count(bar) == flies.sum() and lifted_count(lip) is None
+    np.testing.assert_array_equal(bar.mechanism.where(~flies), lip.mechanism.where(~flies))
+    shares = bar.stick_fraction + bar.slip_fraction + bar.flight_fraction
+    np.testing.assert_allclose(shares, 1, rtol=1e-12)
+
+
 # --- the table ------------------------------------------------------------------------------------
 
 
@@ -327,6 +350,13 @@ def test_a_reversal_is_judged_by_its_forces():
     assert not compare_rungs._judged(replace(near, ratio=4.5), lip).suffices
     quiet = rung("lip", label="quiet", amplitude=1e-9)
     assert compare_rungs._judged(rung("bar", label="quiet", amplitude=1e-7), quiet).suffices
+
+
+def test_a_bar_that_is_held_where_the_lip_flies_does_not_suffice():
+    flies = {"label": "chattering", "mechanism": "flight", "band": "chatter"}
+    lip, bar, hinged = (rung(model, **flies) for model in ("lip", "bar", compare_rungs.HINGED))
+    judged = [compare_rungs._judged(each, lip).suffices for each in (lip, bar, hinged)]
+    assert judged == [True, False, True]
 
 
 def test_what_fails_as_the_lip_fails_does_not_suffice():

@@ -827,6 +827,17 @@ def test_why_cells_of_a_map_failed_is_told(result, line, capsys):
     assert not capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("model", "told"), [("bar", True), ("lip", False)])
+def test_where_a_bar_is_held_on_the_glass_is_told(model, told, capsys):
+    ds = xr.Dataset(
+        {"label": ("speed", [1, 1, 0]), "flight_fraction": ("speed", [1e-3, 0.5, 0.0])},
+        attrs={"model": model},
+    )
+    tables.print_open(ds)
+    line = "lifted       2 cells: held on the glass where the lip would leave it; "
+    assert capsys.readouterr().out.startswith(line) == told
+
+
 @pytest.mark.parametrize(
     ("label", "frequency", "told", "sticks", "word"),
     [

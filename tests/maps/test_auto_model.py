@@ -82,6 +82,19 @@ def test_one_cell_of_a_probe_that_differs_is_enough():
     assert said in chosen.choice["model_choice"]
 
 
+def test_a_model_that_is_held_where_it_would_fly_is_not_the_lip():
+    """Its numbers may be near those of the lip there, by chance."""
+
+    def flies(spec, index, *look):
+        columns = evaluate(spec, index, *look)
+        columns["result"] = np.full(len(index), RESULTS["finished"])
+        return columns | {"flight_fraction": np.full(len(index), 0.02 * (spec.model != "block"))}
+
+    chosen = on_chosen_model(auto(), evaluate=flies)
+    probe = json.loads(chosen.choice["model_probe"])
+    assert chosen.model == "lip" and probe["bar"]["renamed"] == probe["cells"]
+
+
 @pytest.mark.parametrize(("failing", "model"), [(0.3, "block"), (0.6, "lip")])
 def test_a_cell_in_which_the_lip_fails_is_no_evidence(failing, model):
     """The poorer rungs tell something there, or fail as well: both say nothing of them."""
@@ -113,7 +126,8 @@ def test_no_agreement_is_stated_of_what_nothing_was_compared_of():
 
     chosen = on_chosen_model(auto(), evaluate=silent)
     count = len(probe_cells(auto()))
-    words = f"block: as the lip in all {count} cells of a probe ({count} quiet)"
+    words = f"block: as the lip in all {count} cells of a probe ({count} quiet), so in "
+    words += "91.1 % of the map or more, 95 % sure"
     assert chosen.choice["model_choice"] == words
     probe = json.loads(chosen.choice["model_probe"])
     assert probe["quiet"] == count and probe["block"]["amplitude"] is None

@@ -20,7 +20,8 @@ class Bar(OnBelt):
 
     m x'' = f_t + lambda_t with the moment, support force and friction of ``lip``. As long as the
     normal force stays positive this is the lip's own motion, not an approximation to it. Where the
-    lip would lift off the bar is pressed by `LEAST_LOAD` of N0, that is, slides freely.
+    lip would lift off the bar is pressed by `LEAST_LOAD` of N0, that is, slides freely, and
+    statistics call it flight (`lifted`).
     """
 
     unilateral: ClassVar[bool] = False
@@ -41,6 +42,10 @@ class Bar(OnBelt):
     @property
     def law(self) -> AbstractFriction:
         return self.lip.law
+
+    @property
+    def lifted(self):
+        return False if self.sides is None else self.sides[-1] <= 0
 
     def _free(self, t, q, v):
         """Accelerations of the lip's tip (x, y) on the glass without contact force."""

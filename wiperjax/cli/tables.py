@@ -67,7 +67,7 @@ def print_classes(dataset: Any) -> None:
 
 def print_open(dataset: Any) -> None:
     """How many answers of a map are not the last word: failed, no frequency, no settled motion."""
-    from ..noise.class_counts import failures, unsettled_count, untold_count
+    from ..noise.class_counts import failures, lifted_count, unsettled_count, untold_count
     from ..vocabulary.codes import ADVICE, RESULTS, Result
 
     for name, count in failures(dataset):
@@ -81,6 +81,9 @@ def print_open(dataset: Any) -> None:
     if lost := unsettled_count(dataset):
         why = "growing, dying, irregular or of too few periods"
         print(f"not settled  {lost} {counted(dataset, lost)}: {why}")
+    if lifted := lifted_count(dataset):
+        why = "held on the glass where the lip would leave it; sweep --model lip has its motion"
+        print(f"lifted       {lifted} {counted(dataset, lifted)}: {why}")
 
 
 def print_anatomy(dataset: Any) -> None:

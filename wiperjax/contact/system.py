@@ -62,6 +62,12 @@ class AbstractSystem(eqx.Module):
         return self.unilateral and self.law is not None
 
     @property
+    def lifted(self) -> Scalar:
+        """Whether a bilateral contact is on the side of its switches (`on_sides`) where it would
+        open if it were not held: statistics count that as flight."""
+        return False
+
+    @property
     def law(self) -> AbstractFriction | None:
         """Friction law, or None for a frictionless contact (its slip is reported as SLIP_POS);
         that of the field ``friction``, unless overridden."""

@@ -4,7 +4,8 @@ The cells of a probe are spread over the grid as the digest of the specification
 same sweep is always given the same model. All rungs compute them; the poorest whose every cell is
 the lip's, within the tolerances of `noise.agreement`, computes the map. Cells in which the lip
 fails tell nothing; where they are most of the probe, it is the lip. From then on the sweep is that
-of this model, as if a person had named it, and its attributes say why.
+of this model, as if a person had named it, and its attributes say why. What a probe misses, a map
+of the bar tells by itself where the lip would leave the glass (`noise.class_counts.lifted_count`).
 """
 
 import json
@@ -21,7 +22,7 @@ from ..noise.agreement import Differences, Said, differences, said
 from ..specs.errors import SpecError
 from ..store import manifest
 from ..store.whole import open_map
-from ..vocabulary.codes import LABELS
+from ..vocabulary.codes import LABELS, NOT_COMPUTED
 from ..vocabulary.kinds import AUTO, MODELS
 from .block import Evaluate
 from .computing import Blocks, computing
@@ -30,6 +31,7 @@ from .refine.points import Points
 
 FEWEST, MOST = 5, 7  # binary digits of the number of cells in a probe: 32 to 128
 SHARE = 32  # one of so many cells in between
+DOUBT = 0.05  # probability that more of the map is unlike the lip than is said
 *POORER, LIP = MODELS
 CHOICE, PROBE = "model_choice", "model_probe"  # attributes of the map
 
@@ -150,7 +152,7 @@ def _chosen(spec: Any, blocks: Blocks, here: bool) -> Any:
     probed = {name: found._asdict() for name, found in unlike.items()}
     probed |= {name: {"refused": why} for name, why in refused.items()}
     attributes = {
-        CHOICE: _words(model, unlike, refused, seen),
+        CHOICE: _words(model, unlike, refused, seen, spec.size),
         PROBE: json.dumps(seen._asdict() | probed, sort_keys=True),
     }
     return spec.on(model, attributes)
@@ -162,15 +164,19 @@ def _probe(spec: Any, cells: np.ndarray) -> Points:
 
 
 def _said(probe: Points, blocks: Blocks) -> Said:
-    """What a model says of the cells of a probe."""
+    """What a model says of the cells of a probe; one that is held on the glass is no lip where it
+    would leave it, however near its numbers are.
+    """
     (block,) = blocks(probe, {0: (0, probe.size)})
-    return said(block.columns)
+    found = said(block.columns)
+    held = probe.model != LIP and block.columns["flight_fraction"] > 0
+    return found._replace(mechanism=np.where(held, NOT_COMPUTED, found.mechanism))
 
 
 def _words(
-    model: str, unlike: Mapping[str, Unlike], refused: Mapping[str, str], seen: Probed
+    model: str, unlike: Mapping[str, Unlike], refused: Mapping[str, str], seen: Probed, size: int
 ) -> str:
-    """What was chosen and at what disagreement, in one line."""
+    """What was chosen and at what disagreement, in one line; `size`: cells of the map."""
     parts = []
     if seen.told < seen.failed:
         cells = f"{seen.failed} of {seen.cells} cells of a probe"
@@ -178,7 +184,11 @@ def _words(
     for name, found in unlike.items():
         if name == model:
             within = _within(found, seen)
-            parts.insert(0, f"as the lip in all {seen.told} cells of a probe ({within})")
+            alike = f"as the lip in all {seen.told} cells of a probe ({within})"
+            if seen.cells < size:
+                share = f"{100 * DOUBT ** (1 / seen.told):.3g} % of the map or more"
+                alike += f", so in {share}, {100 * (1 - DOUBT):.0f} % sure"
+            parts.insert(0, alike)
             break  # richer ones were not needed
         if found.differing:
             named = f"{found.renamed} by another name"

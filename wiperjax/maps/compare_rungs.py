@@ -1,7 +1,8 @@
 """Which rung of the ladder does a scene need? Every rung is run, assessed and timed.
 
 A rung suffices if it says what the lip says: the same class, mechanism and band, and frequency and
-amplitude within a stated tolerance; for a reversal, the same ratio of forces too.
+amplitude within a stated tolerance; for a reversal, the same ratio of forces too. One that is held
+on the glass where it would fly does not, however near it is.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -124,7 +125,8 @@ bar cannot stand for it). Formulas: `wiperjax/blade/`.
 
 A model suffices if it says what the lip says: class, mechanism and band the same, frequency
 within {FREQUENCY:.0%} and amplitude within {AMPLITUDE:.0%}; for a reversal force ratio and
-vibration within {AMPLITUDE:.0%}. The poorest that does is in bold. Any scene or sweep runs on it
+vibration within {AMPLITUDE:.0%}. A bar of the mechanism flight is held on the glass that the lip
+leaves, and does not suffice. The poorest that does is in bold. Any scene or sweep runs on it
 with `--model` (or `model = "bar"` in the file); `wiperjax sweep --model auto` has a probe of some
 cells choose (`docs/maps.md`, also for what a rung costs in a batch).
 
@@ -230,7 +232,8 @@ def _run(name: str, model: str, spec: SceneSpec | None) -> Rung:
 def _judged(rung: Rung, lip: Rung) -> Rung:
     suffices = rung.model == "lip"
     if not suffices and rung.label != REFUSED:
-        suffices = bool(differences(_said(rung), _said(lip)).tolerated)
+        held = rung.model in MODELS and rung.mechanism == "flight"
+        suffices = bool(differences(_said(rung), _said(lip)).tolerated) and not held
     return replace(rung, share=rung.seconds / lip.seconds, suffices=suffices)
 
 

@@ -110,6 +110,15 @@ def unsettled_count(ds: xr.Dataset) -> int:
     return int(unsettled(ds).sum())
 
 
+def lifted_count(ds: xr.Dataset) -> int | None:
+    """Number of cells of a map of the bar in which the lip would leave the glass, on which the bar
+    is held; None of a map of another model.
+    """
+    if ds.attrs.get("model") != "bar" or "flight_fraction" not in ds:
+        return None
+    return int((ds["flight_fraction"] > 0).sum())
+
+
 def share_error(count: Any, of: int) -> np.ndarray:
     """Standard error of a share, `count` seen among `of` independent ones.
 

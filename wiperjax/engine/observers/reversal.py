@@ -11,10 +11,9 @@ from ...numerics.elementary import horner, larger, smaller
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
 from ...vocabulary import checks
-from ...vocabulary.codes import Regime
 from ...vocabulary.ranges import FINITE, NON_NEGATIVE
 from .base import AbstractObserver, Stretch, higher, highest, is_hit, led, outputs
-from .totals import RegimeTotals, Totals
+from .totals import RegimeTotals, Totals, counts_as
 
 
 class ReversalRecord(NamedTuple):
@@ -64,7 +63,7 @@ class ReversalTotals(AbstractObserver):
         step = s.step.astype(dtype)
         force = [node.forces.normal for node in s.nodes]
         load, squares = quartic.powers(force), quartic.powers([x * x for x in outputs(s)])
-        windows = self._windows(s)
+        windows, (sticks, _, flies) = self._windows(s), counts_as(s)
 
         def within(coefficients, parts):
             """Integral over parts of the step."""
@@ -91,8 +90,8 @@ class ReversalTotals(AbstractObserver):
             higher(record.force_max_reversal, peak),
             record.force_integral_stroke + counted(s.integral(force) - within(load, near)),
             record.stroke_time + stroke,
-            record.stick_time_stroke + jnp.where(s.regime == Regime.STICK, stroke, 0.0),
-            record.flight_time_stroke + jnp.where(s.regime == Regime.FLIGHT, stroke, 0.0),
+            record.stick_time_stroke + jnp.where(sticks, stroke, 0.0),
+            record.flight_time_stroke + jnp.where(flies, stroke, 0.0),
             record.impulse_max_reversal,
             record.vibration_integral + counted(within(squares, after)),
             record.vibration_time + counted(within(one, after)),

@@ -89,15 +89,14 @@ class RegimeTotals(AbstractObserver):
         force = [node.forces.normal for node in s.nodes]
         highest, widest = extremes(s)
         friction = [stop_gradient(abs(node.forces.tangential)) for node in s.nodes]
-        sticks = s.regime == Regime.STICK
-        slips = (s.regime == Regime.SLIP_POS) | (s.regime == Regime.SLIP_NEG)
+        sticks, slips, flies = counts_as(s)
 
         def integral(values):
             return jnp.where(counts, s.integral(values), 0.0)
 
         return record._replace(
             stick_time=record.stick_time + jnp.where(sticks, h, 0.0),
-            flight_time=record.flight_time + jnp.where(s.regime == Regime.FLIGHT, h, 0.0),
+            flight_time=record.flight_time + jnp.where(flies, h, 0.0),
             slip_time=record.slip_time + jnp.where(slips, h, 0.0),
             output_integral=record.output_integral + integral(out),
             output_square_integral=record.output_square_integral + integral([x * x for x in out]),
@@ -153,6 +152,18 @@ class RegimeTotals(AbstractObserver):
             + count((e.before == Regime.STICK) & (slip_sign(e.after) != 0)),
             impulse_max=jnp.where(hit, higher(record.impulse_max, e.impulse), record.impulse_max),
         )
+
+
+def counts_as(stretch) -> tuple[Scalar, Scalar, Scalar]:
+    """Whether a stretch counts as stick, as slip and as flight; that of a held contact that would
+    open does as flight, whatever the regime in which it is held.
+    """
+    regime, lifted = stretch.regime, stretch.there[0].lifted
+    sticks, flies = regime == Regime.STICK, regime == Regime.FLIGHT
+    slips = (regime == Regime.SLIP_POS) | (regime == Regime.SLIP_NEG)
+    if lifted is False:
+        return sticks, slips, flies
+    return sticks & ~lifted, slips & ~lifted, flies | lifted
 
 
 def _powers(stretch) -> list[Scalar]:
