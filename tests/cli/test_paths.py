@@ -473,7 +473,7 @@ def test_modes_of_new_files_are_those_of_the_process(folder):
     assert stat.S_IMODE(os.stat("m.h5").st_mode) == 0o640
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_picture_of_a_map_goes_with_it_where_it_may_be_replaced(folder, monkeypatch, capsys):
     """Once the new map is finished nobody knows that it was: a refinement may be stopped after."""
 
