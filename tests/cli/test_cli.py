@@ -79,7 +79,10 @@ class Stubs:
             "maps.verify": {"verify": self.verify},
             "runs.scene": {"run_scene": self.simulate},
             "plots": {"plot_file": self.plot_file, "plot_all": self.plot_all},
-            "plots.files": {"usual_of_file": lambda path: "overview"},
+            "plots.files": {
+                "usual_of_file": lambda path: "overview",
+                "is_usual_of": lambda spec, path: False,
+            },
         }
         for name, contents in pieces.items():
             module = types.ModuleType(f"wiperjax.{name}")
@@ -354,10 +357,13 @@ def test_ctrl_c_beside_the_blocks_says_how_to_go_on_where_anything_is_kept(folde
     assert again.split() == "wiperjax sweep s.toml -o m.h5 --model bar --resume".split()
 
 
-def test_ctrl_c_in_a_refinement_says_how_to_go_on(folder, monkeypatch, capsys):
+@pytest.mark.parametrize("told", ["", "interrupted: points are kept; go on with the same command"])
+def test_ctrl_c_in_a_refinement_says_how_to_go_on(told, folder, monkeypatch, capsys):
+    """By the very words: those of a sweep that was forced would begin anew."""
+
     def stopped(path, **options):
         Path("m.h5.refine").mkdir()
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(told)
 
     words = ["refine", "m.h5", "--levels", "2"]
     module = types.ModuleType("wiperjax.maps.refine.driver")

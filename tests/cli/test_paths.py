@@ -471,3 +471,29 @@ def test_modes_of_new_files_are_those_of_the_process(folder):
     finally:
         os.umask(before)
     assert stat.S_IMODE(os.stat("m.h5").st_mode) == 0o640
+
+
+@pytest.mark.long
+def test_the_picture_of_a_map_goes_with_it_where_it_may_be_replaced(folder, monkeypatch, capsys):
+    """Once the new map is finished nobody knows that it was: a refinement may be stopped after."""
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    refining = sys.modules["wiperjax.cli.refine"]  # the name is that of the command
+    made("m.h5")
+    made("m.png")
+    monkeypatch.setattr(refining, "run", stopped)
+    assert sweep("--force", "--refine", "1") == 130
+    assert not Path("m.png").exists()
+    monkeypatch.setattr(refining, "run", lambda *_: None)
+    assert sweep("--resume", "--refine", "1") == 0
+    drawn = Path("m.png").read_bytes()
+    monkeypatch.setattr(refining, "run", stopped)
+    assert sweep("--resume", "--refine", "1") == 130
+    assert Path("m.png").read_bytes() == drawn  # of this map
+    made("m.png")
+    capsys.readouterr()  # what may not be replaced is said before hours are spent
+    line = said(capsys, "sweep s.toml -o m.h5 --resume --refine 1")
+    assert line.startswith("m.png: exists already")
+    assert Path("m.png").read_bytes() == b"precious"

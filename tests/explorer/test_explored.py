@@ -71,6 +71,26 @@ def test_a_port_that_is_taken_is_named(tmp_path, monkeypatch, capsys):
     )
 
 
+@pytest.mark.parametrize(
+    ("host", "shown"),
+    [
+        ("localhost", "localhost"),
+        ("0.0.0.0", "127.0.0.1"),
+        ("::1", "[::1]"),
+        ("::", "[::1]"),  # there 127.0.0.1 does not answer
+    ],
+)
+def test_the_address_that_is_shown_is_one_that_a_browser_opens(host, shown, whole, monkeypatch):
+    monkeypatch.setattr(server, "bind_sockets", lambda host, port: ([], 5006))
+    loop = IOLoop()  # made current
+    try:
+        served, address = server.serve(replace(whole, spec=None), host)
+        served.stop()
+    finally:
+        loop.close(all_fds=True)
+    assert address == f"http://{shown}:5006/"
+
+
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_ctrl_c_that_a_callback_drops_ends_the_server():
     loop = IOLoop()

@@ -116,6 +116,8 @@ def sweep(
         print_map(dataset)
     print(f"map      {output}: {cost(output, begun)}")
     print_phases(dataset)
+    if drawing is not None:
+        make_way(drawing, spec, redraw, file)
     if finer is not None:
         from .refine import run
 
@@ -194,13 +196,24 @@ def check_map_and_picture(
     if drawing is None:
         return redraw
     if resume and not redraw and drawing.is_file():
-        from ..plots.catalogue import usual_of_map
-        from ..plots.files import subject, subject_of
+        from ..plots.files import is_usual_of
 
-        redraw = subject_of(drawing) == subject(usual_of_map(spec.shape), spec.digest())
-    if not there:  # else little is computed before the picture's own look
+        redraw = is_usual_of(spec, drawing)
+    if not there:  # else the map's own look comes first, then `make_way`
         check_target(drawing, STILLS, redraw, file)
     return redraw
+
+
+def make_way(drawing: Path, spec: Any, redraw: bool, file: Path) -> None:
+    """Removes a picture that may be replaced, unless it shows this sweep: a finished map, which is
+    all that who goes on with a stopped refinement has, does not say that it may. Raises StoreError
+    if it may not, before hours are spent on a refinement.
+    """
+    check_target(drawing, STILLS, redraw, file)
+    from ..plots.files import is_usual_of
+
+    if drawing.is_file() and not is_usual_of(spec, drawing):
+        drawing.unlink()
 
 
 def at_error(spec: Any, target: float, file: Path) -> Any:

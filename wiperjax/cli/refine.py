@@ -80,9 +80,9 @@ def run(file: Path, settings: dict[str, Any], who: Who, words: list[str]) -> Non
     with who.connected() as others:
         try:
             found = refine_map(file, command=command, **others, **settings)
-        except KeyboardInterrupt as stopped:
+        except KeyboardInterrupt:  # the search knows the folder, not the words
             again = ["wiperjax", *words, *(["--resume"] if words[0] == "sweep" else [])]
-            raise interrupted(stopped, Path(f"{file}.refine"), again) from None
+            raise interrupted(KeyboardInterrupt(), Path(f"{file}.refine"), again) from None
     print_borders(found)
     print(f"borders  {file}: {cost(file, begun)}")
 

@@ -30,6 +30,7 @@ silence(EMPTY_LAYOUT, True)  # a map of two axes has no slider
 logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)  # a window that was closed
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
+ANY = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # all addresses of a kind -> this machine's own
 MOST_WINDOWS = 16  # at once: each holds what it shows in memory
 LOOK = 500  # milliseconds: how often a Ctrl-C is looked for that Python dropped
 MESSAGE = 2**20  # bytes that a window may send at once; it sends clicks
@@ -75,8 +76,8 @@ def serve(
     server = BaseServer(IOLoop.current(), tornado, http)
     server.start()
     wish_ahead(worker, explored)
-    shown = "127.0.0.1" if host in ("0.0.0.0", "::") else host
-    return server, f"http://{shown}:{found}/"
+    shown = ANY.get(host, host)
+    return server, f"http://{f'[{shown}]' if ':' in shown else shown}:{found}/"
 
 
 def run(server: BaseServer, address: str, browser: bool, say: Callable[[str], None]) -> None:

@@ -21,7 +21,7 @@ from ..store.partial import open_partial
 from ..store.whole import borders, open_map, sound
 from ..vocabulary import checks
 from ..vocabulary.pictures import DPI, DPI_MOVING, MOVING, STILLS
-from .catalogue import PICTURES, Drawn, draw, find, lacks, usual
+from .catalogue import PICTURES, Drawn, draw, find, lacks, usual, usual_of_map
 from .curves import check_drawn, with_curves
 from .door import check_options
 from .maps.borders import with_borders
@@ -211,6 +211,11 @@ def subject_of(path: Path) -> str:
             return str(image.info.get(SUBJECT, ""))
     except (OSError, ValueError, SyntaxError):  # no picture at all
         return ""
+
+
+def is_usual_of(spec: Any, path: Path) -> bool:
+    """Whether the picture in a .png file is the one that is drawn of the map of a sweep."""
+    return subject_of(path) == subject(usual_of_map(spec.shape), spec.digest())
 
 
 def _write(drawn: Drawn, output: Path, dpi: int | None, shows: str = "") -> None:
