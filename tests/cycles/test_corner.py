@@ -457,6 +457,34 @@ def test_a_branch_of_impacts_turns_where_it_grazes_once_more():
     assert branch.ends == ("the end of the range",) * 2
 
 
+class Slow(Damped):
+    """x'' + 0.04 x' + x = cos(w t) with a wall at x = 1, slowly driven."""
+
+    amplitude: float = 1.0
+    frequency: float = 0.66
+
+    def free_acceleration(self, t, q, v):
+        return (super().free_acceleration(t, q, v)[0] + 0.06 * v[0],)
+
+
+@pytest.mark.long
+def test_a_branch_goes_on_beyond_a_grazing_that_its_tangent_does_not_cross(monkeypatch):
+    """One of two impacts comes to graze (exact: where a flight between two of the other touches),
+    and one is left. Which motions along the tangent at the edge still have both hangs on its last
+    digits: of those looked at here all have, which was "no cycle beyond, though no event changes".
+    """
+    monkeypatch.setattr(corner, "LOOKED", corner.LOOKED[2:])
+    start = ((-1.0,), (0.0,))
+    cycle = find_cycle(Slow(), settle=900.0, initial_state=start, period=turn, over="frequency")
+    assert cycle.word == "impact impact"
+    branch = follow(cycle, 0.5, 0.67, step=0.1)
+    graze, doubling = branch.special
+    assert (graze.kind, doubling.kind) == ("grazing", "period_doubling")
+    assert graze.parameter == pytest.approx(0.5052647294990, abs=1e-6)
+    assert {c.word for c in branch.cycles[: graze.index]} == {"impact"}
+    assert branch.ends == ("the end of the range",) * 2
+
+
 @pytest.mark.long
 def test_a_system_that_loses_nothing_has_no_tori_and_no_stable_cycles():
     """Its multipliers lie on the unit circle but for rounding, whose sign made a dozen of points

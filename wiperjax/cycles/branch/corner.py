@@ -6,6 +6,7 @@ the new word are.
 """
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -80,13 +81,14 @@ def _beyond(
 
     A motion a little beyond, closed or not, has the new word: its derivatives give the tangent
     there. Of its two senses that one leads away on which there are cycles of a new word and of the
-    same index.
+    same index. A branch comes to a grazing along motions that all but graze, and so its tangent may
+    not lead beyond: from the start at the edge a step of the parameter alone does.
     """
     where, phase, start = edge.point.where, edge.point.phase, edge.point.unknowns
     d = where.basis.shape[1]
-    why = ""
-    for size in LOOKED:
-        u = start + size * edge.tangent
+    alone, why = np.copysign(np.eye(len(start))[-1], edge.sense), ""
+    for onward, size in product((edge.tangent, alone), LOOKED):
+        u = start + size * onward
         period = shooting.period_of(where, u)
         try:
             parameter = float(u[-1] * shooting.parameter_scale)
@@ -96,10 +98,10 @@ def _beyond(
             continue
         word, regimes = words(motion)
         if same_word(edge.cycle, replace(edge.cycle, word=word, regimes=regimes)):
-            why = "no cycle beyond, though no event changes"
+            why = why or "no cycle beyond, though no event changes"
             continue
         tangent = np.linalg.svd(jacobian)[2][-1]
-        aside = size * (edge.tangent - (edge.tangent @ tangent) * tangent)
+        aside = size * (onward - (onward @ tangent) * tangent)
         # a root (grazing impacts) needs a run-up, which leads deep enough without `aside`
         for length, off in ((size, aside), (10 * size, 0.0), (100 * size, 0.0)):
             for along in (tangent, -tangent):
