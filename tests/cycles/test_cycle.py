@@ -662,7 +662,7 @@ def test_a_push_within_a_long_stick_is_seen_by_steps_that_are_short_enough():
     assert find_cycle(block, **given, max_step=1e3).found == Found.AT_REST
     cycle = find_cycle(block, **given, max_step=0.2)
     assert cycle.found == Found.FOUND and cycle.regimes.count("slip") >= 2
-    assert np.abs(cycle.multipliers).min() < 1e-15  # the stick, to the last digit of LAPACK
+    assert np.sort(np.abs(cycle.multipliers))[0] == 0.0  # the stick
     assert abs(cycle.multipliers[0]) < 0.3  # ten periods later a start is forgotten, to 2e-6
     long = wiperjax.solve(
         block, 660.0, initial_state=begin, rtol=1e-10, max_step=0.2,

@@ -105,7 +105,10 @@ def cycle_at(shooting: Shooting, point: Point) -> Cycle:
         across = scipy.linalg.null_space(flow[None])  # not the section, which may touch the flow
         monodromy = across.T @ monodromy @ across
     values = np.zeros(2 * n - (shooting.clock is None), complex)
-    values[: len(monodromy)] = np.linalg.eigvals(monodromy)
+    found = np.linalg.eigvals(monodromy)
+    # a stick makes the map singular; its zero is rounded, on each machine otherwise
+    rounding = len(monodromy) * np.finfo(float).eps * np.linalg.norm(monodromy)
+    values[: len(monodromy)] = np.where(np.abs(found) > rounding, found, 0.0)
     values = values[np.argsort(-np.abs(values), kind="stable")]
     apart = np.min(np.abs(values - 1))
     # a root lies residual / apart away: a creep to a family of cycles closes, but nowhere near one
