@@ -1,5 +1,7 @@
 """The batch: lanes that never wait, and never know of each other."""
 
+import re
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,6 +16,7 @@ from wiperjax.engine.sampling.means import Signal
 from wiperjax.maps import block, estimate
 from wiperjax.maps.block import evaluate_block
 from wiperjax.maps.cells import batch, devices
+from wiperjax.numerics import wide_masks
 from wiperjax.specs.load import parse_sweep
 from wiperjax.vocabulary import codes
 
@@ -200,6 +203,27 @@ def test_flows_and_a_jump_are_one_compiled_function_each(pool):
     text = compiled.lower(wiper, position, jnp.int32(CASES)).compile().compiled.as_text()
     assert text.count('xla_cpu_small_call="true"') == 14
     assert text.count(" = ") < 30_000
+
+
+@pytest.mark.long
+def test_wide_masks_tell_the_same(pool, monkeypatch):
+    """A processor with registers for masks gets another program than one without (`wide_masks`)."""
+    wiper, position, _ = pool
+    found = []
+    for registers in (True, False):
+        monkeypatch.setattr(wide_masks, "mask_registers", lambda there=registers: there)
+        program = eqx.filter_jit(lambda *given: compiled.__wrapped__(*given))  # traced anew
+        text = program.lower(wiper, position, jnp.int32(CASES)).compile().compiled.as_text()
+        flow = max(text.split("\n}\n"), key=lambda part: part.count(" fusion("))
+        truths = len(re.findall(r"= pred\[8\]\S* fusion\(", flow))
+        assert truths > 40 if registers else truths == 0
+        found.append(program(wiper, position, jnp.int32(CASES))[0].tree())
+    narrow, wide = found
+    for name in ("result", "regime", "events"):
+        np.testing.assert_array_equal(getattr(wide, name), getattr(narrow, name), err_msg=name)
+    for name in ("final_time", "position", "velocity", "observed"):
+        for a, b in zip(*(jax.tree.leaves(getattr(x, name)) for x in found), strict=True):
+            np.testing.assert_allclose(b, a, rtol=1e-6, atol=1e-9, err_msg=name)
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import pytest
 
 from wiperjax import SteadyBelt, Wiper, WipingBelt
 from wiperjax.blade.steady_slip import steady_slip
-from wiperjax.contact.regimes import slip_sign
+from wiperjax.contact.regimes import slips
 from wiperjax.machine import jax_settings
 from wiperjax.numerics import kept
 from wiperjax.numerics.kept import Kept, as_arrays
@@ -125,7 +125,7 @@ def test_functions_of_ones_own_are_not_kept(place):
     for own in (doubled, lambda x: 3 * x):
         assert Kept(applied)(own, jnp.asarray(3.0)) == own(3.0)
     assert list(place.iterdir()) == []
-    assert Kept(applied)(slip_sign, jnp.asarray(1)) == slip_sign(1)
+    assert Kept(applied)(slips, jnp.asarray(1)) == slips(1)
     assert len(list(place.iterdir())) == 1
 
 

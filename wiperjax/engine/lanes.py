@@ -17,6 +17,7 @@ from jax import lax
 from ..numerics.arrays import put, where
 from ..numerics.fusion_barrier import apart
 from ..numerics.rows import Packing, Rows
+from ..numerics.wide_masks import narrowed, widened, width_for, with_wide_masks
 from ..vocabulary.codes import Result
 from .carry.problem import Case, Problem
 from .carry.start import initial_state
@@ -198,13 +199,18 @@ class _Batch:
         problem, state = self.problem_of(carry.parts), carry.state
         room = jnp.where(carry.upcoming < self.cases, self.wait, self.lanes)
 
+        # not in a brief program, which is compiled sooner than it has run: writing it anew takes as
+        # long as tracing it
+        width = None if problem.brief else width_for(state.position[0])
+        flows, jumps = (with_wide_masks(half, state, width) for half in (flow, jump))
+
         def turn(inner):
             state, turns = inner
-            state = lax.fori_loop(0, self.flows, lambda _, s: flow(problem, s), state)
+            state = lax.fori_loop(0, self.flows, lambda _, s: flows(problem, s), state)
             # once, if any: a loop of its own becomes one compiled function
             # (`jax_settings.COMPILER`)
             happens = lambda s: jnp.any(s.due >= 0)
-            state = lax.while_loop(happens, lambda s: jump(problem, s), state)
+            state = lax.while_loop(happens, lambda s: jumps(problem, s), state)
             return state, self.counted(turns + 1)
 
         def goes_on(inner):
@@ -212,8 +218,9 @@ class _Batch:
 
         def round_(inner):
             state, samples, rounds = inner
-            start = state, jnp.int32(0)
-            state, _ = lax.while_loop(lambda x: x[1] < self.turns, turn, start)
+            start = widened(state, width), jnp.int32(0)
+            done, _ = lax.while_loop(lambda x: x[1] < self.turns, turn, start)
+            state = narrowed(done, state)
             if self.signal is not None:
                 samples, ring = flush(self.signal, samples, state.samples, carry.case)
                 state = state._replace(samples=ring)

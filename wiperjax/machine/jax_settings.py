@@ -51,6 +51,13 @@ def accelerators() -> bool:
     return importlib.util.find_spec("jax_plugins") is not None
 
 
+def mask_registers() -> bool:
+    """Whether the processor, as far as XLA may use it, has registers for masks: all with 512-bit
+    vectors have them, and no other."""
+    limited = "xla_cpu_max_isa" in (flags := os.environ.get("XLA_FLAGS", ""))
+    return provenance.vector_bits() == 512 and (not limited or "max_isa=AVX512" in flags)
+
+
 def configure(cores: int | None = None, *, keep: bool = True) -> int:
     """Set JAX up for batches on this machine; return the number of cores.
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from ...contact.guards import FIRST, first_switch, gap_rounding, guard_values
 from ...contact.projection import project
-from ...contact.regimes import Forces, acceleration, forces, slip_sign, stick_forces
+from ...contact.regimes import Forces, acceleration, forces, slip_sign, slips, stick_forces
 from ...contact.space import Contact, contact
 from ...contact.system import rates
 from ...numerics.elementary import larger, smaller
@@ -52,7 +52,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     Where ``breaks``, a smooth piece of the prescribed motion ends here and ``piece`` begins;
     ``end`` is the next known time, which a completed Zeno sequence must not pass.
     """
-    slot, regime, sign = state.due, state.regime, slip_sign(state.regime)
+    slot, regime, sign = state.due, state.regime, slip_sign(state.regime, state.velocity[0])
     flips, sides = _switches(problem, state, fires)
     system = problem.system.on_piece(piece).on_sides(sides)
     kinks = reduce(jnp.logical_or, flips, jnp.zeros_like(fires))
@@ -154,7 +154,7 @@ def _sizes(problem: Problem, system, c: Contact, regime, time, q) -> tuple[Scala
     if system.law is not None:
         cone = jnp.abs(system.law.static * stick_forces(c, system.unilateral).normal)
     cone = jnp.where(regime == Regime.STICK, cone, zero)
-    first = jnp.where(slip_sign(regime) != 0, problem.speed, cone)
+    first = jnp.where(slips(regime), problem.speed, cone)
     if system.unilateral:
         gap = gap_rounding(system, time, q) / noise_digits(c.b_t.dtype)
         first = jnp.where(regime == Regime.FLIGHT, gap, first)

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ...contact.guards import JAM
-from ...contact.regimes import slip_sign
+from ...contact.regimes import slips
 from ...numerics.runge_kutta import NODES
 from ..carry.problem import Problem
 from ..carry.state import State
@@ -47,7 +47,7 @@ def _moved(problem: Problem, state: State):
     t, q, v, still = state.time, state.position, state.velocity, jnp.zeros_like(state.time)
     due = (state.due >= 0) & (state.streak == 1) & (state.time > state.last_event)
     if system.coupled:  # that of a jam with D <= 0 is where an event has left it behind
-        jams = (state.due == JAM) & (slip_sign(state.regime) != 0)
+        jams = (state.due == JAM) & (slips(state.regime))
         due = jnp.where(jams, state.guards[JAM] > 0, due)
     shift = time_to_event(still, due, system, t, q, v, state.regime, state.sides, state.due)
     short = shift.astype(q[0].dtype)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
-from ...contact.regimes import slip_sign
+from ...contact.regimes import slips
 from ...contact.system import like
 from ...numerics.bernstein import largest
 from ...numerics.elementary import larger, smaller, within
@@ -148,8 +148,7 @@ class RegimeTotals(AbstractObserver):
             stick_count=record.stick_count
             + count((e.after == Regime.STICK) & (e.before != Regime.STICK)),
             lift_off_count=record.lift_off_count + count(e.kind == Event.LIFT_OFF),
-            slip_count=record.slip_count
-            + count((e.before == Regime.STICK) & (slip_sign(e.after) != 0)),
+            slip_count=record.slip_count + count((e.before == Regime.STICK) & (slips(e.after))),
             impulse_max=jnp.where(hit, higher(record.impulse_max, e.impulse), record.impulse_max),
         )
 
