@@ -25,11 +25,12 @@ def step(limits, state):
     up = (x > low) & ~flag | (regime == 1) ^ (flag == strict)
     up = jnp.where(regime > 1, up, flag & jnp.isfinite(x))
     several = jnp.select([regime == 0, regime == 1], [x, -x], exp(larger(-x, low)))
+    flag = jax.lax.max(flag, up & (x < 0)) | jax.lax.min(flag, up)
     turns = jax.lax.while_loop(lambda n: jnp.any(n < 3), lambda n: n + (n < 3), regime)
     third = jax.lax.select_n(regime, x, 2 * x, 3 * x)
     moved = keep(jnp.where(up, several, third) + up.astype(x.dtype) * turns.astype(x.dtype))
     bits = jax.lax.bitcast_convert_type(x, WIDTH[x.dtype.name]) << 1
-    flag = (moved < 1) | (bits == 0) | (up > flag) | jnp.any(up)
+    flag = (moved < 1) ^ (bits == 0) ^ (up > flag) ^ jnp.any(up)
     count = count + jnp.sum(up, dtype=count.dtype) + up.astype(jnp.int64).sum()
     worst = jnp.where(jnp.isnan(moved), jnp.asarray(-7, jnp.int32), -regime)
     return {"x": moved, "regime": worst + up, "flag": flag, "count": count}
