@@ -47,7 +47,7 @@ def _moved(problem: Problem, state: State):
     t, q, v, still = state.time, state.position, state.velocity, jnp.zeros_like(state.time)
     due = (state.due >= 0) & (state.streak == 1) & (state.time > state.last_event)
     if system.coupled:  # that of a jam with D <= 0 is where an event has left it behind
-        jams = (state.due == JAM) & (slips(state.regime))
+        jams = (state.due == JAM) & slips(state.regime)
         due = jnp.where(jams, state.guards[JAM] > 0, due)
     shift = time_to_event(still, due, system, t, q, v, state.regime, state.sides, state.due)
     short = shift.astype(q[0].dtype)

@@ -148,7 +148,7 @@ class RegimeTotals(AbstractObserver):
             stick_count=record.stick_count
             + count((e.after == Regime.STICK) & (e.before != Regime.STICK)),
             lift_off_count=record.lift_off_count + count(e.kind == Event.LIFT_OFF),
-            slip_count=record.slip_count + count((e.before == Regime.STICK) & (slips(e.after))),
+            slip_count=record.slip_count + count((e.before == Regime.STICK) & slips(e.after)),
             impulse_max=jnp.where(hit, higher(record.impulse_max, e.impulse), record.impulse_max),
         )
 
