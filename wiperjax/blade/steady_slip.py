@@ -166,7 +166,7 @@ def _slip(wiper: Wiper, x, velocity) -> _Motion:
     t = jnp.zeros_like(x)
     q = (x, jnp.zeros_like(x))
     v = wiper.from_rates(t, q, (velocity, jnp.zeros_like(x)))
-    c, sign = contact(wiper, t, q, v), slip_sign(jnp.asarray(int(Regime.SLIP_NEG)), x)
+    c, sign = contact(wiper, t, q, v), slip_sign(jnp.asarray(int(Regime.SLIP_NEG)))
     force, d = slip_forces(c, sign, friction_coefficient(wiper, c, sign), wiper.unilateral)
     mass = d / (c.w_tt * c.w_nn - c.w_tn * c.w_tn)
     return _Motion(acceleration(c, force)[0], force.normal, mass, (force.normal > 0) & (d > 0))

@@ -91,7 +91,7 @@ def guard_values(system: AbstractSystem, c: Contact, t, q, v, regime, sides) -> 
     force has a pole where D = 0, b_n is regular there (docs/model.md, section 7).
     """
     one = jnp.ones_like(c.b_t)
-    sign = slip_sign(regime, c.b_t)
+    sign = slip_sign(regime)
     sticking, flying = regime == Regime.STICK, regime == Regime.FLIGHT
     law, unilateral = system.law, system.unilateral
 
@@ -126,4 +126,4 @@ def start_of_slip_order(system: AbstractSystem, c: Contact, regime, released):
     size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)
     # less is what the tolerance left of the release's own zero; elsewhere it is an acceleration,
     # and soon gone where the belt carries the tip back into the cone
-    return jnp.where(slip_sign(regime, a_t) * a_t > jnp.where(released, 1e-7, 0.0) * size, 1, 2)
+    return jnp.where(slip_sign(regime) * a_t > jnp.where(released, 1e-7, 0.0) * size, 1, 2)

@@ -32,13 +32,10 @@ def slips(regime):
     return (regime == Regime.SLIP_POS) | (regime == Regime.SLIP_NEG)
 
 
-def slip_sign(regime, model):
-    """+1 in SLIP_POS, -1 in SLIP_NEG, 0 otherwise, in the dtype of ``model``: processors without
-    512-bit vectors convert integers one by one.
-    """
-    one = jnp.ones((), model.dtype)
-    negative = jnp.where(regime == Regime.SLIP_NEG, -one, 0 * one)
-    return keep(jnp.where(regime == Regime.SLIP_POS, one, negative))
+def slip_sign(regime):
+    """+1 in SLIP_POS, -1 in SLIP_NEG, 0 otherwise."""
+    negative = jnp.where(regime == Regime.SLIP_NEG, -1, 0)
+    return keep(jnp.where(regime == Regime.SLIP_POS, 1, negative))
 
 
 def slip_forces(c: Contact, sign, mu, unilateral: bool) -> tuple[Forces, Scalar]:
@@ -70,7 +67,7 @@ def friction_coefficient(system: AbstractSystem, c: Contact, sign) -> Scalar:
 @traced_once
 def forces(system: AbstractSystem, c: Contact, regime) -> Forces:
     """Contact forces (lambda_t, lambda_n) in ``regime``."""
-    unilateral, sign = system.unilateral, slip_sign(regime, c.b_t)
+    unilateral, sign = system.unilateral, slip_sign(regime)
     mu = keep(friction_coefficient(system, c, sign))  # its exponential is dear
     slip, _ = slip_forces(c, sign, mu, unilateral)
     if system.law is None and not unilateral:
@@ -106,7 +103,7 @@ def drives(system: AbstractSystem, regime, found: list[Forces]):
     """Whether friction drives what slips, at one of the forces ``found`` along a step but for the
     first: the coefficient of a law of one's own is below zero there, by more than rounding.
     """
-    law, sign = system.law, slip_sign(regime, found[0].normal)
+    law, sign = system.law, slip_sign(regime)
     if law is None or type(law) in CLASSES.values():  # whose numbers are >= 0
         return jnp.zeros_like(sign, bool)
     least = 1e-6 * law.static

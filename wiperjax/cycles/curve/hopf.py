@@ -177,7 +177,7 @@ def _expansion(system, ways, scale, origin, basis, sizes, regime, sides, rate, u
     time = jnp.zeros(())
     c = contact(here, time, q, v)
     normal = forces(here, c, regime).normal
-    slip = jnp.where(here.law is None, 1.0, slip_sign(regime, c.slip_speed) * c.slip_speed)
+    slip = jnp.where(here.law is None, 1.0, slip_sign(regime) * c.slip_speed)
     room = sides * jnp.stack([jnp.zeros(()), *here.switches(time, q, v)])[1:]
     ends = jnp.stack([jnp.zeros((), bool), *here.ends(time, q, v)])[1:]
     derivatives = first(w, p), second(w, p), jax.jacfwd(second)(w, p)

@@ -59,7 +59,7 @@ def event_kind(fired: Fired, slips, collides, completes, leaving, sign, after) -
         jnp.where(
             after == Regime.FLIGHT,
             int(Event.LIFT_OFF),
-            jnp.where(slip_sign(after, sign) == -sign, int(Event.REVERSAL), int(Event.TOUCH)),
+            jnp.where(slip_sign(after) == -sign, int(Event.REVERSAL), int(Event.TOUCH)),
         ),
     )
     hit = jnp.where(leaving > 0, int(Event.IMPACT), int(Event.TOUCH))

@@ -52,7 +52,7 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     Where ``breaks``, a smooth piece of the prescribed motion ends here and ``piece`` begins;
     ``end`` is the next known time, which a completed Zeno sequence must not pass.
     """
-    slot, regime, sign = state.due, state.regime, slip_sign(state.regime, state.velocity[0])
+    slot, regime, sign = state.due, state.regime, slip_sign(state.regime)
     flips, sides = _switches(problem, state, fires)
     system = problem.system.on_piece(piece).on_sides(sides)
     kinks = reduce(jnp.logical_or, flips, jnp.zeros_like(fires))
