@@ -54,8 +54,9 @@ def accelerators() -> bool:
 def mask_registers() -> bool:
     """Whether the processor, as far as XLA may use it, has registers for masks: all with 512-bit
     vectors have them, and no other."""
-    limited = "xla_cpu_max_isa" in (flags := os.environ.get("XLA_FLAGS", ""))
-    return provenance.vector_bits() == 512 and (not limited or "max_isa=AVX512" in flags)
+    flags = os.environ.get("XLA_FLAGS", "")
+    limited = "xla_cpu_max_isa=" in flags and "xla_cpu_max_isa=AVX512" not in flags
+    return provenance.vector_bits() == 512 and not limited
 
 
 def configure(cores: int | None = None, *, keep: bool = True) -> int:

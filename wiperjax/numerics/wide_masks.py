@@ -3,7 +3,7 @@
 A program holds a truth value as a byte, and an enumeration as 32 bits. A processor without mask
 registers chooses between numbers of 64 bits by masks of 64 bits: it unpacks each value that is read
 and packs each that is written, which is a sixth of the instructions of a turn of many lanes (AVX2:
-1,500 of 9,100 of a flow and a jump, counted in the machine code; with wide masks 350). Here a
+1,500 of 9,100 of a flow and a jump, counted in the machine code; with wide masks 500). Here a
 traced program is written anew, with integers as wide as its numbers in place of both: -1 is true,
 0 false. What is computed stays the same.
 """
@@ -20,14 +20,13 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun,
 
 from ..machine.jax_settings import mask_registers
 
-COMPARISONS = {"eq", "ne", "lt", "le", "gt", "ge", "is_finite"}
 SHORT = 4  # operations that are copied sooner than called, as those of `jax.numpy.where`
 BOOL, INT32 = np.dtype("bool"), np.dtype("int32")
 NARROW = {BOOL, INT32}
 # what is the same of wide integers: bits and places of both kinds, and, unless it overflows, what
 # is computed of whole numbers (the larger of two masks is not that of two truth values)
 OF_BOTH = {"and", "or", "xor", "not", "broadcast_in_dim", "reshape", "squeeze"}
-OF_NUMBERS = {"add", "sub", "neg", "max", "min"} | COMPARISONS
+OF_NUMBERS = {"add", "sub", "neg", "max", "min", "eq", "ne", "lt", "le", "gt", "ge"}
 
 
 def width_for(number):
