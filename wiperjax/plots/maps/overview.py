@@ -32,7 +32,7 @@ def map_overview(
     x, y = choose_plane(ds, x, y)
     cells, where, panel = shown_cells(ds, x, y, at, panels=panels)
     count = cells.sizes[panel] if panel else 1
-    columns = 3 if count > 3 else count
+    columns = 3 if count > 4 else count
     rows = -(-count // columns)
     figure = page((13.0, 3.0 * rows + 5.3))
     upper, lower = figure.subfigures(
