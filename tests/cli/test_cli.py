@@ -232,6 +232,19 @@ def test_where_checked_cells_have_changed_those_not_checked_are_not_called_fine_
     assert re.fullmatch(f"note: {noted}.*\n", said) if noted else said == ""
 
 
+@pytest.mark.parametrize(("belt", "cut"), [("steady", 2), ("", 2), ("wiping", 0)])
+def test_derivatives_of_a_window_that_cuts_a_noise_are_noted(belt, cut, capsys):
+    """Called fine, those of a settled squeal of 78 periods were five times those of its cycle."""
+    found = judged(["fine", "fine", "fine", "unsettled", "fine"], [NAN] * 5)
+    names = ["quiet", "squeal", "other", "squeal", "collapsed"]
+    label = np.array([codes.LABELS[name] for name in names], "int8")
+    found = found.assign(label=("attack_angle", label)).assign_attrs(belt_kind=belt)
+    tables.print_sensitivities(found)
+    said = capsys.readouterr().err
+    note = rf"note: derivatives of {cut} noisy cells are those of their window, .*\n"
+    assert re.fullmatch(note, said) if cut else said == ""
+
+
 @pytest.mark.parametrize(
     ("trivial", "repeats", "notes"),
     [
@@ -897,7 +910,8 @@ def test_info_and_export_of_modes_over_a_sweep(folder, capsys):
     said = capsys.readouterr().out
     assert "steady sliding in 3 of 4 cells, unstable in 2\nof these 2 oscillate" in said
     assert main(["export", "modes.h5", "-o", "modes.uff"]) == 1
-    assert "only a run or modes of one system can be exported" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "only a run or modes of one system can be exported (a map as a table: docs/" in said
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ def export(
 
     check_target(output, tuple(FORMATS["run"]), force, file)  # modes have none of their own
     check_source(file)
-    found, kind = read(file, FORMATS, "exported")
+    found, kind = read(file, FORMATS, "exported (a map as a table: docs/maps.md)")
     write(found, output, force)
     along, words = {"run": ("time", "samples"), "modes": ("mode", "modes")}[kind]
     print(f"export   {output}: {found.sizes[along]} {words}")

@@ -154,6 +154,7 @@ def print_sensitivities(dataset: Any) -> None:
         return
     import numpy as np
 
+    from ..noise.class_counts import cut_count
     from ..vocabulary.cf import flag_names
 
     codes, counts = dataset["sensitivity_code"], {}
@@ -177,6 +178,9 @@ def print_sensitivities(dataset: Any) -> None:
         events = f"{changed} of {checked} checked cells have other events a step away"
         rest = f"as large a share of the {unchecked} that are called fine unchecked"
         print(f"note: {events}; so, most likely, {rest}: see all with check = 1", file=sys.stderr)
+    if "label" in dataset and (cut := cut_count(dataset)):
+        of = f"derivatives of {cut} noisy cells are those of their window, whose ends cut the noise"
+        print(f"note: {of}: not those of the noise itself (docs/gradients.md)", file=sys.stderr)
 
 
 def print_events(dataset: Any) -> None:

@@ -7,7 +7,7 @@ import xarray as xr
 
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
-from ..vocabulary.codes import LABELS, NOT_COMPUTED, SETTLED, TOLD
+from ..vocabulary.codes import LABELS, NOT_COMPUTED, SETTLED, TOLD, VALIDITY
 from ..vocabulary.products import PRODUCTS
 from ..vocabulary.ranges import COUNT, NON_NEGATIVE
 
@@ -108,6 +108,17 @@ def unsettled(ds: xr.Dataset) -> xr.DataArray:
 def unsettled_count(ds: xr.Dataset) -> int:
     """Number of cells that are `unsettled`."""
     return int(unsettled(ds).sum())
+
+
+def cut_count(ds: xr.Dataset) -> int:
+    """Number of noisy cells on no belt that turns whose derivatives are called fine: nothing ties
+    the phase at which the ends of the window cut their noise.
+    """
+    if "sensitivity_code" not in ds or ds.attrs.get("belt_kind") not in (None, "", "steady"):
+        return 0
+    silent = [*ENDED.values(), LABELS["quiet"]]
+    fine = ds["sensitivity_code"] == VALIDITY["fine"]
+    return int((fine & ds["label"].notnull() & ~ds["label"].isin(silent)).sum())
 
 
 def lifted_count(ds: xr.Dataset) -> int | None:

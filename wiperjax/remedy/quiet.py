@@ -46,9 +46,9 @@ def quieten(
 
     Simulated from the blade's default start for ``duration`` [s], of which the last ``window`` [s]
     counts: of a belt that turns as many of its periods as are in it, one at least. The derivative
-    is that of the simulation, forward through its events; where the window cuts a period of the
-    motion it is off by a share of one period in the window, and beyond a change of events it does
-    not see, so the search is a means and the simulated value is what is reported.
+    is that of the simulation. Where the window cuts a period the noise is off by a share of one in
+    the window, but its derivative by its own size (docs/gradients.md, "Of the window"); beyond a
+    change of events it does not see. So it is a means, and the simulated value is what is reported.
 
     **Arguments:** ``bounds``, name -> (low, high), SI units; ``effort``, price of a change by a
     whole range, relative to the noise of the blade as it is, or to the most that is called quiet if

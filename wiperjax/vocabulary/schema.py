@@ -222,7 +222,7 @@ SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error
 
 _OF_DERIVATIVES = (
     Column("sensitivity_code", "int8", "", "whether the derivatives hold", VALIDITY,
-        comment="not fine: the derivatives are NaN",
+        comment="not fine: the derivatives are NaN; all are of the window, whose ends cut a noise",
     ),
     Column("grazing_margin", "float64", "1", "smallest depth or clearance of an event guard",
         comment="relative to the size of the guard; 0: an event just grazed",
