@@ -429,6 +429,14 @@ def test_edges_enclose_values_on_both_kinds_of_axis():
     assert not plot_axes.is_geometric(np.linspace(-40, 40, 41))
 
 
+def test_cells_of_few_values_reach_to_no_negative_load():
+    """Speeds of 0.05 and 1 m/s had cells from -0.43 m/s on."""
+    assert plot_axes.edges(np.array([0.05, 1.0])).tolist() == [0.0, 0.525, 1.475]
+    assert plot_axes.edges(np.array([100.0, 1.0])).tolist() == [149.5, 50.5, 0.0]
+    assert plot_axes.edges(np.array([-9.0, 0.0])).tolist() == [-13.5, -4.5, 0.0]
+    assert plot_axes.edges(np.array([-1.0, 2.0])).tolist() == [-2.5, 0.5, 3.5]
+
+
 def test_regime_map_names_what_occurs_in_the_motion(small_map):
     shares = {
         "steady_slip": (0.0, 0.0, 1e-9),

@@ -105,15 +105,23 @@ def is_ordered(values: np.ndarray) -> bool:
 
 def edges(values: np.ndarray) -> np.ndarray:
     """Borders of the cells around axis values, shape (n + 1,); geometric axes have geometric
-    borders.
+    borders. Values on one side of zero have theirs there: no load is below it.
     """
     values = np.asarray(values, dtype=float)
     if values.size == 1:
         return values[0] + np.array([-0.5, 0.5]) * (abs(values[0]) or 1.0) * 0.1
-    scaled = np.log(values) if is_geometric(values) else values
-    middle = 0.5 * (scaled[1:] + scaled[:-1])
-    full = np.concatenate([[2 * scaled[0] - middle[0]], middle, [2 * scaled[-1] - middle[-1]]])
-    return np.exp(full) if is_geometric(values) else full
+    if is_geometric(values):
+        return np.exp(_around(np.log(values)))
+    border = _around(values)
+    if (values >= 0).all():
+        return np.maximum(border, 0.0)
+    return np.minimum(border, 0.0) if (values <= 0).all() else border
+
+
+def _around(values: np.ndarray) -> np.ndarray:
+    """Places in the middle between values, and as far beyond the first and the last."""
+    middle = 0.5 * (values[1:] + values[:-1])
+    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 
 
 def set_axis(ax: Axes, which: str, coordinate: xr.DataArray) -> None:
