@@ -179,6 +179,17 @@ def test_a_tip_that_rides_on_the_belt_is_not_called_quiet():
     assert found.attrs["velocity_rms_before"] > 0.1
 
 
+@pytest.mark.long
+def test_no_blade_is_recommended_for_a_slip_outside_of_the_window():
+    """Of 16.04 N/m it told 2e-9 m/s; it chatters at 0.302 m/s, in a period of more than 0.1 s."""
+    blade = replace(chattering(0.05), normal_load=17.0)
+    found = remedy.quieten(blade, {"normal_load": (15.0, 17.0)}, starts=3).parameters
+    told = found.velocity_rms.values[np.isfinite(found.velocity_rms)]
+    assert len(told) and np.all(told > 0.17)
+    with pytest.raises(ValueError, match=r"with a whole period in its window, but .* window and"):
+        remedy.quieten(chattering(0.05), {"normal_load": (15.0, 17.0)}, starts=1)
+
+
 def test_a_search_begins_from_the_blade_itself():
     """Of a blade on an edge it began a hundredth inside, and might end with a worse one."""
     blade = wiperjax.Wiper(normal_load=20.0, attack_angle=0.1)
