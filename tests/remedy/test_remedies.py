@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import ClassVar
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from own_systems import RunsBack
@@ -335,6 +336,30 @@ def test_where_a_slow_cycle_ends_the_motion_has_time_to_settle():
     assert path.end == "the cycle has ended: at_rest" and path.steps.velocity_rms[-1] == 0
     early = remedy.descend(cycle, bounds, step=0.3, settle=0.1).end
     assert early.startswith("the cycle has ended: not_periodic (")  # and why
+
+
+class TwoWells(Oscillator):
+    """Damped in the well where its search begins, and not in that of its default start."""
+
+    def free_acceleration(self, t, q, v):
+        far = q[0] > 5.0
+        x = q[0] - jnp.where(far, 10.0, 0.0)
+        damping = jnp.where(far, 0.05, self.damping)
+        return ((-self.stiffness * x - damping * v[0]) / self.mass,)
+
+    def default_state(self):
+        return (10.0,), (0.0,)
+
+
+@pytest.mark.long
+def test_what_is_quiet_is_asked_of_the_default_start_of_a_system_of_ones_own():
+    """It was said to be at rest, and squealed from its own start on."""
+    system = TwoWells(belt=wiperjax.SteadyBelt(0.3))
+    cycle = find_cycle(system, settle=60.0, initial_state=((0.0,), (0.0,)))
+    assert cycle.state[0] < 5
+    path = remedy.descend(cycle, {"damping": (0.05, 3.0)}, step=0.3)
+    assert path.end == "the bounds leave no way down"
+    assert path.steps.velocity_rms[-1] == pytest.approx(cycle.velocity_rms, rel=1e-6)
 
 
 class Own(wiperjax.SteadyBelt):
