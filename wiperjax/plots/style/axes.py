@@ -8,8 +8,16 @@ from matplotlib.axes import Axes
 from matplotlib.axis import XAxis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import (
+    AutoLocator,
+    FuncFormatter,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    ScalarFormatter,
+)
 
+LETTERS = 5  # of a mark on the axis across, for which matplotlib leaves room
 SHOWN = {  # unit in a file -> factor and unit in a picture: lips move by millimetres
     "m": (1e3, "mm"),
     "rad": (180.0 / np.pi, "deg"),
@@ -131,7 +139,32 @@ def set_axis(ax: Axes, which: str, coordinate: xr.DataArray) -> None:
     getattr(ax, f"set_{which}label")(label(long_name(coordinate), unit))
     if is_geometric(values):
         plain_log(ax, which)
+    else:
+        axis = getattr(ax, f"{which}axis")
+        axis.set_major_locator(Marks())
+        axis.set_major_formatter(whole_numbers())
     getattr(ax, f"set_{which}lim")(min(border), max(border))
+
+
+def whole_numbers() -> ScalarFormatter:
+    """Marks with all their digits: what matplotlib takes out of them it writes over the label."""
+    formatter = ScalarFormatter(useOffset=False)
+    formatter.set_scientific(False)
+    return formatter
+
+
+class Marks(AutoLocator):
+    """Marks of a linear axis; every second one where long numbers would touch on that across."""
+
+    def tick_values(self, vmin, vmax):
+        marks = np.asarray(super().tick_values(vmin, vmax))
+        if marks.size < 2 or not isinstance(self.axis, XAxis):
+            return marks
+        letters = max(map(len, whole_numbers().format_ticks(marks)))
+        room = self.axis.get_tick_space() * LETTERS / (letters + 1)
+        while marks.size > 4 and marks.size - 2 > room:  # two of them may lie beyond the ends
+            marks = marks[marks.size % 2 :: 2]
+        return marks
 
 
 def plain_log(ax: Axes, which: str) -> None:
