@@ -19,10 +19,11 @@ from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.contact.friction import Stribeck
 from wiperjax.contact.regimes import forces, vector_field
 from wiperjax.contact.space import contact
-from wiperjax.maps import compare_rungs
+from wiperjax.maps import around_scene, compare_rungs
 from wiperjax.noise.class_counts import lifted_count
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import SpecError, load_scene, parse_scene, parse_sweep
+from wiperjax.vocabulary.codes import BANDS, LABELS, MECHANISMS
 from wiperjax.vocabulary.kinds import MODELS
 
 # numbers as arrays are in one program, also where they are 0
@@ -299,7 +300,7 @@ def test_a_map_of_the_bar_says_where_the_lip_would_leave_the_glass(belt):
     flies = lip.flight_fraction > 0
     assert 0 < flies.sum() < flies.size
     np.testing.assert_array_equal(bar.flight_fraction > 0, flies)
-    assert lifted_count(bar) == flies.sum() and lifted_count(lip) is None
+    assert lifted_count(bar) == flies.sum() and lifted_count(lip) == 0
     np.testing.assert_array_equal(bar.mechanism.where(~flies), lip.mechanism.where(~flies))
     shares = bar.stick_fraction + bar.slip_fraction + bar.flight_fraction
     np.testing.assert_allclose(shares, 1, rtol=1e-12)
@@ -355,8 +356,32 @@ def test_a_reversal_is_judged_by_its_forces():
 def test_a_bar_that_is_held_where_the_lip_flies_does_not_suffice():
     flies = {"label": "chattering", "mechanism": "flight", "band": "chatter"}
     lip, bar, hinged = (rung(model, **flies) for model in ("lip", "bar", compare_rungs.HINGED))
-    judged = [compare_rungs._judged(each, lip).suffices for each in (lip, bar, hinged)]
+    rungs = lip, replace(bar, held=True), hinged
+    judged = [compare_rungs._judged(each, lip).suffices for each in rungs]
     assert judged == [True, False, True]
+
+
+def test_a_bar_that_is_held_at_the_turn_alone_is_held(monkeypatch):
+    """The ladder asked for the mechanism, which is that of the reversal: only probes knew."""
+    columns = {
+        "label": LABELS["reversal"],
+        "mechanism": MECHANISMS["reversal_pulse"],
+        "band": BANDS["none"],
+        "dominant_frequency": 300.0,
+        "velocity_rms_stroke": 0.01,
+        "vibration_reversal": 0.2,
+        "normal_force_max_reversal": 60.0,
+        "normal_force_mean_stroke": 15.0,
+        "flight_fraction": 0.008,
+        "steps": 9,
+        "rejected_steps": 0,
+    }
+    columns = {name: np.asarray(value) for name, value in columns.items()}
+    monkeypatch.setattr(around_scene, "middle", lambda spec: columns)
+    spec = parse_scene({"belt": {"speed": 0.3}, "run": {"duration": 0.1}})
+    bar, lip = (compare_rungs._run("s", model, spec) for model in ("bar", "lip"))
+    assert bar.held and not lip.held
+    assert not compare_rungs._judged(bar, lip).suffices
 
 
 def test_what_fails_as_the_lip_fails_does_not_suffice():

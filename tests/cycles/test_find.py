@@ -19,7 +19,7 @@ from wiperjax.cycles.chart import Turning, chart
 from wiperjax.cycles.clock import scattered
 from wiperjax.cycles.cycle import Cycle, close
 from wiperjax.cycles.find import _closed, _dies, _near, find_cycle, once
-from wiperjax.cycles.first_guess import Guess, Missing, _middle
+from wiperjax.cycles.first_guess import Guess, Missing, _middle, runs_on
 from wiperjax.cycles.orbit import falls
 from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.cycles.shooting import GROWING, Lost
@@ -45,6 +45,31 @@ def test_chatter_whose_lip_turns_just_after_its_release(angle):
     releases = run.event_time.values[run.event_kind.values == wiperjax.Event.RELEASE]
     assert cycle.found == Found.FOUND and cycle.stable
     assert cycle.period == pytest.approx(releases[-1] - releases[-2], rel=1e-6)
+
+
+class Shaft(Oscillator):
+    """Froude's pendulum on a shaft that carries it round."""
+
+    coordinates = ("angle",)
+
+    def free_acceleration(self, t, q, v):
+        return (-jnp.sin(q[0]) - self.damping * v[0],)
+
+
+@pytest.mark.long
+def test_an_angle_that_runs_on_is_named():
+    """A longer time was advised, however long it was."""
+    shaft = Shaft(load=1.5, belt=wiperjax.SteadyBelt(2.0), friction=wiperjax.Coulomb(1.0))
+    cycle = find_cycle(shaft, settle=60.0)
+    assert cycle.found == Found.NOT_PERIODIC
+    assert "angle runs on, and what turns round for good is no cycle" in cycle.why
+
+
+def test_what_comes_to_rest_or_swings_does_not_run_on():
+    t = np.linspace(0.0, 20.0, 801)
+    ways = np.stack([2 * t + np.sin(9 * t), -t, np.exp(-t), np.sin(t), 0 * t], axis=1)
+    found = runs_on(np.concatenate([ways, 0 * ways], axis=1))
+    assert found.tolist() == [True, True, False, False, False]
 
 
 @pytest.mark.slow

@@ -429,6 +429,30 @@ def test_edges_enclose_values_on_both_kinds_of_axis():
     assert not plot_axes.is_geometric(np.linspace(-40, 40, 41))
 
 
+def test_cells_of_few_values_reach_to_no_negative_load():
+    """Speeds of 0.05 and 1 m/s had cells from -0.43 m/s on."""
+    assert plot_axes.edges(np.array([0.05, 1.0])).tolist() == [0.0, 0.525, 1.475]
+    assert plot_axes.edges(np.array([100.0, 1.0])).tolist() == [149.5, 50.5, 0.0]
+    assert plot_axes.edges(np.array([-9.0, 0.0])).tolist() == [-13.5, -4.5, 0.0]
+    assert plot_axes.edges(np.array([-1.0, 2.0])).tolist() == [-2.5, 0.5, 3.5]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loads", [(1e-5, 9e-5), (1e4, 9.9e4), (15.001, 15.009)])
+def test_marks_of_small_panels_do_not_touch(small_map, loads):
+    """The power of ten, or what all marks share, was written over the label of the axis."""
+    narrow = small_map.assign_coords(normal_load=np.linspace(*loads, 3))
+    figure = plots.map_overview(narrow, x="normal_load", y="belt_speed")
+    FigureCanvasAgg(figure).draw()
+    for ax in figure.axes:
+        if ax.get_xlabel():
+            assert not ax.xaxis.get_offset_text().get_text()
+            low, high = ax.get_xlim()
+            marks = [t for t in ax.get_xticklabels() if low <= t.get_position()[0] <= high]
+            boxes = [mark.get_window_extent() for mark in marks]
+            assert all(a.x1 < b.x0 for a, b in zip(boxes, boxes[1:], strict=False))
+
+
 def test_regime_map_names_what_occurs_in_the_motion(small_map):
     shares = {
         "steady_slip": (0.0, 0.0, 1e-9),

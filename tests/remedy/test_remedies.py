@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import ClassVar
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from own_systems import RunsBack
@@ -179,6 +180,17 @@ def test_a_tip_that_rides_on_the_belt_is_not_called_quiet():
     assert found.attrs["velocity_rms_before"] > 0.1
 
 
+@pytest.mark.long
+def test_no_blade_is_recommended_for_a_slip_outside_of_the_window():
+    """Of 16.04 N/m it told 2e-9 m/s; it chatters at 0.302 m/s, in a period of more than 0.1 s."""
+    blade = replace(chattering(0.05), normal_load=17.0)
+    found = remedy.quieten(blade, {"normal_load": (15.0, 17.0)}, starts=3).parameters
+    told = found.velocity_rms.values[np.isfinite(found.velocity_rms)]
+    assert len(told) and np.all(told > 0.17)
+    with pytest.raises(ValueError, match=r"with a whole period in its window, but .* window and"):
+        remedy.quieten(chattering(0.05), {"normal_load": (15.0, 17.0)}, starts=1)
+
+
 def test_a_search_begins_from_the_blade_itself():
     """Of a blade on an edge it began a hundredth inside, and might end with a worse one."""
     blade = wiperjax.Wiper(normal_load=20.0, attack_angle=0.1)
@@ -324,6 +336,30 @@ def test_where_a_slow_cycle_ends_the_motion_has_time_to_settle():
     assert path.end == "the cycle has ended: at_rest" and path.steps.velocity_rms[-1] == 0
     early = remedy.descend(cycle, bounds, step=0.3, settle=0.1).end
     assert early.startswith("the cycle has ended: not_periodic (")  # and why
+
+
+class TwoWells(Oscillator):
+    """Damped in the well where its search begins, and not in that of its default start."""
+
+    def free_acceleration(self, t, q, v):
+        far = q[0] > 5.0
+        x = q[0] - jnp.where(far, 10.0, 0.0)
+        damping = jnp.where(far, 0.05, self.damping)
+        return ((-self.stiffness * x - damping * v[0]) / self.mass,)
+
+    def default_state(self):
+        return (10.0,), (0.0,)
+
+
+@pytest.mark.long
+def test_what_is_quiet_is_asked_of_the_default_start_of_a_system_of_ones_own():
+    """It was said to be at rest, and squealed from its own start on."""
+    system = TwoWells(belt=wiperjax.SteadyBelt(0.3))
+    cycle = find_cycle(system, settle=60.0, initial_state=((0.0,), (0.0,)))
+    assert cycle.state[0] < 5
+    path = remedy.descend(cycle, {"damping": (0.05, 3.0)}, step=0.3)
+    assert path.end == "the bounds leave no way down"
+    assert path.steps.velocity_rms[-1] == pytest.approx(cycle.velocity_rms, rel=1e-6)
 
 
 class Own(wiperjax.SteadyBelt):

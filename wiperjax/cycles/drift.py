@@ -30,9 +30,3 @@ def may_drift(system: AbstractSystem, state) -> np.ndarray:
         pairs = zip(here, seen(system, moved, now), strict=True)
         found[i] = all(np.all(np.abs(a - b) <= CHANGED * np.max(np.abs(a))) for a, b in pairs)
     return found
-
-
-def names(system: AbstractSystem, chosen: np.ndarray) -> str:
-    """Return the names of the ``chosen`` (n,) coordinates, as words."""
-    known = system.coordinates or [f"q{i}" for i in range(len(chosen))]
-    return ", ".join(name for name, one in zip(known, chosen, strict=True) if one)

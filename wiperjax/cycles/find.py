@@ -15,8 +15,8 @@ from ..vocabulary import checks
 from ..vocabulary.ranges import POSITIVE, SETTINGS
 from .clock import check_clock, refuse_a_clock
 from .cycle import ISOLATED, Cycle, close, typical
-from .drift import may_drift, names
-from .first_guess import Guess, Missing, driven_guesses, free_guesses
+from .drift import may_drift
+from .first_guess import Guess, Missing, driven_guesses, free_guesses, names
 from .return_map import REPEATS, Found, Shooting, complete
 from .shooting import Lost
 

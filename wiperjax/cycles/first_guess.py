@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..contact.system import AbstractSystem
 from ..systems import numbers
 from .chart import Passing, Turning
 from .clock import check_clock, refuse_a_clock, scattered
@@ -19,6 +20,7 @@ STILL = 1e-6  # of the typical size: a coordinate that swings less rests
 ALIKE = 0.05  # of the size of the motion: how near a settled motion must come back
 NEARER = 1e-3  # of that: how near it is after more returns, if it is a cycle of these only
 ROUNDED = 1e-6  # of the size: what comes back so near does so but for rounding
+QUARTERS, EVENLY = 4, 0.125  # what runs on goes such a share of its way at least in each
 MOST_RETURNS = 8  # to the section, or periods of the clock, in one period of the motion
 
 
@@ -101,7 +103,7 @@ def _guesses(shooting: Shooting, motion: Arc, section: Callable) -> Iterator[Gue
     scale = _sizes(motion, typical)
     for k in _returns(states, scale):
         if isinstance(k, Missing):
-            yield k
+            yield _running(k, shooting, motion)
             return
         best = max(found[-k:], key=lambda p: (p.smooth, p.state[0]))  # the highest away from events
         own = replace(shooting, scale=scale, section=section, repeats=k)
@@ -127,6 +129,31 @@ def _returns(states: np.ndarray, scale: np.ndarray) -> list[int] | list[Missing]
         return found
     why = f"no return comes nearer to where it began than {nearest:.0%} of the size of the motion"
     return [Missing(Found.NOT_PERIODIC, why if nearest < math.inf else "it does not return")]
+
+
+def _running(missing: Missing, shooting: Shooting, motion: Arc) -> Missing:
+    """Why a settled ``motion`` has no cycle, and what of it runs on: longer looks do not help."""
+    found = runs_on(motion.samples)
+    if not np.any(found):
+        return missing
+    on = f"{names(shooting.system, found)} runs on, and what turns round for good is no cycle"
+    return missing._replace(why=f"{missing.why}; {on}")
+
+
+def runs_on(samples: np.ndarray) -> np.ndarray:
+    """Whether each coordinate, (n,), runs on one way in states (samples, 2n), and evenly: what
+    comes to rest goes ever shorter ways.
+    """
+    place = samples[:, : samples.shape[1] // 2]
+    ways = np.diff(place[np.linspace(0, len(place) - 1, QUARTERS + 1).astype(int)], axis=0)
+    least = np.maximum(np.min(ways, axis=0), np.min(-ways, axis=0))
+    return least > EVENLY * np.ptp(place, axis=0)
+
+
+def names(system: AbstractSystem, chosen: np.ndarray) -> str:
+    """Return the names of the ``chosen`` (n,) coordinates, as words."""
+    known = system.coordinates or [f"q{i}" for i in range(len(chosen))]
+    return ", ".join(name for name, one in zip(known, chosen, strict=True) if one)
 
 
 def moving(samples: np.ndarray, typical: np.ndarray) -> np.ndarray:
@@ -155,7 +182,10 @@ def driven_guesses(shooting: Shooting, state, settle: float) -> Iterator[Guess |
     whole = motions[0]._replace(samples=samples)
     scale, states = _sizes(whole, shooting.scale), np.array(ends)
     for k in _returns(states, scale):
-        yield k if isinstance(k, Missing) else _driven_guess(shooting, scale, motions[:k], one)
+        if isinstance(k, Missing):
+            yield _running(k, shooting, whole)
+        else:
+            yield _driven_guess(shooting, scale, motions[:k], one)
 
 
 def _driven_guess(shooting: Shooting, scale, motions: list[Arc], one: float) -> Guess:

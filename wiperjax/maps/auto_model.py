@@ -18,7 +18,7 @@ import numpy as np
 
 from ..machine import jax_settings
 from ..machine.files import StoreError
-from ..noise.agreement import Differences, Said, differences, said
+from ..noise.agreement import LIP, POORER, Differences, Said, differences, held, said
 from ..specs.errors import SpecError
 from ..store import manifest
 from ..store.whole import open_map
@@ -32,7 +32,6 @@ from .refine.points import Points
 FEWEST, MOST = 5, 7  # binary digits of the number of cells in a probe: 32 to 128
 SHARE = 32  # one of so many cells in between
 DOUBT = 0.05  # probability that more of the map is unlike the lip than is said
-*POORER, LIP = MODELS
 CHOICE, PROBE = "model_choice", "model_probe"  # attributes of the map
 
 
@@ -164,13 +163,10 @@ def _probe(spec: Any, cells: np.ndarray) -> Points:
 
 
 def _said(probe: Points, blocks: Blocks) -> Said:
-    """What a model says of the cells of a probe; one that is held on the glass is no lip where it
-    would leave it, however near its numbers are.
-    """
+    """What a model says of the cells of a probe: nothing of the lip's where it is `held`."""
     (block,) = blocks(probe, {0: (0, probe.size)})
-    found = said(block.columns)
-    held = probe.model != LIP and block.columns["flight_fraction"] > 0
-    return found._replace(mechanism=np.where(held, NOT_COMPUTED, found.mechanism))
+    found, none = said(block.columns), held(probe.model, block.columns)
+    return found._replace(mechanism=np.where(none, NOT_COMPUTED, found.mechanism))
 
 
 def _words(

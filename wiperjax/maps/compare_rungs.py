@@ -1,8 +1,8 @@
 """Which rung of the ladder does a scene need? Every rung is run, assessed and timed.
 
 A rung suffices if it says what the lip says: the same class, mechanism and band, and frequency and
-amplitude within a stated tolerance; for a reversal, the same ratio of forces too. One that is held
-on the glass where it would fly does not, however near it is.
+amplitude within a stated tolerance; for a reversal, the same ratio of forces too. One that is
+`held` on the glass at any time does not, however near it is.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..machine import provenance
 from ..machine.files import log
-from ..noise.agreement import AMPLITUDE, FREQUENCY, Said, differences, said
+from ..noise.agreement import AMPLITUDE, FREQUENCY, Said, differences, held, said
 from ..noise.run_class import words
 from ..specs.errors import SpecError
 from ..specs.load import load_scene, parse_scene
@@ -43,6 +43,7 @@ class Rung:
         seconds: CPU time of a second of motion in a batch of blades around the scene; NaN where it
             is not known.
         share: CPU time over that of the lip.
+        held: whether it is held on the glass where the lip would leave it.
         suffices: whether it agrees with the lip, which does not fail; the lip itself always.
     """
 
@@ -57,6 +58,7 @@ class Rung:
     steps: int
     seconds: float = np.nan
     share: float = 1.0
+    held: bool = False
     suffices: bool = True
 
 
@@ -125,8 +127,8 @@ bar cannot stand for it). Formulas: `wiperjax/blade/`.
 
 A model suffices if it says what the lip says: class, mechanism and band the same, frequency
 within {FREQUENCY:.0%} and amplitude within {AMPLITUDE:.0%}; for a reversal force ratio and
-vibration within {AMPLITUDE:.0%}. A bar of the mechanism flight is held on the glass that the lip
-leaves, and does not suffice. The poorest that does is in bold. Any scene or sweep runs on it
+vibration within {AMPLITUDE:.0%}. A bar that is held on the glass where the lip would leave it,
+at any time, does not suffice. The poorest that does is in bold. Any scene or sweep runs on it
 with `--model` (or `model = "bar"` in the file); `wiperjax sweep --model auto` has a probe of some
 cells choose (`docs/maps.md`, also for what a rung costs in a batch).
 
@@ -226,14 +228,14 @@ def _run(name: str, model: str, spec: SceneSpec | None) -> Rung:
         float(heard.amplitude),
         float(heard.forces),
         int(found["steps"] + found["rejected_steps"]),
+        held=bool(held(model, found)),
     )
 
 
 def _judged(rung: Rung, lip: Rung) -> Rung:
     suffices = rung.model == "lip"
     if not suffices and rung.label != REFUSED:
-        held = rung.model in MODELS and rung.mechanism == "flight"
-        suffices = bool(differences(_said(rung), _said(lip)).tolerated) and not held
+        suffices = bool(differences(_said(rung), _said(lip)).tolerated) and not rung.held
     return replace(rung, share=rung.seconds / lip.seconds, suffices=suffices)
 
 

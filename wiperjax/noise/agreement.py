@@ -5,11 +5,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..vocabulary.codes import LABELS
+from ..vocabulary.kinds import MODELS
 
 FREQUENCY, AMPLITUDE = 0.02, 0.10
 """Differences that are tolerated, relative to the better model; the second is that of a reversal's
 forces, too."""
 
+*POORER, LIP = MODELS
 _UNHEARD = tuple(LABELS[name] for name in ("quiet", "failed", "collapsed"))
 
 
@@ -45,6 +47,13 @@ def said(columns: Any) -> Said:
         np.asarray(columns[f"normal_force_{name}"]) for name in ("max_reversal", "mean_stroke")
     )
     return Said(label, mechanism, band, frequency, amplitude, largest / mean)
+
+
+def held(model: Any, columns: Any) -> np.ndarray:
+    """Where a model is held on the glass that the lip would leave: its numbers are none of the
+    lip's there, however near they are. Columns as of `said`; the flight of the lip is its own.
+    """
+    return (np.asarray(columns["flight_fraction"]) > 0) & (model in POORER)
 
 
 class Differences(NamedTuple):

@@ -10,6 +10,7 @@ from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import LABELS, NOT_COMPUTED, SETTLED, TOLD, VALIDITY
 from ..vocabulary.products import PRODUCTS
 from ..vocabulary.ranges import COUNT, NON_NEGATIVE
+from .agreement import held
 
 ENDED = {  # cells that hold what was counted until they ended, if anything
     "failed": LABELS["failed"],
@@ -121,13 +122,9 @@ def cut_count(ds: xr.Dataset) -> int:
     return int((fine & ds["label"].notnull() & ~ds["label"].isin(silent)).sum())
 
 
-def lifted_count(ds: xr.Dataset) -> int | None:
-    """Number of cells of a map of the bar in which the lip would leave the glass, on which the bar
-    is held; None of a map of another model.
-    """
-    if ds.attrs.get("model") != "bar" or "flight_fraction" not in ds:
-        return None
-    return int((ds["flight_fraction"] > 0).sum())
+def lifted_count(ds: xr.Dataset) -> int:
+    """Number of cells of a map in which its model is `held` on the glass."""
+    return int(held(ds.attrs.get("model"), ds).sum()) if "flight_fraction" in ds else 0
 
 
 def share_error(count: Any, of: int) -> np.ndarray:

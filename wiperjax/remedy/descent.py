@@ -9,6 +9,7 @@ import xarray as xr
 
 from ..blade.wiper import Wiper
 from ..contact.fits import turns
+from ..contact.system import AbstractSystem
 from ..cycles.branch.dataset import column_attributes
 from ..cycles.cycle import Cycle, close, same_word, shooting_of
 from ..cycles.find import find_cycle
@@ -134,14 +135,16 @@ def _same_events(a: Cycle, b: Cycle) -> bool:
 
 
 def _settled(cycle: Cycle, system, settle: float, default: bool = False) -> Cycle:
-    """Return the cycle that ``system`` settles on from where ``cycle`` was, or its own start."""
+    """Return the cycle that ``system`` settles on from where ``cycle`` was; from its ``default``
+    start, if it has one."""
     shooting, state = cycle.shooting, cycle.state
     assert shooting is not None and state is not None
     n = len(state) // 2
+    own = default and type(system).default_state is not AbstractSystem.default_state
     return find_cycle(
         system,
         settle=settle,
-        initial_state=None if default and isinstance(system, Wiper) else (state[:n], state[n:]),
+        initial_state=None if own else (state[:n], state[n:]),
         period=shooting.clock,
         rtol=shooting.rtol,
         max_step=shooting.max_step,

@@ -20,6 +20,7 @@ from ..vocabulary.thresholds import Thresholds
 from .box import COST, Box, check_period, check_search, search
 from .nearest import distance
 
+STICKS = 2  # begun in a window that tells of a tip that sticks: between them lies a period
 _FLOOR = 1e-6  # of the belt's speed, to the search alone: at rest the root has no derivative
 
 
@@ -59,9 +60,9 @@ def quieten(
 
     **Returns** a `Quietened`. To the search a failed simulation is twice the noise that a change
     is paid by; where one ends in it, ``velocity_rms`` is NaN, and it comes last. So it is of a tip
-    that rides on a belt that does not turn for the whole window: it slips later, and how loudly
-    that window does not tell. For such a blade as it is, and for one whose simulation fails, a
-    ValueError is raised.
+    that sticks in its window and does not begin to twice, on a belt that does not turn: no period,
+    from one stick to the next, lies in the window, which then does not tell how loudly it slips.
+    For such a blade as it is, and for one whose simulation fails, a ValueError is raised.
     """
     checks.instance("blade", blade, Wiper, "a Wiper")
     check_single(blade)
@@ -84,8 +85,9 @@ def quieten(
 
     before, _, rms_before = noise(given)
     if np.isnan(before):
-        must = "blade must be one whose simulation finishes, with slip in its window"
-        raise ValueError(f"{must}, but this one's fails, or rides on the belt (a longer duration?)")
+        must = "blade must be one whose simulation finishes, with a whole period in its window"
+        but = "this one's fails, or rides on the belt for longer (a longer window and duration?)"
+        raise ValueError(f"{must}, but {but}")
     heard = max(before, Thresholds.quiet_velocity_ratio * float(blade.belt.rms)) or 1.0
 
     def price(share):
@@ -125,8 +127,9 @@ def _noise(system: Any, box: Box, share, times, rtol):
         judged = jnp.where(repeats, periods / jnp.where(repeats, frequency, 1.0), window)
         begins = jnp.maximum(duration - judged, 0.0)  # rounding, where the window is all of it
         run = solve(changed, duration, rtol=rtol, statistics_start=begins, max_events=0)
-        rides = run.statistics.stick_time >= judged * (1 - 1e-9)
-        carried = rides & ~repeats & (jnp.asarray(changed.belt.peak) > 0)
+        # else the search would go where the slip falls just outside of the window
+        cut = (run.statistics.stick_time > 0) & (run.statistics.stick_count < STICKS)
+        carried = cut & ~repeats & (jnp.asarray(changed.belt.peak) > 0)
         fine = (run.result == Result.FINISHED) & ~carried
         spread = jnp.where(fine, run.statistics.variance(judged), 0.0)
         level = jnp.sqrt(spread + (_FLOOR * changed.belt.peak) ** 2)

@@ -34,8 +34,8 @@ from .up_and_down import up_and_down
 
 _ADVICE = {
     Found.AT_REST: "its motion dies out: quiet; start where it makes a noise",
-    Found.NOT_PERIODIC: "its motion is not periodic within run.duration: make that longer, or the "
-    "motion is quasi-periodic or chaotic",
+    Found.NOT_PERIODIC: "its motion is not periodic within run.duration: make that longer, unless "
+    "it is quasi-periodic or chaotic, or runs on",
     Found.NOT_CONVERGED: "Newton's method found none near its motion after run.duration",
     Found.NOT_ISOLATED: "its cycle is at a fold, or one of a family; start at another value",
     Found.TRAJECTORY_FAILED: "its motion ends early",

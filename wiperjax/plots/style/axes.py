@@ -8,8 +8,16 @@ from matplotlib.axes import Axes
 from matplotlib.axis import XAxis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.legend import Legend
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import (
+    AutoLocator,
+    FuncFormatter,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    ScalarFormatter,
+)
 
+LETTERS = 5  # of a mark on the axis across, for which matplotlib leaves room
 SHOWN = {  # unit in a file -> factor and unit in a picture: lips move by millimetres
     "m": (1e3, "mm"),
     "rad": (180.0 / np.pi, "deg"),
@@ -105,15 +113,23 @@ def is_ordered(values: np.ndarray) -> bool:
 
 def edges(values: np.ndarray) -> np.ndarray:
     """Borders of the cells around axis values, shape (n + 1,); geometric axes have geometric
-    borders.
+    borders. Values on one side of zero have theirs there: no load is below it.
     """
     values = np.asarray(values, dtype=float)
     if values.size == 1:
         return values[0] + np.array([-0.5, 0.5]) * (abs(values[0]) or 1.0) * 0.1
-    scaled = np.log(values) if is_geometric(values) else values
-    middle = 0.5 * (scaled[1:] + scaled[:-1])
-    full = np.concatenate([[2 * scaled[0] - middle[0]], middle, [2 * scaled[-1] - middle[-1]]])
-    return np.exp(full) if is_geometric(values) else full
+    if is_geometric(values):
+        return np.exp(_around(np.log(values)))
+    border = _around(values)
+    if (values >= 0).all():
+        return np.maximum(border, 0.0)
+    return np.minimum(border, 0.0) if (values <= 0).all() else border
+
+
+def _around(values: np.ndarray) -> np.ndarray:
+    """Places in the middle between values, and as far beyond the first and the last."""
+    middle = 0.5 * (values[1:] + values[:-1])
+    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 
 
 def set_axis(ax: Axes, which: str, coordinate: xr.DataArray) -> None:
@@ -123,7 +139,32 @@ def set_axis(ax: Axes, which: str, coordinate: xr.DataArray) -> None:
     getattr(ax, f"set_{which}label")(label(long_name(coordinate), unit))
     if is_geometric(values):
         plain_log(ax, which)
+    else:
+        axis = getattr(ax, f"{which}axis")
+        axis.set_major_locator(Marks())
+        axis.set_major_formatter(whole_numbers())
     getattr(ax, f"set_{which}lim")(min(border), max(border))
+
+
+def whole_numbers() -> ScalarFormatter:
+    """Marks with all their digits: what matplotlib takes out of them it writes over the label."""
+    formatter = ScalarFormatter(useOffset=False)
+    formatter.set_scientific(False)
+    return formatter
+
+
+class Marks(AutoLocator):
+    """Marks of a linear axis; every second one where long numbers would touch on that across."""
+
+    def tick_values(self, vmin, vmax):
+        marks = np.asarray(super().tick_values(vmin, vmax))
+        if marks.size < 2 or not isinstance(self.axis, XAxis):
+            return marks
+        letters = max(map(len, whole_numbers().format_ticks(marks)))
+        room = self.axis.get_tick_space() * LETTERS / (letters + 1)
+        while marks.size > 4 and marks.size - 2 > room:  # two of them may lie beyond the ends
+            marks = marks[marks.size % 2 :: 2]
+        return marks
 
 
 def plain_log(ax: Axes, which: str) -> None:
