@@ -187,8 +187,8 @@ def _write_sets(sets: list[dict], path: Path) -> None:
 
 
 def _line(text: str, length: int = 80) -> str:
-    """Text as the format holds it: ASCII, on one short line."""
-    return " ".join(text.encode("ascii", "replace").decode().split())[:length] or "NONE"
+    """Text as the format holds it: ASCII, on one short line; other letters by their number."""
+    return " ".join(text.encode("ascii", "backslashreplace").decode().split())[:length] or "NONE"
 
 
 FORMATS: dict[str, dict[str, Callable[[xr.Dataset, Path], None]]] = {

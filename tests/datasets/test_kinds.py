@@ -43,6 +43,12 @@ def test_what_was_of_a_kind_is_of_none():
         assert kind_of(none) == ""
 
 
+def test_a_run_that_is_none_any_more_says_why():
+    joined = xr.concat([a_run(), a_run()], "case")
+    with pytest.raises(StoreError, match="else, for its regime lies along case and time: .*; only"):
+        check_kind(joined, ["run"], "heard")
+
+
 @pytest.mark.parametrize(
     ("ds", "wanted", "line"),
     [

@@ -1,5 +1,6 @@
 """Maps that are explored: read plane by plane, and refused where they are none."""
 
+import asyncio
 import json
 import re
 import signal
@@ -14,6 +15,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from bokeh.document import Document
+from bokeh.protocol import Protocol
+from bokeh.server.protocol_handler import ProtocolHandler
 from stub_sweep import evaluate, make_spec
 from tornado.ioloop import IOLoop
 
@@ -69,6 +72,42 @@ def test_a_port_that_is_taken_is_named(tmp_path, monkeypatch, capsys):
         "wiperjax: --host and --port must be an address of this computer and a port that is free, "
         "but were 127.0.0.1 and 5006: Address already in use\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("host", "says"),
+    [
+        ("", "--host must be an address, such as 127.0.0.1, but was empty"),  # was every address
+        ("a" * 70, "free, but were a{70} and 0: no name of a host"),  # 'idna' codec failed
+    ],
+)
+def test_a_host_that_is_none_is_one_line(host, says, tmp_path, capsys):
+    path = tmp_path / "map.h5"
+    driver.sweep(make_spec(), path, evaluate=evaluate, progress=False).close()
+    assert main(["explore", str(path), "--no-browser", "--host", host]) == 1
+    assert re.search(says, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(("message", "found"), [("{}", "'events'"), ('{"events": [{}]}', "'kind'")])
+def test_a_message_that_no_page_sends_is_one_line(message, found, caplog, monkeypatch):
+    """A traceback of Bokeh's, in the terminal of who serves."""
+    patch = Protocol().assemble('{"msgtype": "PATCH-DOC", "msgid": "1"}', "{}", message)
+    handler = ProtocolHandler()
+    handler._handlers["PATCH-DOC"] = lambda patch, _: patch.apply_to_document(Document())
+
+    def handled():
+        caplog.clear()
+        asyncio.run(handler.handle(patch, SimpleNamespace(error=lambda message, text: text)))
+        (record,) = caplog.records
+        return record
+
+    record = handled()
+    said = record.getMessage()
+    assert said.startswith("a window sent what means nothing here: ") and "\n" not in said
+    assert found in said
+    assert record.exc_info is None
+    monkeypatch.setenv("WIPERJAX_TRACEBACK", "1")
+    assert handled().exc_info
 
 
 @pytest.mark.parametrize(
@@ -688,6 +727,9 @@ def test_a_file_for_a_browser_says_why_it_holds_no_motion(whole, tmp_path, caplo
         write_static(bare, path, [{}])
     assert not path.exists() and write_static(bare, path) == 0
     assert f"holds no motions: cells of this map cannot be simulated: {bare.unable}" in caplog.text
+    page = path.read_text(encoding="utf-8")  # which a colleague sees without that line
+    assert f"No motions are stored: cells cannot be simulated, {bare.unable}." in page
+    assert "a dashed frame is" not in page
 
 
 @pytest.mark.slow

@@ -379,6 +379,20 @@ def test_codes_between_two_codes_are_no_class(small_map):
     assert sum(count for _, count, _ in class_counts.class_table(masked)) == 16 * 27
 
 
+def test_a_code_without_a_name_has_no_colour_of_another(small_map):
+    """It had that of the last name."""
+    strange = small_map.assign(label=small_map["label"].copy())
+    strange["label"][0, 0, 0] = 100
+    with pytest.raises(ValueError, match="label must have codes of 0 to 6 that .*, but had 100"):
+        plots.class_map(strange)
+
+
+def test_a_table_of_pandas_says_what_it_lost(small_map):
+    lost = small_map.to_dataframe().to_xarray()
+    with pytest.raises(ValueError, match="no flag_meanings; pandas, say, keeps no attributes: lab"):
+        plots.class_map(lost)
+
+
 def test_failed_and_collapsed_cells_are_hatched(small_map):
     ax = Figure().subplots()
     broken = small_map.copy(deep=True)

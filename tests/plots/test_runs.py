@@ -283,6 +283,15 @@ def test_every_picture_of_a_run_says_its_class_and_frequency(squeal):
     assert caption.noise_text(still) == "quiet"
 
 
+@pytest.mark.parametrize("lost", ["event_time", "event_kind", "regime_before"])
+def test_events_that_lack_a_part_are_refused_in_one_line(lost):
+    """A KeyError of xarray's."""
+    run = bouncing_run()
+    must = f"the events of a run must have {lost}, but have none; run.drop_dims"
+    with pytest.raises(ValueError, match=must):
+        plots.run_overview(run.drop_vars(lost))
+
+
 def test_no_two_rows_of_an_overview_show_the_same():
     turning = tone(seconds=1.0).assign(belt_velocity=0.5 * np.cos(4 * tone(seconds=1.0).time))
     for run, framed in ((turning, False), (buzzing_run(), True)):

@@ -11,7 +11,8 @@ from wiperjax import plots
 from wiperjax.cli import main
 from wiperjax.cli.options import cuts
 from wiperjax.datasets import map_dataset
-from wiperjax.datasets.map_starts import hangs_on_start
+from wiperjax.datasets.map_starts import from_start, hangs_on_start
+from wiperjax.plots.catalogue import PICTURES
 from wiperjax.plots.files import usual_of_file
 from wiperjax.plots.preview import preview
 from wiperjax.specs.load import parse_sweep
@@ -76,6 +77,20 @@ def test_of_cells_that_are_masked_nothing_hangs_on_the_start(starts):
     assert np.ma.getmaskarray(codes)[:2].all() and hatched == 1  # speed 3
     words = [text.get_text() for legend in legends(ax.figure) for text in legend.get_texts()]
     assert "depends on the start (50.0%)" in words  # of speeds 3 and 4
+
+
+def test_sets_of_classes_are_drawn_by_name():
+    """Their bit masks were, on a scale of numbers: 3 is quiet and squeal."""
+    ds = from_start(a_map(names=["up", "down"]))
+    draw = PICTURES["map"]["value"].draw
+    (ax,) = draw(ds, quantity="class_set")
+    words = [text.get_text() for legend in legends(ax.figure) for text in legend.get_texts()]
+    assert words[:3] == ["quiet (25.0%)", "squeal (25.0%)", "quiet + squeal (50.0%)"]
+    many = ds.assign(class_set=ds["class_set"].copy(data=np.reshape([-1, *range(3, 14)], (3, 4))))
+    (ax,) = draw(many, quantity="class_set")
+    words = [text.get_text() for legend in legends(ax.figure) for text in legend.get_texts()]
+    assert "further sets (9.1%)" in words  # 3, 5, 6, 7, 9 ... 13 are nine sets of several
+    assert "chattering (9.1%)" in words  # 4 is one alone
 
 
 def test_of_random_starts_the_most_frequent_class_is_drawn():

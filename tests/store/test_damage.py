@@ -177,6 +177,28 @@ def test_what_another_program_took_from_a_map_is_named(path, capsys):
     assert capsys.readouterr().err == said
 
 
+def test_what_is_missed_in_a_file_that_was_changed_is_one_line(path, capsys):
+    """A traceback; in a file as we wrote it, it still is one."""
+    with open_map(path) as ds:
+        changed = ds.load().assign(event_count=ds["steps"])
+    changed.to_netcdf(path, engine="h5netcdf")
+    assert main(["info", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith(f"wiperjax: {path}: cannot be told as it is: event (")
+    with open(path, "r+b") as file:
+        checksums.add(file)
+    with pytest.raises(KeyError):
+        main(["info", str(path)])
+
+
+def test_info_says_where_a_part_was_taken(path, capsys):
+    part = path.with_name("part.h5")
+    with open_map(path) as ds:
+        ds.isel(normal_load=0).load().to_netcdf(part, engine="h5netcdf")
+    assert main(["info", str(part)]) == 0
+    assert "\ncut at normal_load " in capsys.readouterr().out
+
+
 def test_a_program_that_writes_into_the_file_removes_the_record(path):
     with h5py.File(path, "r+") as file:
         file.attrs["title"] = "mine"

@@ -72,6 +72,17 @@ def test_test_software_finds_a_response_for_each_quantity(squeal, tmp_path):
     assert sets["velocity_x"]["ordinate_spec_data_type"] == 11
 
 
+def test_test_software_tells_coordinates_apart_whatever_their_letters(squeal, tmp_path):
+    """Both were "position_?"."""
+    path = tmp_path / "run.uff"
+    export(squeal.assign_coords(axis=["φ", "ψ"]).assign_attrs(title="Zähler"), path)
+    sets = {one["id1"]: one for one in pyuff.UFF(str(path)).read_sets()}
+    assert sets[r"position_\u03c6"]["ordinate_axis_lab"] == r"position_\u03c6"
+    psi = sets[r"velocity_\u03c8"]
+    np.testing.assert_allclose(psi["data"], squeal["velocity"].sel(axis="y"), rtol=1e-11)
+    assert psi["id2"] == r"Z\xe4hler"
+
+
 def test_test_software_finds_the_coordinates_of_any_system(squeal, tmp_path):
     """Whatever they are called, and each a point of its own, as of modes."""
     path = tmp_path / "run.uff"

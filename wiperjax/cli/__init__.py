@@ -22,7 +22,7 @@ from .explore import explore
 from .export import export
 from .modes import modes
 from .motion import follow, ladder, simulate
-from .options import INTERRUPTED, Said
+from .options import INTERRUPTED, Said, of_file
 from .refine import refine
 from .show import LISTEN_HELP, PLOT_HELP, info, listen, plot
 
@@ -34,11 +34,11 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (sweep, refine, simulate, follow, modes):
+for command in (sweep, of_file(refine), simulate, follow, of_file(modes)):
     app.command()(command)
-app.command(help=PLOT_HELP)(plot)
-app.command(help=LISTEN_HELP)(listen)
-for command in (export, explore, info, ladder, verify):
+app.command(help=PLOT_HELP)(of_file(plot))
+app.command(help=LISTEN_HELP)(of_file(listen))
+for command in (of_file(export), of_file(explore), of_file(info), ladder, of_file(verify)):
     app.command()(command)
 app.command()(example)
 for extra in sorted(importlib.metadata.entry_points(group="wiperjax.commands")):
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if usage is not None:
             where = getattr(getattr(error, "ctx", None), "command_path", "wiperjax")
             return _complain(f"{usage().rstrip('.')}; try '{where} --help'", 2)
-        if not isinstance(error, OSError | ValueError | RuntimeError):
+        if not isinstance(error, OSError | ValueError | RuntimeError | MemoryError):
             raise  # a bug: its traceback is wanted
         if "WIPERJAX_TRACEBACK" in os.environ:
             traceback.print_exc()

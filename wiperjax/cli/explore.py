@@ -52,6 +52,8 @@ def explore(
     cells = [dict(cuts(one.split(","), "--cell") or {}) for one in cell] if cell else None
     if static is None and (cells or force):
         raise ValueError("--cell and --force are for --static PAGE.html")
+    if not host.strip():  # sockets take it for every address
+        raise ValueError("--host must be an address, such as 127.0.0.1, but was empty")
     if static is not None:
         check_target(static, (".html",), force, file)
     configure(None)
@@ -78,10 +80,11 @@ def explore(
             )
         try:
             served, address = server.serve(explored, host, port)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # the latter of a name that no host can have
+            why = getattr(error, "strerror", None) or "no name of a host"
             raise ValueError(
                 "--host and --port must be an address of this computer and a port that is free, "
-                f"but were {host} and {port}: {error.strerror}"
+                f"but were {host} and {port}: {why}"
             ) from None
         server.run(served, address, browser, lambda text: print(text, flush=True))
 

@@ -1,10 +1,11 @@
 """What the commands share: options, and checks of paths before any work."""
 
 import contextlib
+import functools
 import math
 import shlex
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -109,6 +110,30 @@ def read(path: Path, wanted: Collection[str], use: str) -> tuple[Any, str]:
     with open_map(path) as dataset:
         kind = check_kind(dataset, wanted, use, path)
         return dataset.load(), kind
+
+
+def of_file(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A command of an HDF5 `file`, in which it may miss what another program took from it: that is
+    one line. Of a file as we wrote it, it is a bug, whose traceback is wanted.
+    """
+
+    @functools.wraps(command)
+    def told(file: Path, **options: Any) -> None:
+        try:
+            command(file=file, **options)
+        except (LookupError, TypeError, AttributeError, ArithmeticError) as error:
+            import h5py
+
+            from ..machine.files import StoreError
+            from ..store.whole import damages
+
+            if not h5py.is_hdf5(file) or damages(file) is not None:
+                raise
+            words = str(error.args[0] if error.args else error).splitlines()[0]
+            changed = "another program changed it since wiperjax wrote it, if it did"
+            raise StoreError(f"{file}: cannot be told as it is: {words} ({changed})") from error
+
+    return told
 
 
 @contextlib.contextmanager

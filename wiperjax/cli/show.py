@@ -228,6 +228,7 @@ def info(
             print(f"note: {file} does not say that wiperjax made it", file=sys.stderr)
         kind, sizes = kind_of(dataset), (f"{n} {count}" for n, count in dataset.sizes.items())
         print(f"{holds(kind)}: {', '.join(sizes)}")
+        _print_cut(dataset)
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
         for tell in TOLD.get(kind, ()):
             tell(dataset)
@@ -238,3 +239,12 @@ def info(
                 lost = f"its borders have no attribute {error}: another program took it from them"
                 raise StoreError(f"{file}: {lost}") from None
         print_attributes(dataset)
+
+
+def _print_cut(dataset: Any) -> None:
+    """Where a part of a file was taken of axes that it has no more."""
+    for name, value in dataset.coords.items():
+        if not value.ndim:
+            unit = str(value.attrs.get("units", "1"))
+            text = f"{value.item():g}" if value.dtype.kind in "iuf" else value.item()
+            print(f"cut at {name} {text}{f' {unit}' * (unit != '1')}")

@@ -42,7 +42,9 @@ def check_kind(ds: xr.Dataset, wanted: Iterable[str], use: str, path: str | Path
         *others, last = (PRODUCTS[name].words for name in wanted)
         only = f"{', '.join(others)} or {last}" if others else last
         where = f"{path}: " if path else ""
-        raise StoreError(f"{where}{holds(kind)}; only {only} can be {use}")
+        no_run = PRODUCTS["run"].told_by
+        why = f", for {unfit(ds)}" if not kind and set(no_run) <= {*map(str, ds.variables)} else ""
+        raise StoreError(f"{where}{holds(kind)}{why}; only {only} can be {use}")
     return kind
 
 

@@ -46,11 +46,21 @@ def check_quantity(ds: xr.Dataset, quantity: str) -> xr.DataArray:
     return ds[quantity]
 
 
+def _has_events(ds: xr.Dataset, *told: str) -> bool:
+    """Whether a run has events. Raises: `ValueError` if it lacks a variable of `told`."""
+    if not ds.sizes.get("event", 0):
+        return False
+    if lost := [name for name in told if name not in ds]:
+        without = "run.drop_dims('event') is the run without them"
+        raise ValueError(f"the events of a run must have {lost[0]}, but have none; {without}")
+    return True
+
+
 def regime_spans(ds: xr.Dataset) -> Iterator[tuple[float, float, str]]:
     """Start, end (s) and name of each stretch of time in one regime, within the samples of `ds`."""
     names = flag_names(ds["regime"])
     time = np.asarray(ds["time"], dtype=float)
-    if ds.sizes.get("event", 0) and "regime_after" in ds:
+    if "regime_after" in ds and _has_events(ds, "regime_before", "event_time"):
         codes = np.concatenate(
             [[int(ds["regime_before"][0])], np.asarray(ds["regime_after"], dtype=int)]
         )
@@ -69,7 +79,7 @@ def regime_spans(ds: xr.Dataset) -> Iterator[tuple[float, float, str]]:
 
 def event_times(ds: xr.Dataset) -> dict[str, np.ndarray]:
     """Kind of event -> times (s) of those within the samples of a run; kinds that occur."""
-    if not ds.sizes.get("event", 0):
+    if not _has_events(ds, "event_kind", "event_time"):
         return {}
     kinds, times = np.asarray(ds["event_kind"], dtype=int), np.asarray(ds["event_time"], float)
     start, stop = float(ds["time"][0]), float(ds["time"][-1])
@@ -98,7 +108,7 @@ def between(ds: xr.Dataset, start: float | None = None, stop: float | None = Non
             f"lie{part}; the run has {time.size} in {time[0]:g} ... {time[-1]:g} s"
         )
     chosen = {"time": np.flatnonzero(inside)}
-    if ds.sizes.get("event", 0):
+    if _has_events(ds, "event_time"):
         moment = np.asarray(ds["event_time"], dtype=float)
         chosen["event"] = np.flatnonzero((moment >= low) & (moment <= high))
     return ds.isel(chosen)

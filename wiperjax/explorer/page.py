@@ -154,7 +154,7 @@ class Page:
 
     def _turn(self, which: str, attr: str, old: str, new: str) -> None:
         """Another axis across or up; the two change places where they would be the same."""
-        if self.quiet:
+        if self.quiet or new not in self.explored.dims:
             return
         place = {self.x: self.map.cursor.data["x"][0], self.y: self.map.cursor.data["y"][0]}
         self.at |= {dim: int(k) for dim, k in place.items()}

@@ -1,6 +1,7 @@
 """Who is served: a Bokeh server on this machine, one document for each window."""
 
 import logging
+import os
 import socket
 import webbrowser
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from bokeh.core.validation import silence
 from bokeh.core.validation.warnings import EMPTY_LAYOUT
 from bokeh.document import Document
 from bokeh.models import Div
+from bokeh.protocol.exceptions import ProtocolError
 from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from bokeh.server.util import bind_sockets
@@ -28,6 +30,20 @@ from .worker import Worker
 
 silence(EMPTY_LAYOUT, True)  # a map of two axes has no slider
 logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)  # a window that was closed
+
+
+def _one_line(record: logging.LogRecord) -> bool:
+    """Has a message that no page of ours sends be one line: it is no fault of who serves."""
+    error = record.exc_info[1] if record.exc_info else None
+    ours = record.name == "tornado.application" and not isinstance(error, ProtocolError)
+    if error is not None and not ours and "WIPERJAX_TRACEBACK" not in os.environ:
+        record.msg = "a window sent what means nothing here: %r; WIPERJAX_TRACEBACK=1 shows where"
+        record.args, record.exc_info = (error,), None
+    return True
+
+
+for _name in ("bokeh.server.views.ws", "bokeh.server.protocol_handler", "tornado.application"):
+    logging.getLogger(_name).addFilter(_one_line)
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 ANY = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # all addresses of a kind -> this machine's own

@@ -188,6 +188,10 @@ def _page(explored, axes, panel, motion, chosen, states, places, motions) -> Doc
         one.js_on_change("value", show)
     name = escaped(explored.ds.attrs.get("title") or explored.name)
     note = f"{len(motions)} motions are stored; a dashed frame is the one that is shown."
+    if not motions:
+        note = "No motions are stored" + f": cells cannot be simulated, {explored.unable}." * (
+            explored.spec is None
+        )
     if explored.usual_start:
         note += f" Start of the cells: {explored.usual_start}."
     head = f"<h1>{name}</h1><p class='note'>{escaped(explored.name)}. {note}</p>"

@@ -16,7 +16,7 @@ from ..machine.files import StoreError
 from ..vocabulary.products import PRODUCTS
 from . import branches, curves, modes
 from .door import at_start
-from .maps import categories, classes, line, overview, planes
+from .maps import categories, classes, line, numbers, overview, planes
 from .runs import animation, friction, page, portrait, spectra
 from .style.caption import with_noise
 
@@ -52,6 +52,7 @@ def _phase(part: xr.Dataset, whole: xr.Dataset, component: int | None = None):
 
 def _value(ds: xr.Dataset, quantity: str = "velocity_rms", **options: Any):
     planes.check_cellwise(ds, quantity)
+    ds = numbers.named_sets(ds, quantity)
     if "flag_values" in ds[quantity].attrs:  # codes are names, not numbers
         return categories.category_map(ds, quantity, **options)
     return planes.value_map(ds, quantity, **options)

@@ -61,9 +61,13 @@ def flag_names(variable: xr.DataArray) -> dict[int, str]:
     """Code -> meaning of a categorical variable, from its CF attributes. Raises ValueError where it
     has none.
     """
+    must = f"{variable.name} must have names of its codes"
     if missing := {"flag_values", "flag_meanings"} - variable.attrs.keys():
-        raise ValueError(f"{variable.name} must have names of its codes, but has no {min(missing)}")
+        of = f"{variable.name}.attrs of the map, or the run, that it is from has them"
+        lost = "" if variable.attrs else f"; pandas, say, keeps no attributes: {of}"
+        raise ValueError(f"{must}, but has no {min(missing)}{lost}")
     values = np.atleast_1d(variable.attrs["flag_values"])
-    return dict(
-        zip((int(v) for v in values), str(variable.attrs["flag_meanings"]).split(), strict=True)
-    )
+    names = str(variable.attrs["flag_meanings"]).split()
+    if values.dtype.kind not in "iuf" or len(values) != len(names):
+        raise ValueError(f"{must}, but has {len(names)} names of the codes {values.tolist()}")
+    return dict(zip((int(v) for v in values), names, strict=True))

@@ -164,6 +164,11 @@ def category_panel(ds: xr.Dataset, ax: Axes, x: str, y: str, variable: str = "la
     across, up = edges(shown(ds[x])[0]), edges(shown(ds[y])[0])
     names = flag_names(ds[variable])
     values = sorted(names)
+    if NOT_COMPUTED not in names and (codes == NOT_COMPUTED).any():
+        codes = np.where(codes == NOT_COMPUTED, np.nan, codes)
+    if (strange := codes[np.isfinite(codes) & ~np.isin(codes, values)]).size:
+        must = f"{variable} must have codes of {values[0]} to {values[-1]} that have a name"
+        raise ValueError(f"{must}, but had {strange.flat[0]:g}")  # another's colour would be drawn
     colours = ListedColormap(list(colours_of(ds[variable]).values()))
     borders = BoundaryNorm([value - 0.5 for value in values] + [values[-1] + 0.5], len(values))
     ax.pcolormesh(across, up, codes, cmap=colours, norm=borders, rasterized=True)

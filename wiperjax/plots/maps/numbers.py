@@ -8,8 +8,8 @@ from matplotlib.colors import LogNorm, Normalize, SymLogNorm
 
 from ...noise.class_counts import ENDED, cell_by_cell, whole_codes
 from ...vocabulary.cf import flag_names, flags
-from ...vocabulary.codes import LABELS
-from ..style.palette import readable
+from ...vocabulary.codes import LABELS, NOT_COMPUTED
+from ..style.palette import SPARE, readable
 
 SIGNED = "RdBu_r"  # red above zero, white at it, blue below; told apart by everybody
 TONE = "dominant_frequency"
@@ -44,6 +44,38 @@ def told_names(ds: xr.Dataset, name: str) -> xr.Dataset:
         code = known.setdefault(word, max(known.values()) + 1)
         codes = np.where(label == LABELS[word], code, codes)
     return ds.assign({name: ds[name].copy(data=codes).assign_attrs(flags(known))})
+
+
+def named_sets(ds: xr.Dataset, name: str) -> xr.Dataset:
+    """A map whose sets of names, bit by bit in `name`, have names of their own, `quiet + squeal`:
+    the most frequent ones, as many as colours tell apart, the others are `further sets`.
+    """
+    if "flag_masks" not in (attrs := ds[name].attrs):
+        return ds
+    bits = np.atleast_1d(attrs["flag_masks"]).tolist()
+    words = dict(zip(bits, str(attrs["flag_meanings"]).split(), strict=True))
+    codes = whole_codes(ds[name])
+    met, counts = np.unique(codes[codes > 0].astype(int), return_counts=True)
+    several = [int(code) for code in met[np.argsort(-counts, kind="stable")] if code not in words]
+    known = {word: bit for bit, word in words.items() if bit in met}
+    known |= {
+        "_+_".join(words.get(bit, str(bit)) for bit in _bits(code)): code
+        for code in several[: len(SPARE)]
+    }
+    if rest := several[len(SPARE) :]:
+        known["further_sets"] = max(bits) * 2
+        codes = np.where(np.isin(codes, rest), known["further_sets"], codes)
+    if (codes == NOT_COMPUTED).any():
+        known["not_computed"] = NOT_COMPUTED
+    plain = {key: value for key, value in attrs.items() if key != "flag_masks"}
+    sets = ds[name].copy(data=codes)
+    sets.attrs = plain | flags(known, np.int32)
+    return ds.assign({name: sets})
+
+
+def _bits(code: int) -> list[int]:
+    """The powers of two that make up a number."""
+    return [1 << place for place in range(code.bit_length()) if code >> place & 1]
 
 
 def why_untold(ds: xr.Dataset, name: str) -> str:
