@@ -461,6 +461,28 @@ def test_what_has_no_modes_is_one_line():
 
 
 @pytest.mark.slow
+def test_there_is_no_steady_sliding_behind_a_stop():
+    """Friction in slip, 0.5 + 0.5/e on a stiffness of 1, draws the block to x = 0.684; a wall in
+    front of it holds it in bounces."""
+    free = wiperjax.SteadyBelt(0.5)
+    found = wiperjax.modes(own_systems.Walled(wall=0.7, belt=free))
+    assert float(found.position[0]) == pytest.approx(0.5 + 0.5 / math.e)
+    with pytest.raises(ValueError, match="must have a steady sliding near"):
+        wiperjax.modes(own_systems.Walled(wall=0.6, belt=free))
+    over = wiperjax.modes_over(
+        {
+            "system": "own_systems:Walled",
+            "parameters": {"friction": "stribeck"},
+            "belt": {"kind": "steady", "speed": 0.5},
+            "axes": {"wall": {"values": [0.6, 0.7]}},
+            "run": {"transient": 60.0, "window": 60.0},
+            "classes": {"squeal_band": [0.2, 1.0], "chatter_band": [0.0, 0.2]},
+        }
+    )
+    assert over.exists.values.tolist() == [0, 1]
+
+
+@pytest.mark.slow
 def test_a_blade_on_a_belt_at_rest_has_none():
     with pytest.raises(ValueError, match=r"^Wiper must have a steady sliding near"):
         wiperjax.modes(wiperjax.Wiper(belt=wiperjax.SteadyBelt(0.0), attack_angle=0.1))

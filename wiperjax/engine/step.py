@@ -256,10 +256,11 @@ def _fail(problem: Problem, state: State, trial: Trial, plan: Plan, counted) -> 
     least = (problem.end - state.time) * (PACE_TURNS / budget)
     stalls = paced & (state.time - state.paced_time < least)
     too_small = (plan.rejected & (state.step < floor)) | stalls
-    # in a flight that began just now it is the impacts that pile up, behind a blow the blows
+    # in a flight that began just now it is the impacts that pile up, behind a blow the blows, and
+    # what begins at rest at a stop presses against it
     piles = state.regime == Regime.FLIGHT
     for slot in stop_slots(problem.system):
-        piles = piles | (state.orders[slot] > 0)
+        piles = piles | (state.orders[slot] > 0) | (state.guards[slot] <= 0)
     piles = piles & (state.time - state.last_event <= floor)
     few = state.position[0].dtype != state.time.dtype  # no shorter step lowers what is rounding
     small = int(Result.TOO_FEW_DIGITS if few else Result.STEP_TOO_SMALL)

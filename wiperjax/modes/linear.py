@@ -5,6 +5,7 @@ linearisation its exact derivative by places and velocities. A contact that may 
 what is left are the coordinates along it.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import equinox as eqx
@@ -85,13 +86,12 @@ def linear(system: AbstractSystem, near: Coordinates) -> Linear:
         exists = jnp.all(jnp.abs(missed) <= CLOSED) & (jnp.abs(gap) <= CLOSED)
         # where D <= 0 no slip lasts (docs/model.md, section 7)
         exists &= (force > 0) & (d > 0) & (jnp.sign(slip) == sign) & (sign != 0)
-        return exists, force, slip
+        return exists & _inside(system, t, u * scale), force, slip
 
     u = sought(start / scale)
     # It may stall beyond a corner of the forces, as where a yielding glass pushes no more: then the
     # start is the place that forces without the corner have.
-    q = tuple(start)
-    sides = starting_sides(system, t, q, system.from_rates(t, q, tuple(rest)))
+    sides = starting_sides(system, *_at_rest(system, t, start))
     u = jnp.where(judged(u)[0], u, sought(sought(start / scale, sides)))
     exists, force, slip = judged(u)
     place = u * scale
@@ -103,9 +103,20 @@ def linear(system: AbstractSystem, near: Coordinates) -> Linear:
 
 
 def _slip_speed(system: AbstractSystem, t, place):
+    return jnp.asarray(system.slip_speed(*_at_rest(system, t, place)), float)
+
+
+def _inside(system: AbstractSystem, t, place):
+    """Whether a place is in the model: neither behind one of its ends nor behind a stop."""
+    at = _at_rest(system, t, place)
+    found = zip(starting_sides(system, *at), system.switches(*at), strict=True)
+    return reduce(jnp.logical_and, (side * s >= 0 for side, s in found), jnp.asarray(True))
+
+
+def _at_rest(system: AbstractSystem, t, place):
+    """Return (t, q, v) of every coordinate at rest at a place (n,)."""
     q = tuple(place)
-    still = tuple(jnp.zeros_like(x) for x in q)
-    return jnp.asarray(system.slip_speed(t, q, system.from_rates(t, q, still)), float)
+    return t, q, system.from_rates(t, q, tuple(jnp.zeros_like(x) for x in q))
 
 
 def _slip(system: AbstractSystem, t, place, speeds, sign, sides=None):

@@ -84,6 +84,8 @@ def test_what_presses_against_a_stop_ends_with_its_code(restitution):
         assert len(times) > 20
     else:
         assert len(times) == 1
+    at_once = shoot(pressed, along, np.array([0.0, 0.0]), 20.0, rtol=1e-10)  # begun at rest on it
+    assert at_once.result == Result.ZENO_UNRESOLVED
 
 
 @pytest.mark.slow

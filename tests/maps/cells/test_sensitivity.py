@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import stub_sweep
 import xarray as xr
+from own_systems import Ball
 from processes import fork
 
 from wiperjax.blade.wiper import Wiper
@@ -398,6 +399,12 @@ def test_sizes_of_outcomes_are_those_of_the_cells(name):
         assert validity._outcome_scale(key, columns, wiper).shape == (3,)
     scale = validity._outcome_scale("impact_impulse_max", columns, wiper)
     np.testing.assert_allclose(scale, np.broadcast_to(wiper.tip_mass, 64)[:3] * [0.3, 0.5, 0.7])
+
+
+def test_without_a_belt_a_mean_speed_is_measured_by_the_motion():
+    """It was by itself: rounding over whole periods, whose derivatives were said to disagree."""
+    columns = {"result": np.zeros(1), "velocity_rms": np.array([0.4]), "velocity_mean": [-3e-7]}
+    assert validity._outcome_scale("velocity_mean", columns, Ball()) == pytest.approx(0.4)
 
 
 def tolerances(**run):

@@ -114,11 +114,14 @@ def check(spec, moved: Moved, base, columns, slopes, word):
 
 def _outcome_scale(name: str, columns, system: AbstractSystem) -> np.ndarray:
     """Size of an outcome by what it is: the load for forces, the lip for lengths, and so on; of
-    another system than the wiper, its own value where no more is known."""
+    another system than the wiper, its own value where no more is known. Speeds are measured without
+    a belt by the motion's own: its mean over whole periods is rounding."""
     count = len(columns["result"])
     size = {"1": np.ones(count)}
     if "belt_speed_rms" in columns:
         size["m/s"] = np.asarray(columns["belt_speed_rms"])
+    else:
+        size["m/s"] = np.hypot(columns["velocity_rms"], columns["velocity_mean"])
     if isinstance(system, Wiper):
         blade: Any = system
         load, length, mass = (  # the wiper has some cells more, which fill up
