@@ -160,7 +160,7 @@ class Marks(AutoLocator):
         marks = np.asarray(super().tick_values(vmin, vmax))
         if marks.size < 2 or not isinstance(self.axis, XAxis):
             return marks
-        letters = max(map(len, whole_numbers().format_ticks(marks)))
+        letters = max(map(len, whole_numbers().format_ticks(marks.tolist())))
         room = self.axis.get_tick_space() * LETTERS / (letters + 1)
         while marks.size > 4 and marks.size - 2 > room:  # two of them may lie beyond the ends
             marks = marks[marks.size % 2 :: 2]
