@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from .elementary import horner
 from .runge_kutta import NODES
 from .types import Scalar
 
@@ -15,11 +14,9 @@ def powers(values) -> tuple[Scalar, ...]:
     return tuple(sum(float(w) * x for w, x in row if w) for row in rows)
 
 
-def integrated(coefficients) -> tuple[Scalar, ...]:
-    """Return the coefficients of u^1 .. u^5 of the integral from 0."""
-    return tuple(x * (1 / k) for k, x in enumerate(coefficients, 1))
-
-
 def integral(coefficients, u) -> Scalar:
     """Return the integral from 0 to ``u``."""
-    return u * horner(integrated(coefficients), u)
+    total = coefficients[-1] * (1 / len(coefficients))
+    for k in range(len(coefficients) - 1, 0, -1):
+        total = total * u + coefficients[k - 1] * (1 / k)
+    return u * total

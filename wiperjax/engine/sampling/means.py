@@ -20,7 +20,7 @@ from jax.lax import stop_gradient
 
 from ...numerics import quartic
 from ...numerics.arrays import where
-from ...numerics.elementary import horner, larger, smaller
+from ...numerics.elementary import larger, smaller
 from ...numerics.fusion_barrier import keep
 from ...numerics.runge_kutta import NODES
 from ...numerics.types import Scalar
@@ -64,9 +64,9 @@ class Signal(eqx.Module):
         none = jnp.zeros(like.shape, jnp.int32)
         begin = jnp.zeros(like.shape) + self.start
         zero = jnp.zeros_like(like)
-        rest = (zero,) * len(NODES)
-        square, regime = rest if self.inner else None, none if self.regimes else None
-        still = Segment(begin, zero, zero - 1, begin, rest, square, regime)  # it tells no regime
+        powers = (zero,) * len(NODES)
+        squares, regime = powers if self.inner else None, none if self.regimes else None
+        still = Segment(begin, zero, zero - 1, begin, powers, squares, regime)  # it tells no regime
         square = slots if self.inner else None
         return Ring(Samples(slots, square, codes), none, begin, still)
 
@@ -94,8 +94,8 @@ class Segment(NamedTuple):
     step: Scalar
     end: Scalar  # of the motion, in units of the step: an event may lie off its end;
     last: Scalar  # and its time, as exact as the clock: a long step has too few digits for it
-    output: tuple  # its integral's coefficients (`quartic`),
-    square: tuple | None  # and those of its square
+    powers: tuple  # coefficients of u^0 .. u^4,
+    squares: tuple | None  # and those of its square
     regime: Scalar | None
 
 
@@ -112,9 +112,8 @@ def segment_of(signal: Signal, stretch: Stretch) -> Segment:
     """Return the output along a committed stretch of motion: as much of it as is recorded, for
     each number is one more that every lane carries."""
     values = [stop_gradient(x) for x in outputs(stretch)]
-    integral = lambda nodes: quartic.integrated(quartic.powers(nodes))
-    output = integral(values)
-    square = integral([x * x for x in values]) if signal.inner else None
+    powers = quartic.powers(values)
+    squares = quartic.powers([x * x for x in values]) if signal.inner else None
     regime = stretch.regime if signal.regimes else None
     dtype = values[0].dtype
     step = stop_gradient(stretch.step)
@@ -123,7 +122,7 @@ def segment_of(signal: Signal, stretch: Stretch) -> Segment:
     start = stop_gradient(stretch.start)
     last = start + stop_gradient(stretch.length)
     step, end = step.astype(dtype), end.astype(dtype)
-    return Segment(start, step, end, last, output, square, regime)
+    return Segment(start, step, end, last, powers, squares, regime)
 
 
 def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Ring, Scalar]:
@@ -134,25 +133,23 @@ def take_means(signal: Signal, ring: Ring, stretch: Stretch, moves) -> tuple[Rin
     part = where(moves, fresh, ring.segment)
     dtype = part.step.dtype
     step = jnp.where(part.step > 0, part.step, 1.0).astype(ring.until.dtype)
-    # one division and one integer made a number, not one of each a slot: both are dear
-    part_at = lambda time: ((time - part.start) * (1.0 / step)).astype(dtype)
-    slots = jnp.arange(signal.ring + 1, dtype=step.dtype)
-    places = ring.first.astype(step.dtype) + slots.reshape((-1,) + (1,) * ring.first.ndim)
-    borders = signal.start + signal.interval * places
-    u, low = part_at(borders), keep(smaller(part_at(ring.until), part.end))
+    slots = jnp.arange(signal.ring + 1).reshape((-1,) + (1,) * ring.first.ndim)
+    borders = signal.start + signal.interval * (ring.first + slots)
+    low = ((ring.until - part.start) / step).astype(dtype)
+    u = ((borders - part.start) / step).astype(dtype)
+    low, u = keep((smaller(low, part.end), u))
     inside = smaller(larger(u, low), part.end)
     # before a step a completed sequence of impacts takes its time: the output hardly changes in it
     within, before = larger(inside, 0.0), smaller(inside, 0.0)
 
-    def spread(old, coefficients):
-        up_to = within * horner(coefficients, within) + before * coefficients[0]
-        whole = keep(part.step * up_to)
+    def spread(old, powers):
+        whole = part.step * (quartic.integral(powers, within) + before * powers[0])
         return old + (whole[1:] - whole[:-1])
 
     output, square, regime = ring.samples
-    output = spread(output, part.output)
+    output = spread(output, part.powers)
     if square is not None:
-        square = spread(square, part.square)
+        square = spread(square, part.squares)
     if regime is not None:
         # at an event's own instant the motion before it counts; where a ring begins within a step,
         # that instant is as far as the motion already is in the samples
