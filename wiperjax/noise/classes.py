@@ -64,7 +64,8 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
 
     A tip that rides on the belt for the whole window is neither quiet, though a steady belt gives
     it a constant velocity (the spring must pull it back sooner or later: the window is too short),
-    nor oscillating: it is `other`, with the mechanism `carried`, `settled` unknown.
+    nor oscillating: it is `other`, with the mechanism `carried`, `settled` unknown. So is one whose
+    slip lies in the window with so little of itself that it would be quiet.
 
     Raises: `KeyError` if a column is missing.
     """
@@ -125,8 +126,11 @@ def _heard(columns: Mapping[str, Any], limits: Any) -> _Heard:
     below = silence(limits, belt if "belt_speed_rms" in columns else None)
     frequency = of("dominant_frequency", required=True)
 
-    carried = (stick >= 1.0) & (belt > 0.0)
-    silent = (speed <= below) & ~carried
+    silent = speed <= below
+    # over whole periods its mean is 0, and what sticks for most of them has a larger deviation
+    rides = silent & ~reverses & (stick > 0.5) & (speed < belt)
+    carried = (stick >= 1.0) & (belt > 0.0) | rides
+    silent &= ~carried
     tone = np.fmax(of("tone_time_before"), of("tone_time_after"))
     at_turn = silent & reverses & (tone >= limits.tone_time)
     quiet = silent & ~at_turn
