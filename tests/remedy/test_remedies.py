@@ -97,6 +97,14 @@ def carried():
 
 
 @pytest.mark.long
+def test_the_blade_that_is_found_says_its_numbers(beside_an_edge):
+    """Printed it was `attack_angle=f64[]`: the remedy could not be read off."""
+    found = beside_an_edge[1]
+    assert f"attack_angle={float(found.parameters.attack_angle[0])!r}," in repr(found.blade)
+    assert "f64" not in repr(found.blade)
+
+
+@pytest.mark.long
 def test_remedies_say_their_units(beside_an_edge, carried):
     """Angles are radians in Python, where files have degrees: a dataset did not say which."""
     steadied = beside_an_edge[1].parameters

@@ -23,7 +23,7 @@ from ..vocabulary.kinds import WIPER
 from ..vocabulary.schema import OF_DERIVATIVES, SCHEMA, SEVERAL_STARTS, Column
 
 RATE = 150.0  # s of motion a second and core: the reference map at rtol 1e-6 (AMD EPYC, avx512)
-COMPILATION = 15.0  # s
+COMPILATION, COMPILATION_OF_DERIVATIVES = 15.0, 45.0  # s, without derivatives and with them
 HEADER = 5000  # bytes of a column in a map beside its numbers: its meaning, the list of its chunks
 REVERSING = ("reversal", "stroke", "tone_")  # in the names of what only a belt that reverses has
 OF_A_SYSTEM = ("final_position", "final_velocity")  # of one's own
@@ -74,8 +74,10 @@ def bytes_of_a_cell(spec: Any) -> tuple[int, int]:
 def seconds(spec: Any, cores: int) -> float:
     """Time [s] of a sweep on some cores, if its cells are like those of the reference map."""
     motion = spec.motion * (spec.starts.count if spec.starts else 1)
-    derivatives = 1 + len(spec.sensitivities.parameters) if spec.sensitivities else 1
-    return COMPILATION + motion * derivatives / (RATE * cores)
+    if spec.sensitivities is None:
+        return COMPILATION + motion / (RATE * cores)
+    tangents = 1 + len(spec.sensitivities.parameters)
+    return COMPILATION_OF_DERIVATIVES + motion * tangents / (RATE * cores)
 
 
 def words(spec: Any, cores: int) -> str:

@@ -53,6 +53,11 @@ class Box(eqx.Module):
             blade = numbers.replaced(blade, name, number)
         return blade
 
+    def plain_blade(self, blade: Any, share) -> Any:
+        """Return `blade` at ``share`` with numbers of Python, which print as what they are."""
+        plain = lambda x: float(x) if eqx.is_inexact_array(x) and x.ndim == 0 else x
+        return jax.tree.map(plain, self.blade(blade, share))
+
     def columns(self, blade: Wiper, shares) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
         """Numbers of ``blade`` at ``shares`` (starts, n), as variables over ``start``."""
         values = np.asarray(self.low) + np.asarray(shares) * np.asarray(self.high - self.low)

@@ -110,7 +110,7 @@ def quieten(
         },
         attrs={"velocity_rms_before": rms_before},
     )
-    return Quietened(found, box.blade(system, shares[rank[0]]))
+    return Quietened(found, box.plain_blade(system, shares[rank[0]]))
 
 
 @Kept

@@ -101,7 +101,7 @@ def stabilise(
             "meets": ("start", meets[rank], {"long_name": "steady slip decays as demanded"}),
         }
     )
-    return Stabilised(found, box.blade(system, shares[rank[0]]))
+    return Stabilised(found, box.plain_blade(system, shares[rank[0]]))
 
 
 def _rates(system: Any, box: Box, shares: np.ndarray, strokes) -> np.ndarray:
