@@ -51,7 +51,7 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
         `normal_force_mean_stroke` (N/m), `vibration_reversal`, `vibration_stroke` and
         `velocity_rms_stroke` (m/s), `stick_fraction_stroke`, `flight_fraction_stroke`,
         `impact_impulse_reversal` and `impact_impulse_max` (N s/m), `tone_time_before` and
-        `tone_time_after` (s), `stick_count`;
+        `tone_time_after` (s), `stick_count`; on others `velocity_mean` (m/s), where it is known;
         `frequency_told` (`codes.TOLD`) where the frequency is NaN for want of samples.
     - `thresholds`: `Thresholds`, or anything with its attributes; the defaults if None.
 
@@ -127,9 +127,9 @@ def _heard(columns: Mapping[str, Any], limits: Any) -> _Heard:
     frequency = of("dominant_frequency", required=True)
 
     silent = speed <= below
-    # over whole periods its mean is 0, and what sticks for most of them has a larger deviation
-    rides = silent & ~reverses & (stick > 0.5) & (speed < belt)
-    carried = (stick >= 1.0) & (belt > 0.0) | rides
+    # a slip that the window cuts short: over whole periods the mean is 0
+    rides = silent & ~reverses & (stick > 0.5) & (np.abs(of("velocity_mean")) > 0.5 * belt)
+    carried = ((stick >= 1.0) | rides) & (belt > 0.0)
     silent &= ~carried
     tone = np.fmax(of("tone_time_before"), of("tone_time_after"))
     at_turn = silent & reverses & (tone >= limits.tone_time)
