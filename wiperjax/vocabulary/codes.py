@@ -115,7 +115,7 @@ MECHANISMS = {
     "self_excited_slip": 1,  # slips all the time
     "stick_slip": 2,
     "flight": 3,  # leaves the glass, whether it sticks or not
-    "carried": 4,  # rides on the belt for the whole window
+    "carried": 4,  # rides on the belt for the whole window, or for all of it that is heard
     "reversal_pulse": 5,  # pressed hard at the reversal, without a hit
     "reversal_impulse": 6,  # hits the glass at the reversal
 }
