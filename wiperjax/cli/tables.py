@@ -179,8 +179,8 @@ def print_sensitivities(dataset: Any) -> None:
         rest = f"as large a share of the {unchecked} that are called fine unchecked"
         print(f"note: {events}; so, most likely, {rest}: see all with check = 1", file=sys.stderr)
     if "label" in dataset and (cut := cut_count(dataset)):
-        of = f"derivatives of {cut} noisy cells are those of their window, whose ends cut the noise"
-        print(f"note: {of}: not those of the noise itself (docs/gradients.md)", file=sys.stderr)
+        of = f"derivatives of {cut} noisy cells, which did not come back to themselves, are those"
+        print(f"note: {of} of a window that cuts them (docs/gradients.md)", file=sys.stderr)
 
 
 def print_events(dataset: Any) -> None:

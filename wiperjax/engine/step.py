@@ -107,7 +107,7 @@ def jump(problem: Problem, state: State) -> State:
     output = like(before.output(after.time, after.position, after.velocity), after.velocity[0])
     happening = Happening(
         *(before, state.time, after.kind, state.regime, after.regime),
-        *(after.impulse, after.time - state.time, output),
+        *(after.impulse, after.time - state.time, output, after.position, after.velocity),
     )
     observed = gathered(problem.observer, "event", state.observed, happening, happens)
     logs = happens & (state.time >= problem.log_start)

@@ -35,6 +35,8 @@ def columns(spec: Any) -> Iterator[Column]:
     if spec.belt_kind is None:
         absent.add("belt_speed_rms")
     turns = spec.belt_kind not in (None, "steady")
+    if turns:
+        absent.add("period")
     for name, entry in SCHEMA.items():
         if name in absent:
             has = False
@@ -51,7 +53,7 @@ def columns(spec: Any) -> Iterator[Column]:
         if has:
             yield entry
     if spec.sensitivities is not None:
-        outcomes = differentiable(spec.system == WIPER, spec.belt_kind is not None)
+        outcomes = differentiable(spec.system == WIPER, spec.belt_kind)
         for outcome, parameter in itertools.product(outcomes, spec.sensitivities.parameters):
             yield column_of(sensitivity_name(outcome, parameter))
 

@@ -112,14 +112,14 @@ def unsettled_count(ds: xr.Dataset) -> int:
 
 
 def cut_count(ds: xr.Dataset) -> int:
-    """Number of noisy cells on no belt that turns whose derivatives are called fine: nothing ties
-    the phase at which the ends of the window cut their noise.
+    """Number of noisy cells on no belt that turns whose derivatives are called fine, but which did
+    not come back to themselves in the window: its ends cut their noise at no phase that is kept.
     """
-    if "sensitivity_code" not in ds or ds.attrs.get("belt_kind") not in (None, "", "steady"):
+    if "period" not in ds:
         return 0
     silent = [*ENDED.values(), LABELS["quiet"]]
-    fine = ds["sensitivity_code"] == VALIDITY["fine"]
-    return int((fine & ds["label"].notnull() & ~ds["label"].isin(silent)).sum())
+    cut = (ds["sensitivity_code"] == VALIDITY["fine"]) & ds["period"].isnull()
+    return int((cut & ds["label"].notnull() & ~ds["label"].isin(silent)).sum())
 
 
 def lifted_count(ds: xr.Dataset) -> int:

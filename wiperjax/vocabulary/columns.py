@@ -20,20 +20,25 @@ OF_STEADY_SLIP = ("growth_rate", "linear_frequency")
 OF_A_WIPER = ("final_x", "final_y", "final_vx", "final_vy", *OF_STEADY_SLIP)
 """Columns of a lip's tip and of its steady slip: another system has none of them."""
 
+KEPT_SPEEDS = ("steady", None)
+"""Kinds of belts on which a noise keeps its own time, and the lack of one."""
+
 DIFFERENTIABLE = (
-    *("stick_fraction", "slip_fraction", "flight_fraction", "velocity_rms", "velocity_mean"),
+    *("stick_fraction", "slip_fraction", "flight_fraction", "period"),
+    *("velocity_rms", "velocity_mean"),
     *("belt_speed_rms", "normal_force_mean", "normal_force_max", "gap_max", "impact_impulse_max"),
     *(*OF_STEADY_SLIP, "final_x", "final_y", "final_vx", "final_vy"),
 )
 """Outcomes that have derivatives by parameters. Labels, codes, counts and the dominant frequency (a
-choice among lines) have none by nature; statistics of the reversal have none because the edges of
-their window cut steps."""
+choice among lines, all of which go by the period) have none by nature; statistics of the reversal
+have none because the edges of their window cut steps."""
 
 
-def differentiable(of_a_wiper: bool, on_a_belt: bool) -> tuple[str, ...]:
-    """Those of `DIFFERENTIABLE` that a map of such a system has."""
+def differentiable(of_a_wiper: bool, belt_kind: str | None) -> tuple[str, ...]:
+    """Those of `DIFFERENTIABLE` that a map of such a system has, on such a belt or on none."""
     absent: tuple[str, ...] = () if of_a_wiper else OF_A_WIPER
-    absent += () if on_a_belt else ("belt_speed_rms",)
+    absent += () if belt_kind else ("belt_speed_rms",)
+    absent += () if belt_kind in KEPT_SPEEDS else ("period",)
     return tuple(name for name in DIFFERENTIABLE if name not in absent)
 
 

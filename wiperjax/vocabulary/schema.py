@@ -222,7 +222,11 @@ SEVERAL_STARTS = ("final_regime", "class_set", "class_share", "class_share_error
 
 _OF_DERIVATIVES = (
     Column("sensitivity_code", "int8", "", "whether the derivatives hold", VALIDITY,
-        comment="not fine: the derivatives are NaN; all are of the window, whose ends cut a noise",
+        comment="not fine: the derivatives are NaN",
+    ),
+    Column("period", "float64", "s", "period of the noise",
+        comment="mean time between returns to the first event of the window; shares and means have "
+        "the derivatives of whole periods; NaN: none returned, and they have those of the window",
     ),
     Column("grazing_margin", "float64", "1", "smallest depth or clearance of an event guard",
         comment="relative to the size of the guard; 0: an event just grazed",

@@ -220,6 +220,8 @@ class Happening(NamedTuple):
     impulse: Scalar  # normal impulse
     duration: Scalar  # of a sequence of impacts that was completed, else 0
     output: Scalar  # behind it
+    position: tuple = ()  # behind it
+    velocity: tuple = ()
 
 
 class AbstractObserver(eqx.Module):

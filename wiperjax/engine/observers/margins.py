@@ -21,6 +21,7 @@ from ...contact.guards import first_switch, stop_slots
 from ...numerics.types import Scalar
 from ...vocabulary.codes import Event, Regime
 from .base import END_SLOPE, AbstractObserver, extremes, higher, lower
+from .returns import Returns
 from .reversal import ReversalTotals
 from .totals import RegimeTotals, Totals
 
@@ -60,7 +61,7 @@ class Watched(NamedTuple):
 class Margins(AbstractObserver):
     """Another observer, and the grazing margin and the word of events beside it."""
 
-    observer: RegimeTotals | ReversalTotals
+    observer: RegimeTotals | ReversalTotals | Returns
     slots: tuple[int, ...]  # of guards that are watched: all but those of corners
 
     @property
@@ -156,6 +157,6 @@ def _passed(hump: Hump, ends, peak, best, on) -> tuple[Hump, Scalar]:
     return Hump(last, down, on & (same | (peak >= best))), same
 
 
-def watch(system, observer: RegimeTotals | ReversalTotals) -> Margins:
+def watch(system, observer: RegimeTotals | ReversalTotals | Returns) -> Margins:
     """Return ``observer`` with the margins of the contact's guards and of the stops beside it."""
     return Margins(observer, (*range(first_switch(system)), *stop_slots(system)))

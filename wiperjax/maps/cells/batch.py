@@ -16,6 +16,7 @@ from ...datasets.map_dataset import raster_index
 from ...engine.carry.problem import Integration, Recording, make_case
 from ...engine.lanes import Pool, run_pool
 from ...engine.observers.margins import watch
+from ...engine.observers.returns import Returns
 from ...engine.observers.reversal import ReversalTotals
 from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
@@ -237,6 +238,8 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
     totals = RegimeTotals(run.transient)
     if not steady:
         totals = ReversalTotals(run.transient, run.reversal_window)
+    elif watched:
+        totals = Returns(totals, len(position))
     if watched:
         totals = watch(system, totals)
     longest = longest_step(system, len(position), run.window) if watched else None

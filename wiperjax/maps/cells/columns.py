@@ -10,6 +10,7 @@ from ...contact.belts import AbstractBelt, SteadyBelt
 from ...engine.carry.state import EventLog
 from ...engine.lanes import Outcome
 from ...engine.observers.margins import Watched, regime_totals
+from ...engine.observers.returns import Returned
 from ...engine.observers.told import smooth, told
 from ...numerics.arrays import cellwise
 from ...systems.build import Built, belt_of
@@ -52,9 +53,13 @@ def sampled(spec, signal, belt: AbstractBelt | None, count: int) -> dict[str, An
     return columns
 
 
-def statistics(outcome: Outcome, window) -> dict[str, Any]:
-    """Return the outcomes that have derivatives by parameters, (cells,) each."""
-    return smooth(regime_totals(outcome.observed), window)
+def statistics(watched: Watched, window) -> dict[str, Any]:
+    """Return the outcomes that have derivatives by parameters, (cells,) each: of whole periods
+    where the motion comes back to itself in the ``window`` [s]."""
+    record = watched.totals
+    if isinstance(record, Returned):
+        return smooth(*record.whole(window)) | {"period": record.period}
+    return smooth(regime_totals(record), window)
 
 
 def ended(outcome: Outcome, of_a_blade: bool) -> dict[str, Any]:
@@ -90,7 +95,11 @@ def _columns(outcome: Outcome, run, belt: AbstractBelt | None, count: int) -> di
     record = outcome.observed
     if isinstance(record, Watched):
         record = record.totals
-    columns = {
+    columns = {}
+    if isinstance(record, Returned):
+        columns["period"] = np.asarray(record.period)
+        record = record.totals
+    columns |= {
         "result": outcome.result,
         **told(record, run.window, outcome.result == Result.FINISHED),
         "steps": outcome.steps - outcome.rejected,

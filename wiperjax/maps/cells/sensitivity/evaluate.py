@@ -112,7 +112,7 @@ def _judged(spec, index: np.ndarray, lot: Lot, run: Callable[[], Any]) -> dict[s
     """Columns of what ``run`` does of a lot, its derivatives checked and masked."""
     asked, count = spec.sensitivities, len(index)
     names, base, theta, ways = asked.parameters, lot.base, lot.theta, lot.ways
-    outcomes = differentiable(spec.system == WIPER, spec.belt_kind is not None)
+    outcomes = differentiable(spec.system == WIPER, spec.belt_kind)
     checked, moved = np.flatnonzero(drawn(index, asked.check)), None
     with ThreadPoolExecutor(1) as beside:  # another program compiles while that with tangents does
         if checked.size:

@@ -68,7 +68,7 @@ def found_of(system, outcome, window) -> dict[str, Any]:
     """Return what a trajectory leaves that has derivatives, and the runners-up of largest values,
     (cells,) each."""
     seconds = outcome.observed.seconds._asdict()
-    found = statistics(outcome, window) | {SECOND[k]: x for k, x in seconds.items()}
+    found = statistics(outcome.observed, window) | {SECOND[k]: x for k, x in seconds.items()}
     return found | (ended(outcome, True) if is_the_wiper(system) else {})
 
 

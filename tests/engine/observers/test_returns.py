@@ -1,0 +1,114 @@
+"""Totals of whole periods: a noise's own means, whatever the ends of the window cut of it."""
+
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import Block
+
+import wiperjax
+from wiperjax import Regime
+from wiperjax.engine.observers.base import Happening
+from wiperjax.engine.observers.returns import SUMS, Returns
+from wiperjax.engine.observers.totals import RegimeTotals, Totals
+
+STICK, SLIP = Regime.STICK, Regime.SLIP_NEG
+
+
+class Told(RegimeTotals):
+    """Totals that are told: stick for 0.2 of each second, at whatever rate events come."""
+
+    def event(self, record, happening):
+        return record._replace(stick_time=jnp.asarray(0.2 * happening.time))
+
+
+def gathered(events, span=1.0):
+    """The record behind some events (time, before, after, position) of a coordinate that goes over
+    a ``span``."""
+    rule = Returns(Told(1.0), 1)
+    ends = jnp.array([0.5 * span, 0.0])
+    record = rule.init(jnp.float64)._replace(low=tuple(-ends), high=tuple(ends))
+    for time, before, after, place in events:
+        state = (jnp.asarray(place),), (jnp.zeros(()),)
+        system = Block(1.0, 0.5)
+        record = rule.event(
+            record, Happening(system, time, 0, before, after, 0.0, 0.0, 0.0, *state)
+        )
+    return record
+
+
+def two_slips(until, drift=0.0):
+    """A period of 1 s with two slips, of which one begins at 0.1 and one at 0.6, elsewhere."""
+    found = []
+    for k in range(until):
+        for begin, place in ((0.1, 0.3), (0.6, 0.1)):
+            there = place + drift * k
+            found += [(k + begin, STICK, SLIP, there), (k + begin + 0.2, SLIP, STICK, -there)]
+    return found
+
+
+def test_a_motion_is_back_where_its_state_is():
+    """The other slip of a period is no return, nor is what comes before the window."""
+    record = gathered(two_slips(5))
+    assert record.period == pytest.approx(1.0) and record.count == 3
+    totals, time = record.whole(4.0)
+    assert time == pytest.approx(3.0)
+    np.testing.assert_allclose(totals.stick_time, 0.6)
+
+
+@pytest.mark.parametrize("drift", [0.01, -0.01])
+def test_a_motion_that_is_still_on_its_way_does_not_come_back(drift):
+    record = gathered(two_slips(5, drift))
+    totals, time = record.whole(4.0)
+    assert math.isnan(record.period) and time == 4.0
+    assert totals == record.totals
+
+
+def test_rounding_of_what_stands_is_no_motion():
+    """A gap that is 0 but for its last digits would never have come back."""
+    places = 1e-17 * np.random.default_rng(0).random(4)
+    events = [(1.1 + k, STICK, SLIP, place) for k, place in enumerate(places)]
+    assert gathered(events, 1e-17).count == 3
+
+
+def test_all_that_adds_up_is_known():
+    assert set(SUMS) < set(Totals._fields)
+
+
+@pytest.mark.long
+def test_derivatives_of_a_noise_are_exact_and_hang_on_no_window():
+    """A block that a belt drags by a spring, which sticks for 2 a/V and slips for
+    2 (pi - arctan(w a/V))/w, a the difference of the forces of friction over its stiffness: by the
+    speed, over windows that end at any phase. Those of the window swing about it for ever."""
+    static, dynamic, speed = 1.0, 0.4, 0.7
+
+    def exact(v):
+        a = static - dynamic
+        stick, slip = 2 * a / v, 2 * (jnp.pi - jnp.arctan(a / v))
+        return stick / (stick + slip), stick + slip
+
+    @jax.jit
+    def found(v, window):
+        rule = Returns(RegimeTotals(20.0), 1)
+        start = (static - 0.3,), (v,)
+        block = eqx.tree_at(lambda b: b.belt, Block(static, dynamic, belt=speed), v)
+        run = wiperjax.solve(
+            block, 20.0 + window, initial_state=start, rtol=1e-10, observer=rule, max_events=0
+        )
+        record = run.statistics
+        totals, time = record.whole(window)
+        return totals.stick_time / time, record.period, record.totals.stick_time / window
+
+    (share, period), slopes = jax.jvp(exact, (speed,), (1.0,))
+    cut = []
+    for window in (50.0, 52.0, 54.0, 200.0):
+        (shares, periods, _), (by_share, by_period, of_window) = jax.jvp(
+            lambda v, w=window: found(v, w), (speed,), (1.0,)
+        )
+        np.testing.assert_allclose((shares, periods), (share, period), rtol=1e-9)
+        np.testing.assert_allclose((by_share, by_period), slopes, rtol=1e-8)
+        cut.append(float(of_window))
+    assert max(cut) - min(cut) > 0.1

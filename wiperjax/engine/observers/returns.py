@@ -1,0 +1,130 @@
+"""Totals of whole periods: between an event of a noise and its last return in the window.
+
+The ends of a window cut a noise that keeps its own time at a phase, and a parameter that changes
+its frequency turns that phase, the faster the later the end is: what the ends add to a mean falls
+as the window grows, what they add to its derivative does not. From an event to where the state
+comes back to it, a mean is that of the noise, and so is its derivative (the first event is the
+section of a Poincare map: di Bernardo et al., "Piecewise-smooth Dynamical Systems", 2008).
+"""
+
+from functools import reduce
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+
+from ...numerics.arrays import where
+from ...numerics.elementary import larger, smaller
+from ...numerics.types import Scalar
+from ...vocabulary.codes import Regime
+from .base import AbstractObserver
+from .totals import RegimeTotals, Totals
+
+SUMS = (  # of `Totals`: what adds up over time, and has a derivative
+    *("stick_time", "slip_time", "flight_time", "normal_force_integral"),
+    *("output_integral", "output_square_integral"),
+)
+CLOSE = 1e-3  # of the range of each coordinate and velocity: a state so near has come back
+STILL = 1e-6  # of its scale: a smaller range is no motion
+
+
+class Instant(NamedTuple):
+    """An event, and what had added up by then."""
+
+    time: Scalar
+    sums: tuple[Scalar, ...]  # in the order of `SUMS`
+
+
+class Returned(NamedTuple):
+    """Record of `Returns`."""
+
+    totals: Totals
+    change: Scalar  # of regime, in the first event that has one: a code; -1 before it
+    state: tuple[Scalar, ...]  # position and velocity behind that event
+    first: Instant
+    last: Instant  # the last event of that kind in whose state the motion is back
+    count: Scalar  # of those
+    low: tuple[Scalar, ...]  # ends of the range of each number of the state
+    high: tuple[Scalar, ...]
+
+    def whole(self, window) -> tuple[Totals, Scalar]:
+        """The totals of whole periods and the time [s] they took; where the motion did not come
+        back, those of the ``window`` [s]."""
+        back = self.count > 0
+        sums = {
+            name: jnp.where(back, last - first, getattr(self.totals, name))
+            for name, first, last in zip(SUMS, self.first.sums, self.last.sums, strict=True)
+        }
+        return self.totals._replace(**sums), jnp.where(back, self._time, window)
+
+    @property
+    def period(self) -> Scalar:
+        """Mean time [s] from one return to the next; NaN where there was none."""
+        return jnp.where(self.count > 0, self._time / larger(self.count, 1), jnp.nan)
+
+    @property
+    def _time(self) -> Scalar:
+        return self.last.time - self.first.time
+
+
+class Returns(AbstractObserver):
+    """Regime totals, and beside them those of whole periods, of a motion whose surroundings keep
+    the same: on a belt that turns a state that comes back is no period yet."""
+
+    observer: RegimeTotals
+    coordinates: int = eqx.field(static=True)
+
+    @property
+    def start(self):
+        return self.observer.start
+
+    @property
+    def begin(self):
+        return self.observer.begin
+
+    def init(self, dtype, shape=()):
+        zero, none = jnp.zeros(shape, dtype), jnp.full(shape, -1, jnp.int32)
+        instant, numbers = Instant(zero, (zero,) * len(SUMS)), 2 * self.coordinates
+        ends = (zero - jnp.inf,) * numbers
+        totals, low = self.observer.init(dtype, shape), tuple(-x for x in ends)
+        return Returned(totals, none, (zero,) * numbers, instant, instant, none + 1, low, ends)
+
+    def stretch(self, record, stretch):
+        nodes = stop_gradient([(*node.position, *node.velocity) for node in stretch.nodes])
+        on = stretch.start >= self.start
+        low = tuple(reduce(smaller, values) for values in zip(record.low, *nodes, strict=True))
+        high = tuple(reduce(larger, values) for values in zip(record.high, *nodes, strict=True))
+        return record._replace(
+            totals=self.observer.stretch(record.totals, stretch),
+            low=where(on, low, record.low),
+            high=where(on, high, record.high),
+        )
+
+    def event(self, record, happening):
+        e = happening
+        totals = self.observer.event(record.totals, e)
+        change = jnp.asarray(len(Regime) * e.before + e.after, jnp.int32)
+        on = (e.time >= self.start) & (e.before != e.after)
+        begins = on & (record.change < 0)
+        state = (*e.position, *e.velocity)
+        back = on & (change == record.change) & _is_close(record, e.system, stop_gradient(state))
+        sums = tuple(getattr(totals, name) for name in SUMS)
+        here = Instant(jnp.asarray(e.time + e.duration, record.first.time.dtype), sums)
+        return record._replace(
+            totals=totals,
+            change=jnp.where(begins, change, record.change),
+            state=where(begins, stop_gradient(state), record.state),
+            first=where(begins, here, record.first),
+            last=where(back, here, record.last),
+            count=record.count + back.astype(jnp.int32),
+        )
+
+
+def _is_close(record: Returned, system, state) -> Scalar:
+    """Whether a state is that behind the first event, as nearly as the motion's range tells."""
+    lengths, speeds = system.scales(len(state) // 2)
+    ranges = zip(record.low, record.high, (*lengths, *speeds), strict=True)
+    least = [CLOSE * larger(high - low, STILL * scale) for low, high, scale in ranges]
+    off = [jnp.abs(x - begun) for x, begun in zip(state, record.state, strict=True)]
+    return reduce(jnp.logical_and, [x <= most for x, most in zip(off, least, strict=True)])
