@@ -142,9 +142,10 @@ def _judged(spec, index: np.ndarray, lot: Lot, run: Callable[[], Any]) -> dict[s
 
     holds = code == VALIDITY["fine"]
     for outcome_name in outcomes:
+        known = holds & np.isfinite(columns[outcome_name])
         for k, name in enumerate(names):
             slope = slopes[outcome_name][:, k]
-            good = holds & np.isfinite(slope)
+            good = known & np.isfinite(slope)
             columns[sensitivity_name(outcome_name, name)] = np.where(good, slope, np.nan)
     columns["sensitivity_code"] = code
     columns["grazing_margin"] = watched.margin
