@@ -169,7 +169,8 @@ def test_what_another_program_took_from_a_map_is_named(path, capsys):
     capsys.readouterr()
     assert main(["plot", str(path)]) == 1
     said = capsys.readouterr().err
-    assert said == f"wiperjax: {path}: its attributes class_... must be numbers\n"
+    must = "must lie inside [0, 1000000] Hz, but was 'high'"
+    assert said == f"wiperjax: {path}: its attribute class_squeal_band {must}\n"
     with h5py.File(path, "r+") as file:
         del file.attrs["class_squeal_band"], file["label"].attrs["flag_meanings"]
     assert main(["plot", str(path)]) == 1
