@@ -192,6 +192,19 @@ def test_what_is_missed_in_a_file_that_was_changed_is_one_line(path, capsys):
         main(["info", str(path)])
 
 
+@pytest.mark.parametrize("command", ["info", "plot"])
+def test_numbers_that_hdf5_cannot_unpack_name_their_file(command, path, capsys):
+    """`Can't synchronously read data (filter returned failure during read)`, of whatever file."""
+    starts = places(path)["label"]
+    with open(path, "r+b") as file:
+        file.truncate(checksums.length(path))  # as another program leaves it
+        for start in starts:
+            file.seek(start)
+            file.write(b"\0\0\0\0")
+    assert main([command, str(path)]) == 1
+    assert capsys.readouterr().err.startswith(f"wiperjax: {path}: cannot be read: ")
+
+
 def test_info_says_where_a_part_was_taken(path, capsys):
     part = path.with_name("part.h5")
     with open_map(path) as ds:

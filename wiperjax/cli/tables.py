@@ -131,9 +131,8 @@ def print_end(run: Any) -> None:
     names = {code: name for name, code in RESULTS.items()}
     if (code := int(run.get("result", RESULTS["finished"]))) != RESULTS["finished"]:
         where = f"{float(run['final_time']):.4g} of {float(run.attrs['duration']):.4g} s"
-        name = names.get(code, f"with code {code}, of another version or program")
-        words = f"{name}: {run.attrs['result_message']}"
-        print(f"note: the run ended at {where}, {words}", file=sys.stderr)
+        how = names.get(code, f"with code {code}, of another version or program")
+        print(f"note: the run ended at {where}, {how}: {run.result_message}", file=sys.stderr)
 
 
 def print_attributes(dataset: Any) -> None:
