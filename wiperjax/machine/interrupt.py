@@ -4,6 +4,7 @@ put off while a module is being imported, or where it would leave a heap of trac
 
 import contextlib
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from multiprocessing import resource_tracker
@@ -66,18 +67,18 @@ def deaf() -> Iterator[None]:
     """
     with heeded() as check:
         handler = signal.getsignal(signal.SIGINT)
-        ours = threading.current_thread() is threading.main_thread()
-        ours = ours and isinstance(handler, _Heeding)
-        if hasattr(signal, "pthread_sigmask"):
+        main = threading.current_thread() is threading.main_thread()
+        waiting = handler if main and isinstance(handler, _Heeding) else None
+        if sys.platform != "win32":
             resource_tracker.ensure_running()  # the thread that begins it hears Ctrl-C from then on
             before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        if ours:  # another thread may be given the signal, and have Python heed it in this one
-            handler.waits = True
+        if waiting:  # another thread may be given the signal, and have Python heed it in this one
+            waiting.waits = True
         try:
             yield
         finally:
-            if hasattr(signal, "pthread_sigmask"):
+            if sys.platform != "win32":
                 signal.pthread_sigmask(signal.SIG_SETMASK, before)
-            if ours:
-                handler.waits = False
+            if waiting:
+                waiting.waits = False
         check()
