@@ -103,8 +103,9 @@ def test_a_message_that_no_page_sends_is_one_line(message, found, caplog, monkey
 
     record = handled()
     said = record.getMessage()
-    assert said.startswith("a window sent what means nothing here: ") and "\n" not in said
-    assert found in said
+    assert said.startswith("a window sent what means nothing here, or a bug: ")
+    assert found in said and "\n" not in said
+    assert ".py, line " in said  # a bug of one's own was told without its place
     assert record.exc_info is None
     monkeypatch.setenv("WIPERJAX_TRACEBACK", "1")
     assert handled().exc_info
@@ -784,6 +785,21 @@ def test_the_first_motion_is_computed_once_before_a_window_asks(whole, monkeypat
     worker._pool.submit(lambda: None).result(60)
     assert (len(computed), shown) == (1, ["motion"])
     worker.stop()
+
+
+@pytest.mark.parametrize(("bug", "lines"), [(NameError, 1), (ValueError, 0)])
+def test_a_bug_in_a_system_has_its_traceback_where_it_is_served(bug, lines, caplog):
+    """On the page it is its words alone: nobody saw where it was."""
+
+    def compute():
+        raise bug("misspelt")
+
+    worker, shown = Worker(), []
+    worker.wish("window", "cell", compute, shown.append)
+    worker._pool.submit(lambda: None).result(60)
+    worker.stop()
+    assert [str(error) for error in shown] == ["misspelt"]
+    assert caplog.text.count("in compute") == len(caplog.records) == lines
 
 
 @pytest.mark.long

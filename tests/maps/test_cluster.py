@@ -361,3 +361,53 @@ def test_a_local_cluster_without_workers_is_one_line(monkeypatch):
     with pytest.raises(cluster.ClusterError, match="^no worker of this machine started within 1 s"):
         with cluster.connect(local=0):
             pass
+
+
+PRESSED = """
+    import os, signal, sys, threading
+    from distributed.process import AsyncProcess
+    from wiperjax.machine.interrupt import heeded
+    from wiperjax.maps import cluster
+
+    def press():
+        os.killpg(0, signal.SIGINT)  # as a terminal does: every process of the command is told
+
+    class Importing:
+        def find_spec(self, name, path=None, target=None):
+            if name == "distributed.comm.addressing":
+                press()
+
+    begin = AsyncProcess.start
+
+    def starting(process):
+        threading.Timer(0.7, press).start()  # meanwhile the process of a worker imports dask
+        return begin(process)
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if sys.argv[1] == "importing":
+        del sys.modules["distributed.comm.addressing"]
+        sys.meta_path.insert(0, Importing())
+    else:
+        AsyncProcess.start = starting
+    try:
+        with heeded(), cluster.connect(local=1):
+            print("connected")
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="has no groups of processes")
+@pytest.mark.parametrize("when", ["importing", "starting"])
+def test_ctrl_c_while_a_local_cluster_begins_is_heard_without_tracebacks(when):
+    """It was heard only once the first block was done, or in a hundred lines of dask's."""
+    ran = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(PRESSED), when],
+        capture_output=True,
+        text=True,
+        env=processes.environment(),
+        start_new_session=True,
+        timeout=200,
+    )
+    assert (ran.stdout, ran.stderr) == ("interrupted\n", "")

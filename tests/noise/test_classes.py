@@ -232,6 +232,25 @@ def test_stored_thresholds():
     }
     assert classes.stored(attrs) == given
     assert classes.stored({"title": "none"}) == thresholds.Thresholds()
+    assert classes.stored({"class_stick_share": np.array([0.5])}).stick_share == 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("quiet_velocity_ratio", np.nan, r"must lie inside \[.*\], but was nan"),
+        ("quiet_velocity_ratio", -1.0, r"must lie inside \[.*\], but was -1"),
+        ("quiet_velocity_ratio", [0.01, 0.02], r"must be one number, but was \[0.01, 0.02\]"),
+        ("squeal_band", [1000.0, 500.0], r"must be \[low, high\] in Hz with low < high, but was "),
+        ("squeal_band", 500.0, r"must be \[low, high\] in Hz with low < high, but was \[500.0\]"),
+        ("chatter_band", [np.nan, 100.0], r"must lie inside .* Hz, but was nan"),
+        ("squeal_band", "high", r"must lie inside .* Hz, but was 'high'"),
+    ],
+)
+def test_borders_of_classes_that_cannot_be_are_named(name, value, said):
+    """All cells were of other classes, without a word."""
+    with pytest.raises(ValueError, match=f"^class_{name} {said}"):
+        classes.stored({f"class_{name}": value})
 
 
 @pytest.mark.parametrize(

@@ -870,6 +870,13 @@ def refined_ball(path, radius, levels):
     return border_maps.refined(path, engine, levels=levels, probes=0)
 
 
+def test_borders_that_lack_what_curves_are_drawn_from_are_refused(small_map):
+    """The page had none, without a word."""
+    lacking = xr.Dataset({"kind": ("border", [0])}, attrs={"on": "label", "levels": 1})
+    with pytest.raises(ValueError, match="borders must be those of a map, but had no axis"):
+        plots.with_borders(small_map, lacking)
+
+
 def test_a_part_of_a_map_has_the_borders_that_lie_in_it(tmp_path):
     """Those beyond its ends were strokes along its frame, and those of all loads lay over one whose
     load was dropped; of what was masked or joined none could be drawn.

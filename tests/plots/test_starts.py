@@ -86,6 +86,9 @@ def test_sets_of_classes_are_drawn_by_name():
     (ax,) = draw(ds, quantity="class_set")
     words = [text.get_text() for legend in legends(ax.figure) for text in legend.get_texts()]
     assert words[:3] == ["quiet (25.0%)", "squeal (25.0%)", "quiet + squeal (50.0%)"]
+    for name in ("class_set", "label"):
+        with pytest.raises(ValueError, match=f"name must be that of numbers, but {name} has names"):
+            plots.value_map(ds, name)
     many = ds.assign(class_set=ds["class_set"].copy(data=np.reshape([-1, *range(3, 14)], (3, 4))))
     (ax,) = draw(many, quantity="class_set")
     words = [text.get_text() for legend in legends(ax.figure) for text in legend.get_texts()]

@@ -169,7 +169,8 @@ def test_what_another_program_took_from_a_map_is_named(path, capsys):
     capsys.readouterr()
     assert main(["plot", str(path)]) == 1
     said = capsys.readouterr().err
-    assert said == f"wiperjax: {path}: its attributes class_... must be numbers\n"
+    must = "must lie inside [0, 1000000] Hz, but was 'high'"
+    assert said == f"wiperjax: {path}: its attribute class_squeal_band {must}\n"
     with h5py.File(path, "r+") as file:
         del file.attrs["class_squeal_band"], file["label"].attrs["flag_meanings"]
     assert main(["plot", str(path)]) == 1
@@ -189,6 +190,19 @@ def test_what_is_missed_in_a_file_that_was_changed_is_one_line(path, capsys):
         checksums.add(file)
     with pytest.raises(KeyError):
         main(["info", str(path)])
+
+
+@pytest.mark.parametrize("command", ["info", "plot"])
+def test_numbers_that_hdf5_cannot_unpack_name_their_file(command, path, capsys):
+    """`Can't synchronously read data (filter returned failure during read)`, of whatever file."""
+    starts = places(path)["label"]
+    with open(path, "r+b") as file:
+        file.truncate(checksums.length(path))  # as another program leaves it
+        for start in starts:
+            file.seek(start)
+            file.write(b"\0\0\0\0")
+    assert main([command, str(path)]) == 1
+    assert capsys.readouterr().err.startswith(f"wiperjax: {path}: cannot be read: ")
 
 
 def test_info_says_where_a_part_was_taken(path, capsys):

@@ -16,6 +16,7 @@ import wiperjax
 from wiperjax import plots
 from wiperjax.cli import main
 from wiperjax.exports import columns, export
+from wiperjax.noise.run_class import assess
 from wiperjax.sound import sound
 from wiperjax.store.whole import write_dataset
 
@@ -180,6 +181,15 @@ def damaged(run):
             time=(1e3 * run.time).assign_attrs(units="ms")
         ),
         "its regime must be whole codes, but had 0.5": run.assign(regime=0 * run.regime + 0.5),
+        "its velocity must be numbers, but is of complex128": run.assign(
+            velocity=1j * run.velocity
+        ),
+        "its event_time must be numbers, but is of": run.assign(
+            event_time=run.event_time.astype("S")
+        ),
+        "its time must be finite numbers, but had nan": run.assign_coords(
+            time=run.time.where(run.time > run.time[3])
+        ),
     }
 
 
@@ -193,3 +203,24 @@ def test_what_was_a_run_is_no_run_for_any(squeal, tmp_path):
             with pytest.raises(ValueError, match=rf"must be a run .*, but {said}"):
                 ask(ds)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_ended_as_nobody_knows_is_written_with_a_note(squeal, tmp_path, capsys):
+    """The table was written, and then `99 is not a valid Result` told as an error."""
+    write_dataset(squeal.assign(result=squeal.result + 99), tmp_path / "run.h5")
+    made = tmp_path / "run.csv"
+    assert main(["export", str(tmp_path / "run.h5"), "-o", str(made)]) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("note: the run ended at ") and "with code 99, of another" in said
+    assert made.exists()
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+@pytest.mark.parametrize("name", ["position", "velocity", "event_time"])
+def test_numbers_that_are_none_have_no_class(name, number, squeal):
+    """The class was `other`, for want of a finer sample interval, or `failed`."""
+    values = squeal[name].values.copy()
+    values[len(values) // 2] = number
+    broken = squeal.assign({name: squeal[name].copy(data=values)})
+    with pytest.raises(ValueError, match=f"the {name} of the run must be finite numbers"):
+        assess(broken)

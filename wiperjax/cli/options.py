@@ -121,6 +121,12 @@ def of_file(command: Callable[..., Any]) -> Callable[..., Any]:
     def told(file: Path, **options: Any) -> None:
         try:
             command(file=file, **options)
+        except OSError as error:
+            if error.errno is not None:
+                raise
+            from ..machine.files import StoreError  # HDF5's own words, without the file
+
+            raise StoreError(f"{file}: cannot be read: {str(error).splitlines()[0]}") from error
         except (LookupError, TypeError, AttributeError, ArithmeticError) as error:
             import h5py
 

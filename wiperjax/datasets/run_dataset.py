@@ -29,6 +29,11 @@ def unfit(ds: xr.Dataset) -> str:
             return f"its {name} lies along {' and '.join(map(str, ds[name].dims))}: {part}"
     if (unit := str(ds["time"].attrs.get("units", "s"))) != "s":  # that of its events, too
         return f"its time must be in s, but is in {unit}"
+    for name, variable in ds.variables.items():
+        if {"time", "event"} & {*variable.dims} and variable.dtype.kind not in "biuf":
+            return f"its {name} must be numbers, but is of {variable.dtype}"
+    if not np.isfinite(times := np.asarray(ds["time"], dtype=float)).all():
+        return f"its time must be finite numbers, but had {times[~np.isfinite(times)][0]:g}"
     codes = np.asarray(ds["regime"]) if "regime" in ds else np.zeros(1)
     if codes.dtype.kind == "f" and (between := codes[codes != np.round(codes)]).size:
         part = "it was averaged or interpolated; run.sel takes whole samples"

@@ -3,8 +3,10 @@
 import logging
 import os
 import socket
+import traceback
 import webbrowser
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from bokeh.application import Application
@@ -37,9 +39,20 @@ def _one_line(record: logging.LogRecord) -> bool:
     error = record.exc_info[1] if record.exc_info else None
     ours = record.name == "tornado.application" and not isinstance(error, ProtocolError)
     if error is not None and not ours and "WIPERJAX_TRACEBACK" not in os.environ:
-        record.msg = "a window sent what means nothing here: %r; WIPERJAX_TRACEBACK=1 shows where"
-        record.args, record.exc_info = (error,), None
+        record.msg = "a window sent what means nothing here, or a bug: %r (%s); "
+        record.msg += "WIPERJAX_TRACEBACK=1 shows all of it"
+        record.args, record.exc_info = (error, _where(error)), None
     return True
+
+
+def _where(error: BaseException) -> str:
+    """File and line where an error came from: the innermost that neither Python nor a package has
+    brought."""
+    brought = ("site-packages", str(Path(os.__file__).parent))
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if not any(part in frame.filename for part in brought)]
+    last = (own or frames)[-1]
+    return f"{Path(last.filename).name}, line {last.lineno}"
 
 
 for _name in ("bokeh.server.views.ws", "bokeh.server.protocol_handler", "tornado.application"):

@@ -6,6 +6,8 @@ from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from ..machine.files import log
+
 KEPT = 24  # results: going back to a cell costs nothing
 
 
@@ -53,6 +55,8 @@ class Worker:
             try:
                 self._kept[what] = compute()
             except Exception as error:  # shown where it was wished
+                if not isinstance(error, OSError | ValueError | RuntimeError | MemoryError):
+                    log.exception("a bug, of the map's system perhaps")  # its traceback is wanted
                 done(error)
                 return
         self._kept.move_to_end(what)

@@ -1,22 +1,24 @@
 """Ctrl-C, heard also where Python drops it: in callbacks of weak references, and destructors; and
-put off while a module is being imported.
+put off while a module is being imported, or where it would leave a heap of tracebacks.
 """
 
 import contextlib
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
+from multiprocessing import resource_tracker
 
 
 class _Heeding:
     """A handler of Ctrl-C that remembers it."""
 
     def __init__(self) -> None:
-        self.pressed = False
+        self.pressed = self.waits = False
 
     def __call__(self, number, frame) -> None:
         again, self.pressed = self.pressed, True
-        if again or not _importing(frame):
+        if again or not (self.waits or _importing(frame)):
             signal.default_int_handler(number, frame)
 
     def check(self) -> None:
@@ -55,3 +57,28 @@ def heeded() -> Iterator[Callable[[], None]]:
         yield handler.check
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def deaf() -> Iterator[None]:
+    """Has a Ctrl-C wait for the end of the `with` statement, unless it is pressed again. Threads
+    that are begun in it, and processes that these begin, never hear one (but on Windows): it is for
+    who has begun them.
+    """
+    with heeded() as check:
+        handler = signal.getsignal(signal.SIGINT)
+        main = threading.current_thread() is threading.main_thread()
+        waiting = handler if main and isinstance(handler, _Heeding) else None
+        if sys.platform != "win32":
+            resource_tracker.ensure_running()  # the thread that begins it hears Ctrl-C from then on
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        if waiting:  # another thread may be given the signal, and have Python heed it in this one
+            waiting.waits = True
+        try:
+            yield
+        finally:
+            if sys.platform != "win32":
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            if waiting:
+                waiting.waits = False
+        check()

@@ -19,6 +19,7 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 from ..machine.files import log
+from ..machine.interrupt import deaf, heeded
 from ..machine.phases import during
 from ..vocabulary.wording import shown
 from . import block, worker
@@ -27,6 +28,7 @@ from .worker import Answer, ClusterError, Own
 _KEPT = "finished blocks are kept, give the same command again (a sweep with --resume)"
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"  # Ctrl-C is for the client
 ALONE = 600  # s without any worker after which a sweep stops: dask would wait for one for ever
+LOOK = 2  # s: how often a Ctrl-C is looked for that was put off
 AHEAD = 2  # blocks in flight for each thread of the workers: one computed, one ready
 
 
@@ -40,8 +42,11 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
     answers, or no worker starts here.
     """
     try:
-        from distributed import Client, LocalCluster
-        from distributed.comm.addressing import get_address_host_port
+        with heeded() as check:
+            from distributed import Client
+            from distributed.comm.addressing import get_address_host_port
+
+            check()
     except ImportError:
         raise ClusterError("a cluster needs dask: pip install distributed") from None
     if scheduler is not None:  # a client of what is none waits for itself when it is left
@@ -53,17 +58,8 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
     with contextlib.ExitStack() as stack:
         address: Any = scheduler
         if scheduler is None:
-            address = LocalCluster(
-                n_workers=local,
-                threads_per_worker=1,
-                memory_limit=0,  # dask would end workers for memory that XLA keeps for later
-                dashboard_address="127.0.0.1:0",  # any free port: several sweeps may run here
-                # what fails reaches the client as an exception; a heartbeat that meets the end of
-                # the scheduler would be told as an error of a sweep that went well
-                silence_logs=logging.CRITICAL,
-                preload=_DEAF,
-            )
-            stack.enter_context(address)
+            with deaf():
+                address = stack.enter_context(_local(local))
         told = logging.getLogger("distributed.client")  # of a lost scheduler, in tracebacks
         stack.callback(told.setLevel, told.level)
         told.setLevel(logging.CRITICAL)
@@ -80,6 +76,24 @@ def connect(scheduler: str | None = None, local: int | None = None) -> Iterator[
         except TimeoutError as error:
             raise ClusterError(f"no worker of this machine started within {ALONE:g} s") from error
         yield Workers(client, patience)
+
+
+def _local(count: int | None) -> Any:
+    """A cluster of processes of this machine, to be begun `deaf`: of a Ctrl-C while it starts dask
+    makes tracebacks, in each process.
+    """
+    from distributed import LocalCluster
+
+    return LocalCluster(
+        n_workers=count,
+        threads_per_worker=1,
+        memory_limit=0,  # dask would end workers for memory that XLA keeps for later
+        dashboard_address="127.0.0.1:0",  # any free port: several sweeps may run here
+        # what fails reaches the client as an exception; a heartbeat that meets the end of
+        # the scheduler would be told as an error of a sweep that went well
+        silence_logs=logging.CRITICAL,
+        preload=_DEAF,
+    )
 
 
 class Workers:
@@ -168,22 +182,24 @@ class Workers:
         from distributed import KilledWorker
 
         seen = time.monotonic()
-        while True:
-            try:
+        with heeded() as check:
+            while True:
+                check()
                 try:
-                    return attempt(min(15, alone))
-                except TimeoutError:  # of the attempt: what it waits for goes on
-                    deserted = not self._client.nthreads()
-            except KilledWorker as error:
-                times = error.allowed_failures + 1
-                message = f"{what} was lost with its worker {times} times; {_KEPT}"
-                raise ClusterError(message) from error
-            except (CancelledError, OSError) as error:
-                why = type(error).__name__
-                raise ClusterError(f"the scheduler was lost ({why}); {_KEPT}") from error
-            seen = seen if deserted else time.monotonic()
-            if time.monotonic() - seen > alone:
-                raise ClusterError(f"no worker was left for {alone:g} s; {_KEPT}")
+                    try:
+                        return attempt(min(LOOK, alone))
+                    except TimeoutError:  # of the attempt: what it waits for goes on
+                        deserted = not self._client.nthreads()
+                except KilledWorker as error:
+                    times = error.allowed_failures + 1
+                    message = f"{what} was lost with its worker {times} times; {_KEPT}"
+                    raise ClusterError(message) from error
+                except (CancelledError, OSError) as error:
+                    why = type(error).__name__
+                    raise ClusterError(f"the scheduler was lost ({why}); {_KEPT}") from error
+                seen = seen if deserted else time.monotonic()
+                if time.monotonic() - seen > alone:
+                    raise ClusterError(f"no worker was left for {alone:g} s; {_KEPT}")
 
 
 def _compare(theirs: Mapping[str, str], expected: Mapping[str, str]) -> None:

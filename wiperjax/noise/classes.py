@@ -15,17 +15,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..vocabulary import checks
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
-from ..vocabulary.thresholds import Thresholds, silence
+from ..vocabulary.thresholds import LIMITS, Thresholds, silence
 
 
 def stored(attrs: Mapping[str, Any]) -> Thresholds:
-    """Thresholds in the attributes `class_...` of a map or run, else the defaults."""
+    """Thresholds in the attributes `class_...` of a map or run, else the defaults.
+
+    Raises: ValueError for what no file of ours has: by what another program has written all cells
+        would be of other classes without a word.
+    """
     found = {}
     for field in fields(Thresholds):
-        if (value := attrs.get(f"class_{field.name}")) is not None:
-            pair = np.ndim(value) > 0
-            found[field.name] = tuple(float(x) for x in value) if pair else float(value)
+        if (value := attrs.get(name := f"class_{field.name}")) is None:
+            continue
+        numbers = checks.array(name, value, LIMITS[field.name]).reshape(-1).tolist()
+        pair = isinstance(field.default, tuple)
+        if len(numbers) != 1 + pair or pair and not numbers[0] < numbers[1]:
+            must = "must be [low, high] in Hz with low < high" if pair else "must be one number"
+            raise ValueError(f"{name} {must}, but was {numbers}")
+        found[field.name] = tuple(numbers) if pair else numbers[0]
     return Thresholds(**found)
 
 

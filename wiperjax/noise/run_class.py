@@ -164,6 +164,8 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
     """
     names = flag_names(run["regime"])
     times = np.asarray(run["event_time"], dtype=float)
+    if not (np.isfinite(times).all() and np.all(np.diff(times) >= 0)):
+        raise ValueError("the event_time of the run must be finite numbers that do not fall")
     after = np.asarray(run["regime_after"], dtype=int)
     # what is cut to a part without events need not be in the regime that the run ended in
     first = int(run["regime_before"][0]) if times.size else int(run["regime"][0])

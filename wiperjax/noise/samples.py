@@ -38,7 +38,8 @@ def judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Place and velocity over time that tell the noise: of the tip along the glass, or the output
     of a system of one's own with its integral (without an output its first coordinate).
 
-    Raises: `ValueError` for a run of a blade without its coordinate x.
+    Raises: `ValueError` for a run of a blade without its coordinate x, and for samples that are no
+        finite numbers: another class and no frequency would be told of them, without a word.
     """
     if "output" not in run:
         names = np.atleast_1d(run["axis"]).tolist() if "axis" in run.coords else []
@@ -47,9 +48,16 @@ def judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
             raise ValueError(f"the run {must}, but holds {' and '.join(map(str, names))}")
         along = names.index("x") if "x" in names else 0
         tip = run.isel(axis=along) if "axis" in run.dims else run
-        return np.asarray(tip["position"], float), np.asarray(tip["velocity"], float)
+        return _finite(tip, "position"), _finite(tip, "velocity")
     from scipy.interpolate import CubicSpline  # half a second, which a map's picture does not need
 
-    velocity = np.asarray(run["output"], dtype=float)
+    velocity = _finite(run, "output")
     spline = CubicSpline(np.asarray(run["time"], dtype=float), velocity)
     return spline.antiderivative()(run["time"]), velocity
+
+
+def _finite(run: xr.Dataset, name: str) -> np.ndarray:
+    values = np.asarray(run[name], dtype=float)
+    if (broken := values[~np.isfinite(values)]).size:
+        raise ValueError(f"the {name} of the run must be finite numbers, but had {broken[0]:g}")
+    return values

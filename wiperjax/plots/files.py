@@ -187,8 +187,8 @@ def _check_thresholds(path: Any, ds: xr.Dataset) -> None:
     """Raises `StoreError` for borders of the classes that another program made texts of, say."""
     try:
         stored(ds.attrs)
-    except (TypeError, ValueError):
-        raise StoreError(f"{path}: its attributes class_... must be numbers") from None
+    except ValueError as error:
+        raise StoreError(f"{path}: its attribute {error}") from None
 
 
 def _check_ending(output: Path, moving: bool) -> None:

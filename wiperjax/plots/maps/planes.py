@@ -160,9 +160,12 @@ def value_map(
     Cells without a number (`told`) stay grey, and the picture says why. `title` is its long name
     if None. Colours and scale suit the numbers (`suited`) unless `norm` says otherwise.
 
-    Raises: `ValueError` if the map does not hold `name` as one number a cell.
+    Raises: `ValueError` if the map does not hold `name` as one number a cell, or holds codes.
     """
     check_cellwise(ds, name)
+    if {"flag_values", "flag_masks"} & ds[name].attrs.keys():
+        draws = f"PICTURES['map']['value'].draw(ds, quantity={name!r}) draws them"
+        raise ValueError(f"name must be that of numbers, but {name} has names; {draws}")
     x, y = choose_plane(ds, x, y)
     ax, whole = axes_or_page(ax, (6.4, 5.0))
     plane, where = cut(ds, (x, y), at)
