@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from own_systems import DrivenBetweenWalls
 
 from wiperjax.cycles.branch.from_scene import follow_scene
 from wiperjax.datasets.branch_dataset import rest
@@ -160,3 +161,17 @@ def test_all_steady_slip_lies_beside_a_branch(monkeypatch):
     high, middle, low = np.flatnonzero(at)[np.argsort(-places[at])]
     assert places[[high, middle, low]] == pytest.approx([1.8e-4, -6.5e-4, -5.55e-3], abs=1e-5)
     assert stable[low] and not stable[high] and not stable[middle]
+
+
+def test_a_scene_has_the_period_that_its_system_says(monkeypatch):
+    """What is driven by more than a belt could be followed from Python alone."""
+    from wiperjax.cycles.branch import from_scene
+
+    def found(system, *, period, **arguments):
+        raise RuntimeError(f"a period of {period(system):g} s")
+
+    monkeypatch.setattr(from_scene, "find_cycle", found)
+    scene = {"system": DrivenBetweenWalls, "parameters": {"drive_frequency": 4.0}}
+    spec = parse_scene(scene | {"run": {"duration": 1.0}, "classes": {"quiet_velocity": 0.01}})
+    with pytest.raises(RuntimeError, match=r"a period of 0.25 s"):
+        follow_scene(spec, "play", 0.02, 0.04)

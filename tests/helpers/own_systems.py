@@ -361,6 +361,10 @@ class DrivenBetweenWalls(wiperjax.AbstractSystem):
     restitution: float = parameter(0.6, low=0, high=1)
     friction: wiperjax.AbstractFriction = wiperjax.Coulomb(0.3)
 
+    @property
+    def drive_period(self):
+        return 1 / self.drive_frequency
+
     def free_acceleration(self, t, q, v):
         return (40 * jnp.cos(2 * jnp.pi * self.drive_frequency * t) - 1000 * q[0],)
 

@@ -126,13 +126,14 @@ def test_pecks_that_pile_up_end_with_a_code():
 
 
 @pytest.mark.slow
-def test_blows_at_one_instant_have_piled_up_too():
-    """A short arm: the last of them are lower than a digit of the bird's angle."""
+def test_blows_lower_than_a_digit_have_piled_up():
+    """A short arm: the next flight is lower than the rounding of the bird's angle. They went on to
+    two dozen at one instant."""
     piled = simulated(0.5, bird_arm=0.0101)
     assert int(piled.result) == Result.ZENO_UNRESOLVED
     assert float(piled.final_time) == pytest.approx(0.1642754, abs=1e-6)
-    assert piled.event_kind[-1] == piled.event_kind[-20] == Event.BLOW
-    assert piled.event_time[-1] == piled.event_time[-20]
+    assert piled.event_kind[-1] == Event.BLOW
+    assert np.all(np.diff(piled.event_time) > 1e-9)
 
 
 def test_what_cannot_be_is_refused_in_one_line():

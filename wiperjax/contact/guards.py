@@ -121,6 +121,8 @@ def start_of_slip_order(system: AbstractSystem, c: Contact, regime, released):
     static to dynamic), 2 where the cone was reached smoothly (docs/model.md, section 5), as far
     as the tolerance tells where the tip was ``released`` from it.
     """
+    if system.law is None:  # no slip ends: its guard is constant
+        return jnp.zeros_like(regime)
     f = forces(system, c, regime)
     a_t = plus(c.b_t, c.w_tt * f.tangential, times(c.w_tn, f.normal))
     size = jnp.abs(c.b_t) + jnp.abs(c.w_tt * f.tangential)

@@ -200,6 +200,13 @@ class AbstractSystem(eqx.Module):
         """
         return (1.0,) * n, (1.0,) * n
 
+    @property
+    def drive_period(self) -> Scalar | None:
+        """Time [s] after which what drives it comes again, for what follows the cycles of a scene.
+        None: nothing does, or its belt alone.
+        """
+        return None
+
     def output(self, t: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
         """Velocity whose statistics and spectrum describe the motion."""
         return self.slip_speed(t, q, v)

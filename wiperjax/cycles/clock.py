@@ -39,7 +39,8 @@ def refuse_a_clock(system: AbstractSystem, states, span: float, varied: Iterable
         if any(np.any(np.ptp(x, axis=1) > CHANGED * np.max(np.abs(x))) for x in found):
             raise ValueError(
                 f"period must be given: forces, speeds or stops of {type(system).__name__} change "
-                f"with time{where} (a scene has that of its belt only; cycles.find_cycle takes any)"
+                f"with time{where} (a scene has that of its belt, or what its system says as "
+                f"drive_period; cycles.find_cycle takes any)"
             )
 
 

@@ -17,6 +17,7 @@ MARKS = {  # special points: marker and words
     "period_doubling": ("D", "period doubling"),
     "neimark_sacker": ("h", "Neimark-Sacker"),
     "hopf": ("o", "Hopf"),
+    "boundary_equilibrium": ("*", "steady slip at a stop"),
     "grazing": ("v", "grazing"),
     "grazing_sliding": ("s", "stick begins (grazing-sliding)"),
     "crossing_sliding": ("P", "stick begins (crossing-sliding)"),
@@ -24,7 +25,10 @@ MARKS = {  # special points: marker and words
     "adding_sliding": ("p", "stick splits (adding-sliding)"),
     "shoulder": ("|", "shoulder reached"),
 }
-SMOOTH = ("fold", "period_doubling", "neimark_sacker", "hopf", "shoulder")  # no multiplier jumps
+SMOOTH = (  # no multiplier jumps
+    *("fold", "period_doubling", "neimark_sacker", "shoulder"),
+    *("hopf", "boundary_equilibrium"),
+)
 MULTIPLIERS = (  # marker, size, colour: the larger ones are hollow, so that none hides another
     ("o", 9.0, "#0072B2"),
     ("s", 6.5, "#D55E00"),

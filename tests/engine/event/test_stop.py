@@ -96,6 +96,28 @@ def test_blows_that_pile_up_far_from_the_origin_end_too():
     assert float(motion.final_position[0]) == pytest.approx(0.6, abs=1e-12)
 
 
+class Pressed(Struck):
+    """Pushed against its stop by a constant force, with little lost at a blow."""
+
+    def free_acceleration(self, t, q, v):
+        return (1.0 - q[0] - 0.1 * v[0],)
+
+
+@pytest.mark.long
+def test_steps_from_a_stop_without_friction_are_proved():
+    """Nothing slips in such a system: no guard of slip has a zero where it is struck."""
+    motion = wiperjax.simulate(Struck(), 40.0, initial_state=((-0.5,), (0.0,)))
+    assert motion.sizes["event"] > 10 and motion.attrs["unproved_steps"] == 0
+
+
+@pytest.mark.long
+def test_blows_that_pile_up_at_zero_end_where_they_are_rounding():
+    """The place of the stop has no digits there, but that of a blow is known no better."""
+    motion = wiperjax.simulate(Pressed(), 40.0, initial_state=((-0.5,), (0.0,)))
+    assert motion.result == Result.ZENO_UNRESOLVED and motion.attrs["unproved_steps"] == 0
+    assert motion.sizes["event"] < 100 and abs(float(motion.final_position[0])) < 1e-12
+
+
 class Lacking(Struck):
     """It says nothing of its blow."""
 

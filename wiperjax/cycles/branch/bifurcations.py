@@ -21,6 +21,8 @@ TWICE = 1e-6  # of it: how near they are where a cycle is passed twice all along
 BRIEF = 8  # shortest phases of a cycle: those that may have begun at a corner
 CROSSING = 2e-3  # of a step's unit: how far off the crossing of two branches may be located
 
+KEPT = 0.1  # of a change of the amplitude: a determinant that changes by less keeps its value
+
 Located = list[tuple[float, str, str, BranchStep]]  # distance, kind, detail, step of special points
 
 
@@ -80,6 +82,17 @@ def turning(cycle: Cycle) -> bool:
     values = cycle.multipliers
     assert values is not None
     return bool(np.any((np.abs(np.abs(values) - 1) < 1e-4) & (np.abs(np.imag(values)) > 1e-6)))
+
+
+def onto_stop(here: BranchStep, ahead: BranchStep, change: float) -> bool:
+    """Whether a cycle of slip and blows alone, whose amplitude changes by the part ``change``,
+    keeps its determinant: all its speeds shrink alike, onto steady slip that comes to the stop (a
+    boundary equilibrium: di Bernardo, Budd, Champneys and Kowalczyk, Piecewise-smooth Dynamical
+    Systems, 2008). Where stick is, they shrink with the belt's speed.
+    """
+    if "blow" not in ahead.cycle.word.split() or ahead.cycle.stick_fraction > 0:
+        return False
+    return abs(ahead.determinant / here.determinant - 1) < KEPT * change
 
 
 TESTS: tuple[tuple[str, str, Callable[[BranchStep], float]], ...] = (

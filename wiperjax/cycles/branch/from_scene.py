@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,7 @@ def follow_scene(
     ranges, stated = _ranges(spec, system, (over, low, high), second), _stated(spec, over)
     check_fixed(stated)
     bounds = ranges[over]
-    period = None if isinstance(belt_of(system), SteadyBelt | None) else _stroke
+    period = _clock(system)
     position, velocity = (tuple(np.asarray(x, float) for x in part) for part in start(spec, built))
     cycle = find_cycle(
         system,
@@ -172,6 +173,19 @@ def _bounds(
             f"but was {low:g} to {high:g}"
         )
     return bounds
+
+
+def _clock(system: AbstractSystem) -> Callable[[Any], Any] | None:
+    """Return the function that tells the period of what drives a system: the one that it says, else
+    that of a belt which turns; None if there is neither."""
+    if system.drive_period is not None:
+        return _drive
+    return None if isinstance(belt_of(system), SteadyBelt | None) else _stroke
+
+
+def _drive(system):
+    """Period that the system says."""
+    return system.drive_period
 
 
 def _stroke(system):

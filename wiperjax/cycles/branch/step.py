@@ -109,6 +109,8 @@ def near(
     far = np.linalg.norm(guess - here.point.unknowns)
     if point is None or np.linalg.norm(point.unknowns - guess) > 2 * far + 1e-6:
         return None
+    if not np.any(point.motion.by_period) and shooting.clock is None:
+        return None  # a state of rest closes, too
     return step_at(shooting, point, along)
 
 

@@ -18,6 +18,7 @@ from .bifurcations import (
     corner_kind,
     doubled,
     exchanged,
+    onto_stop,
     told_once,
     turning,
 )
@@ -267,9 +268,13 @@ class Walk(AbstractWalk[BranchStep]):
         if far is None:
             return
         one, two = self._amplitude(here), self._amplitude(ahead)
+        kind, detail, end = "hopf", "the cycle shrinks onto steady slip", "a Hopf point"
         if abs(ahead.determinant) * one > abs(here.determinant) * two:
-            return
+            if not onto_stop(here, ahead, 1 - two / one):
+                return
+            far = two / (one - two)  # it is as small as steady slip is near
+            kind, detail = "boundary_equilibrium", "the cycle shrinks onto a stop"
+            end = "steady slip comes to a stop"
         a, b = here.point.parameter, ahead.point.parameter
-        detail = "the cycle shrinks onto steady slip"
-        self.special.append(Special("hopf", detail, b + far * (b - a), len(self.points) - 1))
-        self._stop("a Hopf point")
+        self.special.append(Special(kind, detail, b + far * (b - a), len(self.points) - 1))
+        self._stop(end)

@@ -14,10 +14,12 @@ from ...contact.guards import parts, rounding, stop_slots
 from ...contact.space import Contact
 from ...contact.system import AbstractSystem, cast
 from ...numerics.arrays import where
+from ...numerics.elementary import larger
 from ...numerics.fusion_barrier import keep
 from ...numerics.types import Scalar
 from ..carry.problem import Problem
 from ..carry.state import State
+from ..trial.guard_proof import noise_digits
 from .collision import Motion
 from .event_kind import Fired
 
@@ -64,13 +66,15 @@ def settle(problem: Problem, c: Contact, blow: Struck, motion: Motion, fired: Fi
     return motion, fired._replace(hits=fired.hits | opens)
 
 
-def leave(system: AbstractSystem, blow: Struck, orders: list, time, q, v, rate, was_flying):
+def leave(system: AbstractSystem, blow: Struck, orders: list, reach, time, q, v, rate, was_flying):
     """Return the orders of the guards' zeros behind a blow, and whether it leads nowhere: the stop
     is neither left at a speed nor with an acceleration, or for a flight no higher than the rounding
     of its switch, of which no clock would ever see the end.
 
-    ``rate`` is that of the vector field behind it. Where a gap begins to open at this very instant
-    (at an event before), it does so at another speed now.
+    ``reach``: the sizes of the guards so far; a blow is located to within the rounding of these, at
+    a stop at 0 as well, where the place itself has none. ``rate`` is that of the vector field
+    behind it. Where a gap begins to open at this very instant (at an event before), it does so at
+    another speed now.
     """
     rising, bends = _rates(system, time, q, v, *rate)
     heights = parts(lambda t, *qv: _of_stops(system, t, qv[: len(q)], qv[len(q) :]), time, *q, *v)
@@ -79,7 +83,8 @@ def leave(system: AbstractSystem, blow: Struck, orders: list, time, q, v, rate, 
     for slot, mask, before, after, bend, height in slots:
         leaves = after > STANDS * jnp.abs(before)
         orders[slot] = jnp.where(mask, jnp.where(leaves, 1, 2), orders[slot]).astype(jnp.int32)
-        unseen = after**2 < -2 * bend * rounding(height)
+        low = larger(rounding(height), noise_digits(height.dtype) * reach[slot])
+        unseen = after**2 < -2 * bend * low
         nowhere = nowhere | (mask & jnp.where(leaves, unseen, bend <= 0))
     begins = blow.any & was_flying & (orders[0] > 0)
     orders[0] = jnp.where(begins, 1, orders[0]).astype(jnp.int32)

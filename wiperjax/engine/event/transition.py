@@ -101,7 +101,8 @@ def transition(problem: Problem, state: State, fires, breaks, piece, end) -> Out
     reactions = forces(system, c, after)
     rate, presses = (rates(system, time, q, v), acceleration(c, reactions)), None
     if stop is not None:
-        orders, presses = leave(system, stop, orders, time, q, v, rate, fired.was_flying)
+        place = (time, q, v, rate)
+        orders, presses = leave(system, stop, orders, state.reach, *place, fired.was_flying)
         stopped, kind = stopped & ~stop.any, jnp.where(stop.any, int(Event.BLOW), kind)
     return Outcome(
         time=time,
