@@ -251,6 +251,8 @@ def test_borders_of_classes_that_cannot_be_are_named(name, value, said):
     """All cells were of other classes, without a word."""
     with pytest.raises(ValueError, match=f"^class_{name} {said}"):
         classes.stored({f"class_{name}": value})
+    with pytest.raises(ValueError, match=f"^{name} {said}"):
+        thresholds.Thresholds(**{name: value})
 
 
 @pytest.mark.parametrize(

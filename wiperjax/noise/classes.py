@@ -15,28 +15,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..vocabulary import checks
 from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
-from ..vocabulary.thresholds import LIMITS, Thresholds, silence
+from ..vocabulary.thresholds import Thresholds, silence
 
 
 def stored(attrs: Mapping[str, Any]) -> Thresholds:
     """Thresholds in the attributes `class_...` of a map or run, else the defaults.
 
-    Raises: ValueError for what no file of ours has: by what another program has written all cells
-        would be of other classes without a word.
+    Raises: ValueError for what no file of ours has (`Thresholds`).
     """
     found = {}
     for field in fields(Thresholds):
-        if (value := attrs.get(name := f"class_{field.name}")) is None:
-            continue
-        numbers = checks.array(name, value, LIMITS[field.name]).reshape(-1).tolist()
-        pair = isinstance(field.default, tuple)
-        if len(numbers) != 1 + pair or pair and not numbers[0] < numbers[1]:
-            must = "must be [low, high] in Hz with low < high" if pair else "must be one number"
-            raise ValueError(f"{name} {must}, but was {numbers}")
-        found[field.name] = tuple(numbers) if pair else numbers[0]
-    return Thresholds(**found)
+        if (value := attrs.get(f"class_{field.name}")) is not None:
+            numbers = np.asarray(value).reshape(-1).tolist()
+            found[field.name] = numbers[0] if len(numbers) == 1 else tuple(numbers)
+    try:
+        return Thresholds(**found)
+    except ValueError as error:
+        raise ValueError(f"class_{error}") from None
 
 
 def class_bands(limits: Any) -> list[tuple[str, float, float]]:

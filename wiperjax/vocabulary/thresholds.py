@@ -1,10 +1,11 @@
 """The borders between the classes of noise."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any
 
+from . import checks
 from .ranges import Range
 
 FADE = 0.25
@@ -48,6 +49,18 @@ class Thresholds:
     tone_time: float = 0.015
     stick_share: float = 0.01
     settled_change: float = 0.1
+
+    def __post_init__(self):
+        """Raises ValueError for what no file may say: all cells would be of other classes."""
+        for field in fields(self):
+            name, value = field.name, getattr(self, field.name)
+            if value is None and field.default is None:
+                continue
+            numbers = checks.array(name, value, LIMITS[name]).reshape(-1).tolist()
+            pair = isinstance(field.default, tuple)
+            if len(numbers) != 1 + pair or pair and not numbers[0] < numbers[1]:
+                must = "be [low, high] in Hz with low < high" if pair else "be one number"
+                raise ValueError(f"{name} must {must}, but was {numbers}")
 
 
 LIMITS: Mapping[str, Range] = MappingProxyType(
