@@ -21,7 +21,7 @@ from ..numerics.wide_masks import narrowed, widened, width_for, with_wide_masks
 from ..vocabulary.codes import Result
 from .carry.problem import Case, Problem
 from .carry.start import initial_state
-from .carry.state import TERM, EventLog, State, final_velocity
+from .carry.state import TERM, EventLog, State, final_velocity, told_regime
 from .sampling.means import Signal, flush
 from .step import flow, jump
 
@@ -86,7 +86,7 @@ def _outcome(problem: Problem, state: State) -> Outcome:
         state.time,
         state.position,
         final_velocity(problem, state),
-        state.regime,
+        told_regime(problem, state),
         state.attempts,
         state.rejected,
         state.unproved,

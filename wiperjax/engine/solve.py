@@ -31,7 +31,7 @@ from .arguments import (
 )
 from .carry.problem import Case, Integration, Problem, Recording, make_case
 from .carry.start import initial_state
-from .carry.state import EventLog, State, final_velocity
+from .carry.state import EventLog, State, final_velocity, told_regime
 from .observers.base import AbstractObserver
 from .observers.totals import RegimeTotals
 from .reverse import run_reversible
@@ -185,7 +185,7 @@ def solution(problem: Problem, state: State) -> Solution:
         final_time=state.time,
         final_position=jnp.stack(state.position),
         final_velocity=jnp.stack(final_velocity(problem, state)),
-        final_regime=state.regime,
+        final_regime=told_regime(problem, state),
         events=state.log,
         event_overflow=state.log.count > problem.log_capacity,
         statistics=state.observed,
