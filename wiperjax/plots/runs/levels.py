@@ -79,7 +79,8 @@ def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = N
         must = f"must be of {shortest:g} s or more, was of {span:.2g} s"
         raise ValueError(f"a spectrum up to {highest:g} Hz {must}")
     steady = is_steady(ds)
-    weights = scipy.signal.get_window("hann" if steady else ("tukey", 2 * ENDS), numbers.size)
+    shape = "hann" if steady else ("tukey", 2 * ENDS)
+    weights = np.asarray(scipy.signal.get_window(shape, numbers.size))
     frequency, power = scipy.signal.periodogram(
         numbers, 1 / step, window=weights, detrend="constant", scaling="spectrum",
         nfft=BETWEEN * numbers.size,
