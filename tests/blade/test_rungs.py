@@ -1,5 +1,6 @@
 """The rungs: the bar is the lip while it is pressed on the glass, the block its linearisation."""
 
+import tomllib
 from dataclasses import replace
 
 import jax
@@ -19,8 +20,10 @@ from wiperjax.blade.steady_slip import steady_slip
 from wiperjax.contact.friction import Stribeck
 from wiperjax.contact.regimes import forces, vector_field
 from wiperjax.contact.space import contact
+from wiperjax.datasets.run_dataset import regime_spans
 from wiperjax.maps import around_scene, compare_rungs
 from wiperjax.noise.class_counts import lifted_count
+from wiperjax.noise.run_class import assess, words
 from wiperjax.runs.scene import run_scene
 from wiperjax.specs.load import SpecError, load_scene, parse_scene, parse_sweep
 from wiperjax.vocabulary.codes import BANDS, LABELS, MECHANISMS
@@ -293,7 +296,8 @@ def test_a_map_of_the_bar_says_where_the_lip_would_leave_the_glass(belt):
         "attack_angle": {"values": [-30.0, 0.0]},
         "normal_load": {"values": [1.0, 2.0, 15.0]},
     }
-    asked = {"axes": axes, "belt": belt, "run": {"transient": 0.2, "window": 0.2}}
+    look = {"transient": 0.2, "window": 0.2}
+    asked = {"axes": axes, "belt": belt, "run": {**look, "raster": 200, "event_log": 400}}
     bar, lip = (
         wiperjax.sweep({**asked, "model": model}, progress=False) for model in ("bar", "lip")
     )
@@ -304,6 +308,23 @@ def test_a_map_of_the_bar_says_where_the_lip_would_leave_the_glass(belt):
     np.testing.assert_array_equal(bar.mechanism.where(~flies), lip.mechanism.where(~flies))
     shares = bar.stick_fraction + bar.slip_fraction + bar.flight_fraction
     np.testing.assert_allclose(shares, 1, rtol=1e-12)
+    seen = (bar.regime_raster == Regime.FLIGHT).mean("raster_time")
+    np.testing.assert_allclose(seen, bar.flight_fraction, atol=0.02)
+    np.testing.assert_array_equal((bar.regime_after == Regime.FLIGHT).any("event"), flies)
+
+
+@pytest.mark.long
+def test_a_run_of_the_bar_says_where_the_lip_would_leave_the_glass():
+    """Its events and samples said slip, so `info` said stick-slip where the map said flight."""
+    scene = tomllib.loads((noises.SWEEPS / "scenes/chatter_flight.toml").read_text())
+    scene["model"], scene["run"] = "bar", {"duration": 0.3, "transient": 0.2}
+    run = run_scene(scene)
+    spans = [(start, end, name) for start, end, name in regime_spans(run) if end > 0.2]
+    flown = sum(end - max(start, 0.2) for start, end, name in spans if name == "flight")
+    assert flown == pytest.approx(0.1 * float(run.flight_fraction), rel=1e-6) and flown > 2e-3
+    late = run.regime.sel(time=slice(0.2, None)) == Regime.FLIGHT
+    assert float(late.mean()) == pytest.approx(10 * flown, abs=3e-3)
+    assert words(assess(run))["mechanism"] == "flight"
 
 
 # --- the table ------------------------------------------------------------------------------------

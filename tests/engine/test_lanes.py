@@ -90,6 +90,15 @@ def test_the_cases_differ(pool):
     assert np.asarray(outcome.events).max() > 20
 
 
+@pytest.mark.slow
+def test_ranks_may_be_watched():
+    """With ``jax_numpy_rank_promotion = "raise"`` every sweep was refused, in words about shapes
+    that no caller has seen."""
+    wiper = blades(np.random.default_rng(5))
+    with jax.numpy_rank_promotion("raise"):
+        compiled.lower(wiper, wiper.lip_length * jnp.sin(wiper.attack_angle), jnp.int32(CASES))
+
+
 @pytest.mark.long
 def test_each_case_equals_the_same_alone(pool):
     wiper, position, (outcome, _, _) = pool

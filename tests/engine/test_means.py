@@ -1,5 +1,7 @@
 """Samples as means over intervals, without the engine around them."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +11,8 @@ from wiperjax.engine.observers.base import Stretch
 from wiperjax.engine.sampling import means
 from wiperjax.engine.sampling.means import Signal, flush, take_means
 from wiperjax.vocabulary.codes import Regime
+
+HELD = (SimpleNamespace(lifted=False),)  # where a stretch ends: a contact that counts as what it is
 
 
 @pytest.mark.slow
@@ -33,7 +37,7 @@ def recorded(monkeypatch, signal, parts):
     for start, end, values, regime in parts:
         monkeypatch.setattr(means, "outputs", lambda _, v=values: [jnp.full(1, x) for x in v])
         begin, length = jnp.full(1, start), jnp.full(1, end - start)
-        stretch = Stretch(None, begin, length, none, jnp.full(1, regime), (), (), (), ())
+        stretch = Stretch(None, begin, length, none, jnp.full(1, regime), (), (), (), HELD)
         moves, full = True, True
         while full:
             ring, full = take_means(signal, ring, stretch, moves)

@@ -822,6 +822,15 @@ def test_colours_are_told_apart_by_everybody(name, sight):
     assert near[closest] > 15, (closest, near[closest])
 
 
+@pytest.mark.parametrize("sight", SIGHT)
+def test_a_class_without_a_colour_is_not_taken_for_another(sight):
+    """The first spare one was nearly that of `other`, the second, to some eyes, of `reversal`."""
+    classes = [lab(c, SIGHT[sight]) for k, c in palette.CLASSES.items() if k not in palette.HATCHES]
+    for spare in palette.SPARE[:4]:
+        away = [np.linalg.norm(lab(spare, SIGHT[sight]) - colour) for colour in classes]
+        assert min(away) > 15, spare
+
+
 @pytest.mark.parametrize(
     "speeds",
     [

@@ -22,6 +22,14 @@ from .system import AbstractSystem, rates
 ROUNDINGS = 64  # last digits of typical speeds, accelerations, forces: a contact has none below
 
 
+def as_told(system: AbstractSystem, regime):
+    """What is told of ``regime``: of a held contact that would open (`AbstractSystem.lifted`, which
+    needs the sides of the switches) flight, whatever the regime in which it is held.
+    """
+    lifted = system.lifted
+    return regime if lifted is False else jnp.where(lifted, int(Regime.FLIGHT), regime)
+
+
 class Forces(NamedTuple):
     tangential: Scalar
     normal: Scalar

@@ -173,8 +173,8 @@ class AbstractSystem(eqx.Module):
         ``sides``: in the field of that name, if it has one.
 
         Not needed for the values of forces, which are continuous there: but a stage at a corner,
-        or a hair's breadth behind it, would have the derivative of the wrong side. Where samples
-        are taken, for one, no sides are given: a system then answers by its position.
+        or a hair's breadth behind it, would have the derivative of the wrong side. Where no sides
+        are given, as of a state alone, a system answers by its position.
         """
         return self._with("sides", tuple(sides))
 

@@ -247,5 +247,7 @@ def run_pool(pool: Pool, lanes: int, flows: int | None = None) -> tuple[Rows, An
     inside `jax.jit`.
     """
     batch = _Batch(pool, lanes, flows or flows_per_jump(pool.case.problem.solver))
-    done = lax.while_loop(batch.is_busy, batch.advance, batch.begin())
+    # samples have lanes last, and what each lane has one of spreads over them
+    with jax.numpy_rank_promotion("allow"):
+        done = lax.while_loop(batch.is_busy, batch.advance, batch.begin())
     return Rows(done.outcomes, batch.packing), done.samples, Effort(done.useful, done.executed)

@@ -18,7 +18,7 @@ from ..numerics.fusion_barrier import keep
 from ..vocabulary.codes import RUNNING, Regime, Result
 from .carry.problem import Problem
 from .carry.recall import remember
-from .carry.state import BREAK, State
+from .carry.state import BREAK, State, told_regime
 from .event.event_time import drift, time_to_event
 from .event.plan import Plan, locate
 from .event.transition import Outcome, transition
@@ -78,10 +78,7 @@ def flow(problem: Problem, state: State) -> State:
 
 
 def jump(problem: Problem, state: State) -> State:
-    """Return the state after the event that is due, if one is; no time passes.
-
-    (A completed sequence of impacts does take its time.)
-    """
+    """Return the state after the event that is due, if one is; impacts to rest take time."""
     state = unmoved(problem, state)
     happens = state.due >= 0
     breaks = state.due == BREAK
@@ -103,10 +100,12 @@ def jump(problem: Problem, state: State) -> State:
     begun = where(others, after.sizes, state.reach[:contact_slots])
     memory, step = remember(state, after.regime, after.time, after.bounce, happens, fires)
     result = _result_after(problem, state, after, happens, fires)
+    later = state._replace(regime=after.regime, piece=piece, sides=after.sides)
+    regimes = told_regime(problem, state), told_regime(problem, later)
     # the observer and the log see the event on the piece of the motion that it ends
     output = like(before.output(after.time, after.position, after.velocity), after.velocity[0])
     happening = Happening(
-        *(before, state.time, after.kind, state.regime, after.regime),
+        *(before, state.time, after.kind, *regimes),
         *(after.impulse, after.time - state.time, output, after.position, after.velocity),
     )
     observed = gathered(problem.observer, "event", state.observed, happening, happens)
@@ -118,8 +117,8 @@ def jump(problem: Problem, state: State) -> State:
         log = log._replace(
             time=put(log.time, at, after.time),
             kind=put(log.kind, at, after.kind),
-            before=put(log.before, at, state.regime),
-            after=put(log.after, at, after.regime),
+            before=put(log.before, at, regimes[0]),
+            after=put(log.after, at, regimes[1]),
             impulse=put(log.impulse, at, after.impulse),
         )
     return state._replace(

@@ -14,7 +14,7 @@ from ..contact.belts import AbstractBelt
 from ..contact.friction import CLASSES, AbstractFriction
 from ..contact.system import AbstractSystem, system_attributes
 from ..engine.carry.problem import Problem
-from ..engine.carry.state import EventLog, State, final_velocity
+from ..engine.carry.state import EventLog, State, final_velocity, told_regime
 from ..engine.observers.told import told
 from ..machine import provenance
 from ..vocabulary import cf
@@ -71,6 +71,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
     }
     along = ("time", "axis")
     code = np.int8
+    ended = code(told_regime(problem, state))
     variables = {
         "position": (along, np.stack(samples.position, axis=-1), position),
         "velocity": (along, np.stack(samples.velocity, axis=-1), velocity),
@@ -90,7 +91,7 @@ def labelled(given, problem: Problem, state: State, log: EventLog, attributes) -
         "final_time": ((), float(state.time), about("time reached", "s")),
         "final_position": ("axis", np.stack(state.position), position),
         "final_velocity": ("axis", np.stack(final_velocity(problem, state)), velocity),
-        "final_regime": ((), code(state.regime), about("regime at the end", flags=REGIMES)),
+        "final_regime": ((), ended, about("regime at the end", flags=REGIMES)),
         "result": ((), code(state.result), about("how the trajectory ended", flags=RESULTS)),
     }
     n = len(state.position)

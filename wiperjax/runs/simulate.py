@@ -242,7 +242,7 @@ def _account(case: Case, integration: Integration, state: State) -> dict[str, An
 def _begin(case: Case) -> State:
     """Return the loop state at the start, with the first sample taken: no run is without any."""
     problem, state = case.problem, begin(case)
-    system = problem.system.on_piece(state.piece)
+    system = problem.system.on_piece(state.piece).on_sides(state.sides)
     f = forces(system, contact(system, state.time, state.position, state.velocity), state.regime)
     first = problem.record(system, state.time, state.position, state.velocity, state.regime, f)
     samples = jax.tree.map(lambda buffer, x: buffer.at[0].set(x), state.samples, first)

@@ -77,8 +77,8 @@ _TABLE = (
     Column(
         "dominant_frequency", "float64", "Hz", "frequency of the strongest line of tip velocity",
         comment="Hann window, refined between bins; NaN where all samples are equal, or do not "
-        "tell it; on a belt that reverses of the strokes, or of a tone around V = 0 if they are "
-        "quiet",
+        "tell it; on a belt that reverses of the strokes, all alike, or of a tone around V = 0 if "
+        "they are quiet",
     ),
     Column(
         "frequency_told", "int8", "", "whether the samples tell the frequency", TOLD,

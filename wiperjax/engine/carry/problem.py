@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from ...contact.belts import AbstractBelt
-from ...contact.regimes import ROUNDINGS
+from ...contact.regimes import ROUNDINGS, as_told
 from ...contact.system import AbstractSystem, rates
 from ...numerics.arrays import check_settings
 from ...numerics.bernstein import largest
@@ -34,7 +34,8 @@ class Sample(NamedTuple):
 def record_sample(system, t, q, v, regime, forces) -> Sample:
     """Everything a person plots."""
     speeds = rates(system, t, q, v)
-    return Sample(q, speeds, regime.astype(jnp.int8), forces.normal, forces.tangential)
+    told = as_told(system, regime).astype(jnp.int8)
+    return Sample(q, speeds, told, forces.normal, forces.tangential)
 
 
 class Problem(eqx.Module):

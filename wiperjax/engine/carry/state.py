@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import diffrax
 import jax
 
-from ...contact.regimes import Forces, vector_field
+from ...contact.regimes import Forces, as_told, vector_field
 from ...contact.system import rates
 from ...numerics.types import Scalar
 from ...vocabulary.codes import RUNNING
@@ -92,3 +92,8 @@ def final_velocity(problem: Problem, state: State):
     """Return q' at the end, a tuple of n."""
     system = problem.system.on_piece(state.piece)
     return rates(system, state.time, state.position, state.velocity)
+
+
+def told_regime(problem: Problem, state: State) -> Scalar:
+    """Regime of this instant, as it is told (`as_told`)."""
+    return as_told(problem.system.on_piece(state.piece).on_sides(state.sides), state.regime)

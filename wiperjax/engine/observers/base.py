@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
-from ...contact.regimes import forces
+from ...contact.regimes import as_told, forces
 from ...contact.space import contact
 from ...numerics.arrays import where
 from ...numerics.elementary import larger, within
@@ -42,6 +42,11 @@ class Stretch(NamedTuple):
     sizes: tuple  # of the guards, so far
     there: tuple  # system, time, position and velocity at its end, behind the correction
     lead: Scalar | float = 0.0  # from where statistics begin to its start: 0, but both may move
+
+    @property
+    def told(self) -> Scalar:
+        """Regime that it counts as."""
+        return as_told(self.there[0], self.regime)
 
     @property
     def length(self) -> Scalar:
@@ -215,7 +220,7 @@ class Happening(NamedTuple):
     system: Any
     time: Scalar
     kind: Scalar
-    before: Scalar
+    before: Scalar  # regimes, as they are told
     after: Scalar
     impulse: Scalar  # normal impulse
     duration: Scalar  # of a sequence of impacts that was completed, else 0

@@ -154,15 +154,9 @@ class RegimeTotals(AbstractObserver):
 
 
 def counts_as(stretch) -> tuple[Scalar, Scalar, Scalar]:
-    """Whether a stretch counts as stick, as slip and as flight; that of a held contact that would
-    open does as flight, whatever the regime in which it is held.
-    """
-    regime, lifted = stretch.regime, stretch.there[0].lifted
-    sticks, flies = regime == Regime.STICK, regime == Regime.FLIGHT
-    slips = (regime == Regime.SLIP_POS) | (regime == Regime.SLIP_NEG)
-    if lifted is False:
-        return sticks, slips, flies
-    return sticks & ~lifted, slips & ~lifted, flies | lifted
+    """Whether a stretch counts as stick, as slip and as flight."""
+    regime = stretch.told
+    return regime == Regime.STICK, slips(regime), regime == Regime.FLIGHT
 
 
 def _powers(stretch) -> list[Scalar]:

@@ -32,7 +32,7 @@ def empty_samples(problem: Problem, state: State):
     n = problem.sample_times.shape[0]
 
     def record(state):
-        system = problem.system.on_piece(state.piece)
+        system = problem.system.on_piece(state.piece).on_sides(state.sides)
         q, v = state.position, state.velocity
         c = contact(system, state.time, q, v)
         f = forces(system, c, state.regime)
@@ -56,7 +56,7 @@ def take_samples(problem: Problem, state: State, trial: Trial, moves, length):
     if problem.sample_times is None:
         return state.sample_index, state.samples
     times, n = problem.sample_times, problem.sample_times.shape[0]
-    system = problem.system.on_piece(state.piece)
+    system = problem.system.on_piece(state.piece).on_sides(state.sides)
     y0 = (state.position, state.velocity)
     polynomial = dense_polynomial(type(problem.solver))
     reach = jnp.where(moves, state.time + length, -jnp.inf)

@@ -114,7 +114,7 @@ def segment_of(signal: Signal, stretch: Stretch) -> Segment:
     values = [stop_gradient(x) for x in outputs(stretch)]
     powers = quartic.powers(values)
     squares = quartic.powers([x * x for x in values]) if signal.inner else None
-    regime = stretch.regime if signal.regimes else None
+    regime = stretch.told if signal.regimes else None
     dtype = values[0].dtype
     step = stop_gradient(stretch.step)
     # behind a step of next to no length it would be far from where the quartic holds

@@ -25,7 +25,8 @@ def spectrum(
     quantity: str | None = None,
     component: int | None = None,
 ) -> Axes:
-    """Amplitude spectrum (rms of each line, Hann window) of one quantity of a run.
+    """Amplitude spectrum (rms of each line) of one quantity of a run: with Hann's window, on a belt
+    that turns of all strokes alike.
 
     Arguments:
 
@@ -76,7 +77,7 @@ def spectrum(
     ax.set_ylabel(label(f"{words}, rms of line", unit))
     if whole:
         span = f"{float(ds['time'][0]):.4g} ... {float(ds['time'][-1]):.4g} s"
-        set_caption(ax.figure, ds, f"{span}, resolution {found.resolution:.2g} Hz (Hann)")
+        set_caption(ax.figure, ds, f"{span}, resolution {found.resolution:.2g} Hz ({found.weight})")
     return ax
 
 

@@ -56,8 +56,8 @@ MOTIONS = {  # what a settled motion consists of; named after the rarest regime 
     "failed": CLASSES["failed"],
     "not_computed": CLASSES["not_computed"],
 }
-SPARE = (  # of categories that have no colours of their own
-    *("#DDCC77", "#44AA99", "#882255", "#88CCEE", "#117733", "#CC6677", "#332288", "#999933"),
+SPARE = (  # of categories that have no colours of their own; first what is farthest from classes
+    *("#882255", "#332288", "#88CCEE", "#CC6677", "#117733", "#999933", "#DDCC77", "#44AA99"),
 )
 NAMES = {
     "slip_pos": "slip forward",
