@@ -1,6 +1,6 @@
 """What a run holds over frequency, as numbers: its lines, and its level over time and frequency."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -80,7 +80,7 @@ def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = N
         raise ValueError(f"a spectrum up to {highest:g} Hz {must}")
     steady = is_steady(ds)
     shape = "hann" if steady else ("tukey", 2 * ENDS)
-    weights = np.asarray(scipy.signal.get_window(shape, numbers.size))
+    weights: Any = scipy.signal.get_window(shape, numbers.size)
     frequency, power = scipy.signal.periodogram(
         numbers, 1 / step, window=weights, detrend="constant", scaling="spectrum",
         nfft=BETWEEN * numbers.size,
