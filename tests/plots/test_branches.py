@@ -58,6 +58,15 @@ def branch() -> xr.Dataset:
     )  # fmt: skip
 
 
+def test_cycles_that_turn_at_a_stop_are_told_apart(branch):
+    """Their largest place was drawn, which is that of the stop: one flat line, in which the stable
+    ones hid those that are not."""
+    held = branch.assign(maximum=branch.maximum * 0 + 4e-3)
+    for draw in (plots.branch_page, plots.branch_overview):
+        assert draw(held).axes[0].get_ylabel() == "rms of the tip velocity about its mean (m/s)"
+        assert draw(branch).axes[0].get_ylabel() == "largest tip position along the glass (mm)"
+
+
 def test_axes_of_a_branch_are_in_words_of_the_blade(branch):
     every = [str(v.attrs.get("long_name", "")) for v in branch.variables.values()]
     assert not [words for words in every if "coordinate" in words or "output" in words]

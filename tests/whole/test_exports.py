@@ -181,6 +181,7 @@ def damaged(run):
             time=(1e3 * run.time).assign_attrs(units="ms")
         ),
         "its regime must be whole codes, but had 0.5": run.assign(regime=0 * run.regime + 0.5),
+        r"its regime must be 0 \(stick\), 1 .*, but had 99": run.assign(regime=0 * run.regime + 99),
         "its velocity must be numbers, but is of complex128": run.assign(
             velocity=1j * run.velocity
         ),
@@ -203,6 +204,11 @@ def test_what_was_a_run_is_no_run_for_any(squeal, tmp_path):
             with pytest.raises(ValueError, match=rf"must be a run .*, but {said}"):
                 ask(ds)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_run_may_have_words_of_a_person(squeal):
+    words = ("time", np.full(squeal.sizes["time"], "loud"))
+    assert assess(squeal.assign(said=words)).label == assess(squeal).label
 
 
 def test_a_run_that_ended_as_nobody_knows_is_written_with_a_note(squeal, tmp_path, capsys):

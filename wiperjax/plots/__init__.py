@@ -45,8 +45,9 @@ animate = of("run", *_MOTION, *_FORCES)(animation.animate)
 
 # branches of cycles, and remedies
 bifurcation_diagram = of("branch", "stable", "maximum")(branches.bifurcation_diagram)
-branch_page = of("branch", "stable", "maximum")(branches.branch_page)
-branch_overview = of("branch", "stable", "maximum", "period")(branches.branch_overview)
+_CYCLES = ("stable", "maximum", "amplitude", "velocity_rms")
+branch_page = of("branch", *_CYCLES)(branches.branch_page)
+branch_overview = of("branch", *_CYCLES, "period")(branches.branch_overview)
 multipliers = of("branch", "multiplier_real", "multiplier_imag")(branches.multipliers)
 modes_page = of("modes_over", "growth_rate", "real_part", "frequency")(modes.modes_page)
 curve_page = of("branch", "curve_row_size")(curves.curve_page)

@@ -29,6 +29,7 @@ SMOOTH = (  # no multiplier jumps
     *("fold", "period_doubling", "neimark_sacker", "shoulder"),
     *("hopf", "boundary_equilibrium"),
 )
+HELD = 1e-3  # of the change of the amplitude: a maximum that changes by less is that of a stop
 MULTIPLIERS = (  # marker, size, colour: the larger ones are hollow, so that none hides another
     ("o", 9.0, "#0072B2"),
     ("s", 6.5, "#D55E00"),
@@ -152,8 +153,11 @@ def _marks(ax: Axes, branch: xr.Dataset, across: float, y: np.ndarray) -> None:
         seen.add(words)
 
 
-def branch_page(branch: xr.Dataset, quantity: str = "maximum") -> Figure:
+def branch_page(branch: xr.Dataset, quantity: str | None = None) -> Figure:
     """Draw a branch with what its file holds below it: simulations, and steady slip.
+
+    `quantity`: a number along the branch; left out, its `maximum`, or where a stop holds that its
+    `velocity_rms`.
 
     Raises ValueError for a quantity that is no number along the branch.
     """
@@ -166,7 +170,7 @@ def branch_overview(branch: xr.Dataset) -> Figure:
     """Draw a branch over the size of its multipliers and its frequency."""
     figure = page((8.0, 9.4))
     top, middle, low = figure.subplots(3, 1, height_ratios=(2.2, 1, 1), sharex=True)
-    _diagram(branch, "maximum", top)
+    _diagram(branch, None, top)
     multipliers(branch, middle)
     over = branch[str(branch.attrs["over"])]
     stable = branch["stable"].values.astype(bool)
@@ -185,7 +189,8 @@ def _headed(figure: Figure, branch: xr.Dataset, ax: Axes) -> None:
     set_caption(figure, branch)
 
 
-def _diagram(branch: xr.Dataset, quantity: str, ax: Axes) -> Axes:
+def _diagram(branch: xr.Dataset, quantity: str | None, ax: Axes) -> Axes:
+    quantity = quantity or _telling(branch)
     fair = [
         str(name)
         for name, variable in branch.data_vars.items()
@@ -198,6 +203,12 @@ def _diagram(branch: xr.Dataset, quantity: str, ax: Axes) -> Axes:
         brute = None
     still = rest(branch) if quantity == "maximum" else None
     return bifurcation_diagram(branch, brute, quantity=quantity, rest=still, ax=ax, legend=False)
+
+
+def _telling(branch: xr.Dataset) -> str:
+    """What tells cycles apart: not the largest coordinate of those that turn at a stop."""
+    rises = {name: np.ptp(branch[name].values) for name in ("maximum", "amplitude")}
+    return "velocity_rms" if rises["maximum"] < HELD * rises["amplitude"] else "maximum"
 
 
 def multipliers(branch: xr.Dataset, ax: Axes | None = None) -> Axes:

@@ -144,7 +144,7 @@ def sound(path: str | Path) -> bool:
     if damaged:
         raise StoreError(
             f"{path}: is damaged: {listed(damaged)}; a map is mended by the command of its sweep "
-            "with --resume"
+            "with --resume, others are computed again"
         )
     return damaged is not None
 
