@@ -50,7 +50,7 @@ class Returned(NamedTuple):
 
     def whole(self, window) -> tuple[Totals, Scalar]:
         """The totals of whole periods and the time [s] they took; where the motion did not come
-        back, those of the ``window`` [s]."""
+        back, those of the ``window`` [s]. Counts and extremes are always those of the window."""
         back = self.count > 0
         sums = {
             name: jnp.where(back, last - first, getattr(self.totals, name))
