@@ -240,7 +240,7 @@ def test_derivatives_of_a_window_that_cuts_a_noise_are_noted(turns, cut, capsys)
     label = np.array([codes.LABELS[name] for name in names], "int8")
     found = found.assign(label=("attack_angle", label))
     if not turns:
-        found = found.assign(period=("attack_angle", [NAN, 1e-3, NAN, NAN, NAN]))
+        found = found.assign(noise_period=("attack_angle", [NAN, 1e-3, NAN, NAN, NAN]))
     tables.print_sensitivities(found)
     said = capsys.readouterr().err
     note = rf"note: derivatives of {cut} noisy cells, which did not come back to themselves, .*\n"

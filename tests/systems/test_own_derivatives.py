@@ -63,7 +63,7 @@ def test_stick_slip_agrees_with_central_differences(found):
     assert float(cell.sensitivity_agreement) < 1e-5
     assert abs(float(cell.d_stick_fraction_d_belt_speed)) > 0.1
     # of three periods the line is not known better
-    assert float(cell.period * cell.dominant_frequency) == pytest.approx(1.0, rel=1e-2)
+    assert float(cell.noise_period * cell.dominant_frequency) == pytest.approx(1.0, rel=1e-2)
 
 
 @pytest.mark.long

@@ -36,7 +36,7 @@ def columns(spec: Any) -> Iterator[Column]:
         absent.add("belt_speed_rms")
     turns = spec.belt_kind not in (None, "steady")
     if turns:
-        absent.add("period")
+        absent.add("noise_period")
     for name, entry in SCHEMA.items():
         if name in absent:
             has = False

@@ -115,10 +115,10 @@ def cut_count(ds: xr.Dataset) -> int:
     """Number of noisy cells on no belt that turns whose derivatives are called fine, but which did
     not come back to themselves in the window: its ends cut their noise at no phase that is kept.
     """
-    if "period" not in ds:
+    if "noise_period" not in ds:
         return 0
     silent = [*ENDED.values(), LABELS["quiet"]]
-    cut = (ds["sensitivity_code"] == VALIDITY["fine"]) & ds["period"].isnull()
+    cut = (ds["sensitivity_code"] == VALIDITY["fine"]) & ds["noise_period"].isnull()
     return int((cut & ds["label"].notnull() & ~ds["label"].isin(silent)).sum())
 
 

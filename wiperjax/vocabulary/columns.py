@@ -24,7 +24,7 @@ KEPT_SPEEDS = ("steady", None)
 """Kinds of belts on which a noise keeps its own time, and the lack of one."""
 
 DIFFERENTIABLE = (
-    *("stick_fraction", "slip_fraction", "flight_fraction", "period"),
+    *("stick_fraction", "slip_fraction", "flight_fraction", "noise_period"),
     *("velocity_rms", "velocity_mean"),
     *("belt_speed_rms", "normal_force_mean", "normal_force_max", "gap_max", "impact_impulse_max"),
     *(*OF_STEADY_SLIP, "final_x", "final_y", "final_vx", "final_vy"),
@@ -38,7 +38,7 @@ def differentiable(of_a_wiper: bool, belt_kind: str | None) -> tuple[str, ...]:
     """Those of `DIFFERENTIABLE` that a map of such a system has, on such a belt or on none."""
     absent: tuple[str, ...] = () if of_a_wiper else OF_A_WIPER
     absent += () if belt_kind else ("belt_speed_rms",)
-    absent += () if belt_kind in KEPT_SPEEDS else ("period",)
+    absent += () if belt_kind in KEPT_SPEEDS else ("noise_period",)
     return tuple(name for name in DIFFERENTIABLE if name not in absent)
 
 

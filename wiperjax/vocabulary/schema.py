@@ -224,7 +224,7 @@ _OF_DERIVATIVES = (
     Column("sensitivity_code", "int8", "", "whether the derivatives hold", VALIDITY,
         comment="not fine: the derivatives are NaN",
     ),
-    Column("period", "float64", "s", "period of the noise",
+    Column("noise_period", "float64", "s", "period of the noise",
         comment="mean time between returns to the first event of the window; shares and means have "
         "the derivatives of whole periods; NaN: none returned, and they have those of the window",
     ),

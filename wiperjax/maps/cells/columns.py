@@ -58,7 +58,7 @@ def statistics(watched: Watched, window) -> dict[str, Any]:
     where the motion comes back to itself in the ``window`` [s]."""
     record = watched.totals
     if isinstance(record, Returned):
-        return smooth(*record.whole(window)) | {"period": record.period}
+        return smooth(*record.whole(window)) | {"noise_period": record.period}
     return smooth(regime_totals(record), window)
 
 
@@ -97,7 +97,7 @@ def _columns(outcome: Outcome, run, belt: AbstractBelt | None, count: int) -> di
         record = record.totals
     columns = {}
     if isinstance(record, Returned):
-        columns["period"] = np.asarray(record.period)
+        columns["noise_period"] = np.asarray(record.period)
         record = record.totals
     columns |= {
         "result": outcome.result,
