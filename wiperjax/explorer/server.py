@@ -47,10 +47,12 @@ def _one_line(record: logging.LogRecord) -> bool:
 
 def _where(error: BaseException) -> str:
     """File and line where an error came from: the innermost that neither Python nor a package has
-    brought."""
+    brought; of one that was never raised, that."""
     brought = ("site-packages", str(Path(os.__file__).parent))
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if not any(part in frame.filename for part in brought)]
+    if not frames:
+        return "never raised"
     last = (own or frames)[-1]
     return f"{Path(last.filename).name}, line {last.lineno}"
 
