@@ -33,6 +33,14 @@ pytestmark = [
 ]
 
 
+def interpreted(code, *given, **options):
+    """What another interpreter makes of some code, with arguments."""
+    return subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code), *given],
+        **{"capture_output": True, "text": True, "env": processes.environment()} | options,
+    )
+
+
 @pytest.fixture(scope="module")
 def workers():
     with cluster.connect(local=2) as found:
@@ -216,12 +224,7 @@ def test_one_process_deals_a_block_to_all_its_accelerators():
             print(sorted(seen))
     """
     flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=3", "JAX_PLATFORMS": "cpu"}
-    ran = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)],
-        capture_output=True,
-        text=True,
-        env=processes.environment() | flags,
-    )
+    ran = interpreted(code, env=processes.environment() | flags)
     assert ran.stdout.strip() == "[(0, [0.1, 0.4, 0.7]), (1, [0.2, 0.5]), (2, [0.3, 0.6])]", ran
 
 
@@ -342,13 +345,7 @@ LOST = """
 
 @pytest.mark.long
 def test_a_lost_scheduler_is_one_line(tmp_path):
-    ran = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(LOST), tmp_path],
-        capture_output=True,
-        text=True,
-        env=processes.environment(),
-        timeout=200,
-    )
+    ran = interpreted(LOST, tmp_path, timeout=200)
     said = r"the scheduler was lost \(\w+\); finished blocks are kept, give the same command again "
     said += r"\(a sweep with --resume\)\n"
     assert re.fullmatch(said, ran.stdout), ran
@@ -402,12 +399,5 @@ PRESSED = """
 @pytest.mark.parametrize("when", ["importing", "starting"])
 def test_ctrl_c_while_a_local_cluster_begins_is_heard_without_tracebacks(when):
     """It was heard only once the first block was done, or in a hundred lines of dask's."""
-    ran = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(PRESSED), when],
-        capture_output=True,
-        text=True,
-        env=processes.environment(),
-        start_new_session=True,
-        timeout=200,
-    )
+    ran = interpreted(PRESSED, when, start_new_session=True, timeout=200)
     assert (ran.stdout, ran.stderr) == ("interrupted\n", "")

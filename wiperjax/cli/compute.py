@@ -96,10 +96,10 @@ def sweep(
 
     from ..maps.driver import sweep as sweep_map
     from ..store.manifest import parts_of
+    from ..vocabulary.kinds import STEADY_KINDS
 
     later = ["wiperjax.plots.files"] if drawing is not None else []
-    later += ["scipy.signal"] if spec.belt_kind not in (None, "steady") else []
-    load_beside(later)
+    load_beside(later + (["scipy.signal"] if spec.belt_kind not in STEADY_KINDS else []))
     words = typed(
         file, output, sensitivities, picture, workers=workers, scheduler=scheduler,
         local_cluster=local_cluster, model=model, target_error=target_error, refine=refine,

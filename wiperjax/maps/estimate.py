@@ -19,7 +19,7 @@ from ..machine.files import StoreError
 from ..machine.memory import installed
 from ..vocabulary.codes import LABELS
 from ..vocabulary.columns import OF_A_WIPER, column_of, differentiable, sensitivity_name
-from ..vocabulary.kinds import WIPER
+from ..vocabulary.kinds import STEADY_KINDS, WIPER
 from ..vocabulary.schema import OF_DERIVATIVES, SCHEMA, SEVERAL_STARTS, Column
 
 RATE = 150.0  # s of motion a second and core: the reference map at rtol 1e-6 (AMD EPYC, avx512)
@@ -34,7 +34,7 @@ def columns(spec: Any) -> Iterator[Column]:
     absent: set[str] = set(OF_A_SYSTEM if spec.system == WIPER else OF_A_WIPER)
     if spec.belt_kind is None:
         absent.add("belt_speed_rms")
-    turns = spec.belt_kind not in (None, "steady")
+    turns = spec.belt_kind not in STEADY_KINDS
     if turns:
         absent.add("noise_period")
     for name, entry in SCHEMA.items():

@@ -3,7 +3,7 @@
 import numpy as np
 from pydantic import model_validator
 
-from ..vocabulary.kinds import usual_transient
+from ..vocabulary.kinds import STEADY_KINDS, usual_transient
 from .laws import law_notes
 from .system import System
 from .tables import Classes, SceneRun
@@ -39,7 +39,7 @@ class SceneSpec(System):
         the time in which the glass carries the lip over (`flip_time`), if that is longer than the
         default.
         """
-        if self.belt_kind in (None, "steady") or "reversal_window" in self.classes.model_fields_set:
+        if self.belt_kind in STEADY_KINDS or "reversal_window" in self.classes.model_fields_set:
             return self.classes
         known = self.parameters()
         frequency = known["belt_frequency"]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..vocabulary.kinds import since_reversal
+from ..vocabulary.kinds import STEADY_KINDS, since_reversal
 from ..vocabulary.thresholds import FADE, FEWEST_PERIODS
 from .errors import Fault
 
@@ -73,7 +73,7 @@ def flip_notes(kind: str | None, known: Mapping[str, np.ndarray], around: float)
     None of a system without a belt (`kind` None) or a lip, or with a belt that never turns.
     `known`: parameter -> its values in SI units.
     """
-    if kind in (None, "steady") or "lip_length" not in known:
+    if kind in STEADY_KINDS or "lip_length" not in known:
         return []
     time = flip_time(
         kind,

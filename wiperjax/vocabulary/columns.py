@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from .cf import quotient
+from .kinds import STEADY_KINDS
 from .parameters import PARAMETERS
 from .schema import SCHEMA, Column
 
@@ -19,9 +20,6 @@ OF_STEADY_SLIP = ("growth_rate", "linear_frequency")
 
 OF_A_WIPER = ("final_x", "final_y", "final_vx", "final_vy", *OF_STEADY_SLIP)
 """Columns of a lip's tip and of its steady slip: another system has none of them."""
-
-KEPT_SPEEDS = ("steady", None)
-"""Kinds of belts on which a noise keeps its own time, and the lack of one."""
 
 DIFFERENTIABLE = (
     *("stick_fraction", "slip_fraction", "flight_fraction", "noise_period"),
@@ -38,7 +36,7 @@ def differentiable(of_a_wiper: bool, belt_kind: str | None) -> tuple[str, ...]:
     """Those of `DIFFERENTIABLE` that a map of such a system has, on such a belt or on none."""
     absent: tuple[str, ...] = () if of_a_wiper else OF_A_WIPER
     absent += () if belt_kind else ("belt_speed_rms",)
-    absent += () if belt_kind in KEPT_SPEEDS else ("noise_period",)
+    absent += () if belt_kind in STEADY_KINDS else ("noise_period",)
     return tuple(name for name in DIFFERENTIABLE if name not in absent)
 
 

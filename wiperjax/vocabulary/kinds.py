@@ -32,6 +32,9 @@ SYSTEMS: Mapping[str, str] = MappingProxyType(
 )
 """Further systems that come with the package, by the name that a file may use -> import path."""
 
+STEADY_KINDS = (None, "steady")
+"""Kinds of belt on which a noise keeps its own time: none that turns, or no belt."""
+
 MODELS: Mapping[str, str] = MappingProxyType(
     {
         "block": "at rest where the spring is relaxed",

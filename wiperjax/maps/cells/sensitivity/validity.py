@@ -10,6 +10,7 @@ from ....contact.system import AbstractSystem
 from ....noise.spectrum import dominant_frequency
 from ....numerics.arrays import cellwise
 from ....vocabulary.columns import DIFFERENTIABLE
+from ....vocabulary.kinds import STEADY_KINDS
 from ....vocabulary.schema import SCHEMA
 from ....vocabulary.thresholds import silence
 from .differences import STENCIL, Moved, scale_of
@@ -144,7 +145,7 @@ def is_settled(columns, spec) -> np.ndarray:
     reverses, the window is a stroke and cannot be judged.
     """
     run = spec.run
-    if spec.belt_kind not in ("steady", None):
+    if spec.belt_kind not in STEADY_KINDS:
         return np.ones(len(columns["result"]), bool)
     signal = np.asarray(columns["signal"], np.float64)
     settled = np.zeros(len(signal), bool)
