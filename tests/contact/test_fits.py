@@ -302,6 +302,19 @@ def test_a_bounce_gains_nothing():
         wiperjax.simulate(ball(), 1.0, initial_state=((1.0,), (0.0,)))
 
 
+def test_what_drives_a_system_comes_again_later():
+    for period, was in ((0.0, "0"), (-0.1, "-0.1"), (float("nan"), "nan")):
+        ball = type("Mine", (own_systems.Ball,), {"drive_period": period})
+        must = "must be a finite number > 0"
+        with pytest.raises(ValueError, match=rf"^Mine.drive_period {must}, but was {was}$"):
+            wiperjax.simulate(ball(), 1.0, initial_state=((1.0,), (0.0,)))
+    ball = type("Mine", (own_systems.Ball,), {"drive_period": lambda s: 0.5})
+    with pytest.raises(
+        ValueError, match=r"^Mine.drive_period must be a property, but was a method"
+    ):
+        wiperjax.simulate(ball(), 1.0, initial_state=((1.0,), (0.0,)))
+
+
 def test_an_init_of_its_own_sets_the_fields():
     def bare(self):
         self.mass = 2.0

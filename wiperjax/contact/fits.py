@@ -70,6 +70,8 @@ def check(system: AbstractSystem, position: tuple, velocity: tuple, shape: tuple
     for method, *given in (touches, ("slip_speed", t, q, v), ("output", t, q, v)):
         _number(f"{kind}.{method}", _asked(system, method, *given), shape)
     _check_property(system, "bounce", shape, PARAMETERS["restitution"].range)
+    if _called(f"{kind}.drive_period", lambda system: system.drive_period, system) is not None:
+        _check_property(system, "drive_period", shape, POSITIVE)
     switches = len(numbers("switches", None, t, q, v))
     ends = _asked(system, "ends", t, q, v)
     if not isinstance(ends, tuple | list) or len(ends) != switches:

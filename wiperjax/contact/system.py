@@ -202,8 +202,9 @@ class AbstractSystem(eqx.Module):
 
     @property
     def drive_period(self) -> Scalar | None:
-        """Time [s] after which what drives it comes again, for what follows the cycles of a scene.
-        None: nothing does, or its belt alone.
+        """Time [s] after which what drives it comes again: a step is no longer than a quarter of
+        it, and what follows the cycles of a scene takes it. None: nothing drives it, or its belt
+        alone.
         """
         return None
 

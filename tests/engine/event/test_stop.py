@@ -2,11 +2,13 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from own_systems import Walled
 from problems import IMPACT_CASES, periodic_impacts
+from scipy.optimize import brentq
 from systems import turn
 
 import wiperjax
@@ -116,6 +118,56 @@ def test_blows_that_pile_up_at_zero_end_where_they_are_rounding():
     motion = wiperjax.simulate(Pressed(), 40.0, initial_state=((-0.5,), (0.0,)))
     assert motion.result == Result.ZENO_UNRESOLVED and motion.attrs["unproved_steps"] == 0
     assert motion.sizes["event"] < 100 and abs(float(motion.final_position[0])) < 1e-12
+
+
+class Swinging(Struck):
+    """A free body before a stop that swings far more quickly than it."""
+
+    amplitude: float = parameter(0.01, "m", above=0)
+
+    @property
+    def drive_period(self):
+        return 2 * jnp.pi / self.frequency
+
+    def free_acceleration(self, t, q, v):
+        return (-q[0],)
+
+    def place(self, t):
+        return 0.5 + self.amplitude * jnp.sin(self.frequency * t)
+
+    def switches(self, t, q, v):
+        return (self.place(t) - q[0],)
+
+    def rebound(self, stop, t, q, v, closed):
+        speed = jax.jvp(self.place, (t,), (jnp.ones_like(t),))[1]
+        return (speed - self.restitution * (v[0] - speed),)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+def test_a_stop_that_swings_quickly_is_struck_in_time(rtol):
+    """The motion is smooth: by its error alone a step takes some swings, and of 24 such stops two or
+    three were struck late, without a flag. The period that the system says bounds its steps."""
+    drawn = np.random.default_rng(1).uniform((1.5, -4), (3.5, -1.5), (24, 2))
+    quick, wide = 10.0**drawn.T
+
+    def first(frequency, amplitude):
+        struck = Swinging(frequency=frequency, amplitude=amplitude)
+        motion = wiperjax.solve(
+            struck, 1.0, initial_state=((0.0,), (1.0,)), rtol=rtol, max_events=1
+        )
+        return motion.events.time[0]
+
+    times = jax.jit(jax.vmap(first))(quick, wide)
+    fine = np.linspace(0.4, 0.7, 300_001)
+    for frequency, amplitude, time in zip(quick, wide, times, strict=True):
+
+        def ahead(t, w=frequency, a=amplitude):
+            return 0.5 + a * np.sin(w * t) - np.sin(t)
+
+        behind = np.flatnonzero(ahead(fine) <= 0)[0]
+        exact = brentq(ahead, fine[behind - 1], fine[behind], xtol=1e-15)
+        assert time == pytest.approx(exact, abs=1e-2 * rtol)
 
 
 class Lacking(Struck):

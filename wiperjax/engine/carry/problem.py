@@ -19,6 +19,7 @@ from ..observers.base import AbstractObserver
 from ..observers.totals import RegimeTotals
 
 PERIOD_PARTS = 16  # of a belt that turns: a sine is within 1e-6 of the quartic through such a step
+DRIVE_PARTS = 4  # of what drives a system: enough to see how it goes, and where a step is too long
 
 
 class Sample(NamedTuple):
@@ -130,14 +131,14 @@ def make_case(
     clock = jnp.result_type(float)
     start = jnp.asarray(start, clock)
     rtol = jnp.asarray(integration.rtol, dtype)
-    max_step, times = integration.max_step, recording.sample_times
+    times = recording.sample_times
     problem = Problem(
         system=system.prepared(),
         end=start + jnp.asarray(duration, clock),
         rtol=rtol,
         atol=_absolute(integration.atol, rtol, system, len(position)),
         longest=_longest(integration.longest, system, clock),
-        max_step=None if max_step is None else jnp.asarray(max_step, clock),
+        max_step=_most(integration.max_step, system, clock),
         zeno_time=jnp.asarray(integration.zeno_time, dtype),
         max_steps=jnp.asarray(integration.max_steps, jnp.int32),
         mark=start if recording.mark is None else jnp.asarray(recording.mark, clock),
@@ -159,6 +160,18 @@ def make_case(
 def _as_arrays(observer: AbstractObserver, clock) -> AbstractObserver:
     """Return an observer with its numbers as arrays: another time to begin at compiles nothing."""
     return jax.tree.map(lambda x: jnp.asarray(x, clock) if isinstance(x, float) else x, observer)
+
+
+def _most(max_step, system: AbstractSystem, clock):
+    """Return the longest step [s] at all, None for no limit: of a system that says how often what
+    drives it comes again, a part of that (`DRIVE_PARTS`). What swings more quickly than its body
+    is no part of the error of the motion: a step of some swings would show any of them, or none.
+    """
+    most = None if max_step is None else jnp.asarray(max_step, clock)
+    if system.drive_period is None:
+        return most
+    part = jax.lax.stop_gradient(jnp.asarray(system.drive_period, clock)) / DRIVE_PARTS
+    return part if most is None else jnp.minimum(most, part)
 
 
 def _longest(longest, system: AbstractSystem, clock):
