@@ -146,8 +146,8 @@ class Swinging(Struck):
 @pytest.mark.long
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6])
 def test_a_stop_that_swings_quickly_is_struck_in_time(rtol):
-    """The motion is smooth: by its error alone a step takes some swings, and of 24 such stops two or
-    three were struck late, without a flag. The period that the system says bounds its steps."""
+    """The motion is smooth: by its error alone a step takes some swings, and of 24 such stops two
+    or three were struck late, without a flag. The period that the system says bounds its steps."""
     drawn = np.random.default_rng(1).uniform((1.5, -4), (3.5, -1.5), (24, 2))
     quick, wide = 10.0**drawn.T
 
