@@ -37,8 +37,28 @@ from .tables import (
     print_special,
 )
 
+
+def print_limits(dataset: Any) -> None:
+    """A note if borders of the classes that a map states cannot be those its classes were told by;
+    nothing else.
+    """
+    from ..noise.classes import stored
+
+    try:
+        stored(dataset.attrs)
+    except ValueError as error:
+        print(f"note: its attribute {error}: another program changed it", file=sys.stderr)
+
+
 TOLD: Mapping[str, Sequence[Callable[[Any], None]]] = {
-    "map": (print_classes, print_open, print_anatomy, print_sensitivities, print_events),
+    "map": (
+        print_limits,
+        print_classes,
+        print_open,
+        print_anatomy,
+        print_sensitivities,
+        print_events,
+    ),
     "run": (print_class,),
     "branch": (print_special, print_curves),
     "curves": (print_curves,),
@@ -218,7 +238,6 @@ def info(
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
     from ..datasets.kinds import holds, kind_of
-    from ..machine.files import StoreError
     from ..store.levels import is_refined
     from ..store.whole import borders, open_map, sound
 
@@ -233,11 +252,7 @@ def info(
         for tell in TOLD.get(kind, ()):
             tell(dataset)
         if is_refined(file):
-            try:
-                print_borders(borders(file))
-            except KeyError as error:
-                lost = f"its borders have no attribute {error}: another program took it from them"
-                raise StoreError(f"{file}: {lost}") from None
+            print_borders(borders(file))
         print_attributes(dataset)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import xarray as xr
 
+from ..datasets.borders import unfit, unfit_report
 from ..machine.files import StoreError, check_input, check_output, naming, write_bytes
 from ..vocabulary import checks
 from ..vocabulary.ranges import Range
@@ -117,19 +118,23 @@ def borders(path: str | Path) -> xr.Dataset:
     axis, the axis along which it is enclosed, the bracket, the answers on both sides, the kind of
     crossing; as attributes what the search took and what it can promise.
 
-    Raises: `StoreError` if `path` is no readable map, or is not refined.
+    Raises: `StoreError` if `path` is no readable map, is not refined, or has borders that another
+        program changed into none.
     """
     checks.path("path", path)
     check_exists(Path(path))
     try:
         with xr.open_dataset(path, engine="h5netcdf", group=BORDERS) as ds:
-            return ds.load()
+            found = ds.load()
     except Exception as error:  # of a damaged file, HDF5 and what reads it may raise anything
         if is_refined(path):
             raise StoreError(f"{path}: has borders that cannot be read: {error}") from error
         raise StoreError(
             f"{path}: has no borders; 'wiperjax refine' locates those of a map"
         ) from None
+    if why := unfit(found) or unfit_report(found):
+        raise StoreError(f"{path}: its borders have {why}: another program changed them")
+    return found
 
 
 def sound(path: str | Path) -> bool:

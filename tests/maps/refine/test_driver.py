@@ -479,6 +479,63 @@ def test_info_says_what_was_found(tmp_path, capsys):
     assert "map.h5: its borders have no attribute 'on'" in capsys.readouterr().err
 
 
+@pytest.fixture(scope="module")
+def of_disc(tmp_path_factory):
+    """A refined map; never changed."""
+    path = tmp_path_factory.mktemp("disc") / "map.h5"
+    coarse_map(path, DISC)
+    refined(path, DISC, levels=3)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "line"),
+    [
+        ("probes_wrong", np.nan, "probes_wrong, which must be a whole number >= 0, but was nan"),
+        ("simulations", -5, "simulations, which must be a whole number >= 0, but was -5"),
+        ("cubes_with_border", 1e6, "cubes_with_border 1e+06, of "),
+        ("border_probes_wrong", 1e6, "border_probes_wrong 1e+06, of "),
+        ("smooth_points", 99, " points, but "),
+        ("bracket_share_belt_speed", 0.0, "bracket_share_belt_speed, which must lie inside (0, 1]"),
+        ("full_grid_cells", "many", "full_grid_cells, which must be a finite number > 0, but was"),
+        ("budget_spent", [0, 1], "budget_spent array([0, 1]), which is not one number"),
+    ],
+)
+def test_what_no_search_says_of_its_borders_is_not_told_as_if_it_were(
+    name, value, line, of_disc, tmp_path, capsys
+):
+    """`info` said `nan of 500`, `-5 simulations`, `1/inf`; or words of numpy without the file."""
+    path = shutil.copy(of_disc, tmp_path / "map.h5")
+    with h5py.File(path, "r+") as file:
+        file["borders"].attrs[name] = value
+    assert main(["info", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert f"{path}: its borders have " in said and line in said and "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "line"),
+    [
+        ("side_high", 9, "side_high 9, which is none of quiet, squeal, "),
+        ("axis", 5, "axis 5, which is none of attack_angle, belt_speed"),
+        ("attack_angle", np.nan, "attack_angle, which must be a finite number, but was nan"),
+        ("bracket_share", 2.0, "bracket_share, which must lie inside (0, 1], but was 2"),
+        ("place", -39.0, "beside its bracket of "),
+    ],
+)
+def test_points_that_lie_on_no_border_are_not_drawn(name, value, line, of_disc, tmp_path, capsys):
+    """Each was left out, or joined with others, without a word."""
+    path = shutil.copy(of_disc, tmp_path / "map.h5")
+    with h5py.File(path, "r+") as file:
+        group = file["borders"]
+        first = int(np.flatnonzero(group["axis"][...] == 0)[0])
+        group["attack_angle" if name == "place" else name][first] = value
+    for command in ("info", "plot"):
+        assert main([command, str(path)]) == 1
+        said = capsys.readouterr().err
+        assert f"{path}: its borders have " in said and line in said
+
+
 def test_points_can_be_sent_to_workers():
     import pickle
 

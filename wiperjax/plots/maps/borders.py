@@ -14,13 +14,13 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
+from ...datasets.borders import unfit
 from ...vocabulary import checks
 from ...vocabulary.codes import CROSSINGS
 from ..style.axes import shown
 from ..style.palette import BORDER, BOUNDARY
 
 PREFIX = "border_"
-NEEDED = ("axis", "kind", "side_low", "side_high")
 NEAR = 1e-5  # cells: points so close to a plane or an edge lie on it
 Points = tuple[np.ndarray, np.ndarray]  # places (points, 2) in cells, and pairs of codes as one
 
@@ -33,10 +33,8 @@ def with_borders(ds: xr.Dataset, borders: xr.Dataset) -> xr.Dataset:
     Raises: ValueError for what is no map, or no borders.
     """
     checks.instance("borders", borders, xr.Dataset, "those of a map, such as borders(...)")
-    if "border" not in borders.dims or "on" not in borders.attrs:
-        raise ValueError("borders must be those of a map, but had no points on borders")
-    if lost := [name for name in NEEDED if name not in borders]:  # no curve would be drawn
-        raise ValueError(f"borders must be those of a map, but had no {lost[0]}")
+    if why := unfit(borders):  # no curve would be drawn, or a wrong one
+        raise ValueError(f"borders must be those of a map, but had {why}")
     named = borders.rename({name: PREFIX + str(name) for name in borders.data_vars})
     return ds.assign_coords(named.data_vars).assign_attrs(
         {PREFIX + name: borders.attrs[name] for name in ("on", "levels")}
