@@ -268,6 +268,8 @@ def test_borders_of_classes_that_cannot_be_are_named(name, value, said):
         ("stick_slip", "chatter", {"dominant_frequency": 99.9, "stick_fraction": 0.3}),
         ("self_excited_slip", "chatter", {"dominant_frequency": 99.9}),
         ("flight", "low", {"flight_fraction": 1e-3, "stick_fraction": 0.4}),
+        ("vibro_impact", "chatter", {"dominant_frequency": 3.0, "blow_count": 18}),
+        ("stick_slip", "low", {"blow_count": 18, "stick_fraction": 0.4}),
         ("carried", "none", {"stick_fraction": 1.0, "dominant_frequency": NAN}),
         ("carried", "none", CUT),
         ("reversal_pulse", "none", FLIP),

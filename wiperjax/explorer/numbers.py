@@ -22,6 +22,7 @@ ROWS = (  # column of a map, and what it is called here
     ("flight_fraction", "share in flight"),
     ("normal_force_max", "largest normal force"),
     ("impact_count", "impacts in the window"),
+    ("blow_count", "blows in the window"),
 )
 CODED = (("mechanism", "mechanism"), ("band", "band"), ("settled", "settled"))
 COMPARED = ("label", *(name for name, *_ in (*CODED, *ROWS)))  # of the map, beside the run

@@ -58,7 +58,8 @@ def classify(columns: Mapping[str, Any], thresholds: Any = None) -> dict[str, np
         `velocity_rms_stroke` (m/s), `stick_fraction_stroke`, `flight_fraction_stroke`,
         `impact_impulse_reversal` and `impact_impulse_max` (N s/m), `tone_time_before` and
         `tone_time_after` (s), `stick_count`; on others `velocity_mean` (m/s), where it is known;
-        `frequency_told` (`codes.TOLD`) where the frequency is NaN for want of samples.
+        of systems with stops `blow_count`; `frequency_told` (`codes.TOLD`) where the frequency is
+        NaN for want of samples.
     - `thresholds`: `Thresholds`, or anything with its attributes; the defaults if None.
 
     A finished cell with NaN among the columns its class rests on is `failed`, never silently
@@ -193,6 +194,7 @@ def _mechanism(seen: _Heard, limits: Any, unheard, reversal) -> np.ndarray:
         ("carried", seen.carried),
         ("flight", seen.flight > 0),
         ("stick_slip", sticks),
+        ("vibro_impact", seen.of("blow_count") > 0),
     )
     codes = [MECHANISMS[name] for name, _ in found]
     return np.select([where for _, where in found], codes, default=MECHANISMS["self_excited_slip"])

@@ -12,7 +12,7 @@ import xarray as xr
 
 from ..vocabulary import checks
 from ..vocabulary.cf import flag_names
-from ..vocabulary.codes import BANDS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
+from ..vocabulary.codes import BANDS, EVENTS, LABELS, MECHANISMS, RESULTS, SETTLED, TOLD
 from ..vocabulary.kinds import BELT_KINDS, since_reversal, usual_transient
 from ..vocabulary.ranges import FEWEST_SETTLED, Range
 from ..vocabulary.thresholds import FEWEST_PERIODS, Thresholds, silence
@@ -147,9 +147,10 @@ def why_no_frequency(columns: Any) -> str:
             return f"no {what} in the settled part (run.duration, run.transient)"
     if int(columns.get("frequency_told", TOLD["unknown"])) != TOLD["no"]:
         return "no line"
-    most = max(float(columns["stick_count"]), float(columns["impact_count"]))
-    clings = float(columns["stick_fraction"]) > 0 or float(columns["flight_fraction"]) > 0
-    if clings and most < FEWEST_PERIODS:
+    blows = float(columns.get("blow_count", 0.0))
+    most = max(float(columns["stick_count"]), float(columns["impact_count"]), blows)
+    shares = float(columns["stick_fraction"]), float(columns["flight_fraction"])
+    if max(*shares, blows) > 0 and most < FEWEST_PERIODS:
         return "window too short (run.duration)"
     return "not told by these samples (run.sample_interval)"
 
@@ -159,8 +160,8 @@ def _named(columns: dict[str, Any]) -> xr.Dataset:
 
 
 def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> dict[str, float]:
-    """Shares of time in stick and flight and impacts from `start` to `end`; with a `window`, those
-    of the strokes, and the hardest impact in it.
+    """Shares of time in stick and flight, impacts and blows from `start` to `end`; with a `window`,
+    those shares of the strokes, and the hardest impact in it.
     """
     names = flag_names(run["regime"])
     times = np.asarray(run["event_time"], dtype=float)
@@ -182,6 +183,9 @@ def _events(run: xr.Dataset, start: float, end: float, window: float | None) -> 
             "impact_impulse_max": impulse.max(initial=0.0),
             "stick_count": float(np.sum(caught & inside)),
         }
+        if "blow_count" in run:  # of a system with stops
+            struck = np.asarray(run["event_kind"], dtype=int) == EVENTS["blow"]
+            found["blow_count"] = float(np.sum(struck & inside))
     else:
         # time outside the window: the integral of a function that is 1 on the strokes
         fine = np.linspace(start, end, 200_001)

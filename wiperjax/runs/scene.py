@@ -9,9 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import xarray as xr
 
-from ..contact.belts import SteadyBelt
-from ..engine.observers.reversal import ReversalTotals
-from ..engine.observers.totals import RegimeTotals
+from ..engine.observers.reversal import statistics
 from ..machine import provenance
 from ..numerics.runge_kutta import SOLVERS
 from ..specs.load import spec_of
@@ -55,10 +53,6 @@ def run_scene(
             "start.equilibrium must be left out: with these parameters no steady slip exists"
         )
     asked, limits, belt = spec.run, spec.thresholds(), belt_of(built.system)
-    transient = spec.transient
-    observer = RegimeTotals(transient)
-    if not isinstance(belt, SteadyBelt | None):
-        observer = ReversalTotals(transient, limits.reversal_window)
     ds = simulate(
         built.system,
         asked.duration,
@@ -70,7 +64,7 @@ def run_scene(
         max_steps=asked.max_steps,
         max_step=asked.max_step,
         zeno_time=asked.zeno_time,
-        observer=observer,
+        observer=statistics(built.system, belt, spec.transient, limits.reversal_window),
     )
     if built.wiper is not None:
         ds = as_lip(ds)

@@ -118,6 +118,7 @@ MECHANISMS = {
     "carried": 4,  # rides on the belt for the whole window, or for all of it that is heard
     "reversal_pulse": 5,  # pressed hard at the reversal, without a hit
     "reversal_impulse": 6,  # hits the glass at the reversal
+    "vibro_impact": 7,  # slips all the time, and strikes a stop
 }
 
 

@@ -119,6 +119,7 @@ _TABLE = (
     Column("normal_force_max_reversal", "float64", "N/m", "largest normal force around reversal"),
     Column("gap_max", "float64", "m", "largest gap between tip and glass"),
     Column("impact_count", "int32", "1", "impacts in the settled window"),
+    Column("blow_count", "int32", "1", "blows against stops in the settled window"),
     Column("stick_count", "int32", "1", "stick phases begun in the settled window"),
     Column("lift_off_count", "int32", "1", "lift-offs in the settled window"),
     Column("slip_rate", "float64", "1/s", "slips out of stick per second"),
@@ -210,7 +211,7 @@ ENDED_ELSEWHERE = ("result", "final_position", "final_velocity", "final_regime")
 
 
 OF_THE_WINDOW = (
-    *("reversal_count", "impact_count", "stick_count", "lift_off_count"),
+    *("reversal_count", "impact_count", "blow_count", "stick_count", "lift_off_count"),
     *("steps", "rejected_steps", "unproved_steps", "final_time"),
     *("final_x", "final_y", "final_vx", "final_vy", "final_regime", "settled"),
 )

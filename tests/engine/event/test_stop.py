@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from own_systems import Walled
+from own_systems import DrivenBetweenWalls, Walled
 from problems import IMPACT_CASES, periodic_impacts
 from scipy.optimize import brentq
 from systems import turn
@@ -18,7 +18,9 @@ from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import shoot
+from wiperjax.noise.run_class import assess
 from wiperjax.systems.numbers import direction, traceable
+from wiperjax.vocabulary.codes import MECHANISMS
 
 
 class Struck(wiperjax.AbstractSystem):
@@ -200,3 +202,22 @@ MISTAKES = {
 def test_a_stop_that_says_something_else_than_asked_is_one_line(system):
     with pytest.raises(ValueError, match=f"^{MISTAKES[system]}"):
         fits.check(system(), (-1.0,), (0.0,))
+
+
+@pytest.mark.long
+def test_maps_and_runs_count_blows_and_name_what_they_make():
+    """A block driven between two walls strikes both in each period: in the log, the count, and the
+    mechanism of a map's cell and of the same motion as a run; where the walls are far, none."""
+    common = {"system": DrivenBetweenWalls, "classes": {"quiet_velocity": 1e-3}}
+    asked = {"transient": 2.0, "window": 3.0, "event_log": 100}
+    found = wiperjax.sweep(common | {"axes": {"play": {"values": [0.03, 0.5]}}, "run": asked})
+    logged = (found.event_kind == wiperjax.Event.BLOW).sum("event").values
+    assert logged[0] == pytest.approx(2 * 3.0 * 3, abs=2) and logged[1] == 0
+    assert found.blow_count.values.tolist() == logged.tolist()
+    names = [MECHANISMS["vibro_impact"], MECHANISMS["self_excited_slip"]]
+    scene = common | {"parameters": {"play": 0.03}, "run": {"duration": 5.0, "transient": 2.0}}
+    run = wiperjax.run_scene(scene)
+    told = assess(run)
+    assert int(run.blow_count) == int(told.blow_count) == logged[0]
+    assert [int(told.mechanism), int(found.mechanism[1])] == names
+    assert int(found.mechanism[0]) == names[0]

@@ -4,8 +4,10 @@ from functools import reduce
 from operator import or_
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 
+from ...contact.belts import SteadyBelt
 from ...numerics import quartic
 from ...numerics.elementary import horner, larger, smaller
 from ...numerics.runge_kutta import NODES
@@ -39,6 +41,7 @@ class ReversalTotals(AbstractObserver):
 
     start: Scalar
     window: Scalar
+    blows: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         checks.numbers("start", self.start, FINITE)
@@ -50,7 +53,7 @@ class ReversalTotals(AbstractObserver):
 
     @property
     def _regimes(self) -> RegimeTotals:
-        return RegimeTotals(self.start)
+        return RegimeTotals(self.start, self.blows)
 
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)
@@ -139,6 +142,15 @@ class ReversalTotals(AbstractObserver):
             flight_time_stroke=record.flight_time_stroke + flown,
             impulse_max_reversal=jnp.where(counts, largest, record.impulse_max_reversal),
         )
+
+
+def statistics(system, belt, start, window) -> RegimeTotals | ReversalTotals:
+    """Return what gathers the statistics of a motion of ``system`` on ``belt`` (None: on none) from
+    ``start`` [s] on: also within ``window`` [s] of a reversal, on one that turns."""
+    blows = bool(system.stops)
+    if isinstance(belt, SteadyBelt | None):
+        return RegimeTotals(start, blows)
+    return ReversalTotals(start, window, blows)
 
 
 def _integral(coefficients, u) -> Scalar:

@@ -4,13 +4,14 @@ one run.
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .reversal import ReversalRecord
 from .totals import Totals
 
-COUNTS = ("impact_count", "stick_count", "lift_off_count")
+COUNTS = ("impact_count", "blow_count", "stick_count", "lift_off_count")
 
 
 def smooth(record: Totals, window, xp=jnp) -> dict[str, Any]:
@@ -39,7 +40,7 @@ def told(record: Totals | ReversalRecord, window, finished) -> dict[str, np.ndar
     is not ``finished``, and where no time lay around V = 0, or none outside, what is of that.
     """
     totals = record.totals if isinstance(record, ReversalRecord) else record
-    totals = Totals(*map(np.asarray, totals))
+    totals: Totals = jax.tree.map(np.asarray, totals)
     # by NumPy: XLA divides by the window in a block of one cell, else multiplies by its reciprocal
     with np.errstate(invalid="ignore", over="ignore"):
         found = smooth(totals, window, np) | {
@@ -51,7 +52,8 @@ def told(record: Totals | ReversalRecord, window, finished) -> dict[str, np.ndar
     if isinstance(record, ReversalRecord):
         found |= _of_the_reversal(record)
     settled = {name: np.where(finished, np.asarray(x), np.nan) for name, x in found.items()}
-    return settled | {name: np.asarray(getattr(totals, name)) for name in COUNTS}
+    counts = {name: getattr(totals, name) for name in COUNTS}
+    return settled | {name: count for name, count in counts.items() if count is not None}
 
 
 def _of_the_reversal(record: ReversalRecord) -> dict[str, Any]:

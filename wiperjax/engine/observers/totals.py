@@ -3,6 +3,7 @@
 from functools import reduce
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 
@@ -44,6 +45,7 @@ class Totals(NamedTuple):
     stick_force_max: Scalar  # largest friction force in stick
     slip_force_min: Scalar  # smallest in slip; inf without slip
     acceleration_max: Scalar  # of the output
+    blow_count: Scalar | None = None  # against stops, where they are counted
 
     def variance(self, time, xp=jnp) -> Scalar:
         """Variance of the output over the ``time`` [s] that the integrals stand for."""
@@ -64,9 +66,11 @@ def variance(integral, square_integral, time, xp=jnp) -> Scalar:
 
 
 class RegimeTotals(AbstractObserver):
-    """Times in the regimes, moments of the output, extremes and event counts from ``start`` on."""
+    """Times in the regimes, moments of the output, extremes and event counts from ``start`` on;
+    ``blows``: those of blows, too."""
 
     start: Scalar = 0.0
+    blows: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         checks.numbers("start", self.start, FINITE)
@@ -78,7 +82,8 @@ class RegimeTotals(AbstractObserver):
     def init(self, dtype, shape=()):
         z = jnp.zeros(shape, dtype)
         n = jnp.zeros(shape, jnp.int32)
-        return Totals(z, z, z, z, z, z, z, z, n, n, n, z, n, z, z, z + jnp.inf, z)
+        blows = n if self.blows else None
+        return Totals(z, z, z, z, z, z, z, z, n, n, n, z, n, z, z, z + jnp.inf, z, blows)
 
     def stretch(self, record, stretch):
         s = stretch
@@ -137,6 +142,8 @@ class RegimeTotals(AbstractObserver):
         flown = self.flown(e).astype(record.flight_time.dtype)
         seen = record.stick_time + record.slip_time + record.flight_time > 0
         jams = (e.kind == Event.JAM) & seen  # forces in front of it, if any, have no bound
+        if self.blows:
+            record = record._replace(blow_count=record.blow_count + count(e.kind == Event.BLOW))
         return record._replace(
             normal_force_integral=unknown(record.normal_force_integral, jams),
             normal_force_max=unknown(record.normal_force_max, jams),

@@ -10,14 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...contact.belts import SteadyBelt
 from ...contact.system import AbstractSystem
 from ...datasets.map_dataset import raster_index
 from ...engine.carry.problem import Integration, Recording, make_case
 from ...engine.lanes import Pool, run_pool
 from ...engine.observers.margins import watch
 from ...engine.observers.returns import Returns
-from ...engine.observers.reversal import ReversalTotals
+from ...engine.observers.reversal import statistics
 from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
 from ...numerics.kept import Kept
@@ -234,14 +233,11 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
     """Return what `run_pool` does of cells; to be called inside `jax.jit`. ``watched``: with
     `margins` in the record.
     """
-    steady = isinstance(belt_of(system), SteadyBelt | None)
-    totals = RegimeTotals(run.transient)
-    if not steady:
-        totals = ReversalTotals(run.transient, run.reversal_window)
-    elif watched:
-        totals = Returns(totals, len(position))
+    totals = statistics(system, belt_of(system), run.transient, run.reversal_window)
+    steady = isinstance(totals, RegimeTotals)
+    observer: Any = Returns(totals, len(position)) if watched and steady else totals
     if watched:
-        totals = watch(system, totals)
+        observer = watch(system, observer)
     longest = longest_step(system, len(position), run.window) if watched else None
     solver = SOLVERS[s.solver]()
     cases = position[0].shape[-1]
@@ -266,7 +262,7 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
             signal=signal,
             max_events=s.event_log,
             log_start=run.transient,
-            observer=totals,
+            observer=observer,
             mark=run.transient,
         ),
         dtype=jnp.dtype(s.precision),

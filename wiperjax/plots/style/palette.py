@@ -30,6 +30,7 @@ MECHANISMS = {  # what keeps a motion going, as `noise.classes` tells it
     "carried": "#AA4499",
     "reversal_pulse": CLASSES["reversal"],
     "reversal_impulse": "#882255",
+    "vibro_impact": "#117733",
 }
 BANDS = {  # where the frequency of a noise lies
     "quiet": CLASSES["quiet"],
