@@ -25,7 +25,13 @@ class Told(RegimeTotals):
         return record._replace(stick_time=jnp.asarray(0.2 * happening.time))
 
 
-def gathered(events, span=1.0):
+class Clocked(Block):
+    """A block that something drives, every so often."""
+
+    drive_period: float = 1.0
+
+
+def gathered(events, span=1.0, system=None):
     """The record behind some events (time, before, after, position) of a coordinate that goes over
     a ``span``."""
     rule = Returns(Told(1.0), 1)
@@ -33,7 +39,7 @@ def gathered(events, span=1.0):
     record = rule.init(jnp.float64)._replace(low=tuple(-ends), high=tuple(ends))
     for time, before, after, place in events:
         state = (jnp.asarray(place),), (jnp.zeros(()),)
-        system = Block(1.0, 0.5)
+        system = system or Block(1.0, 0.5)
         record = rule.event(
             record, Happening(system, time, 0, before, after, 0.0, 0.0, 0.0, *state)
         )
@@ -57,6 +63,14 @@ def test_a_motion_is_back_where_its_state_is():
     totals, time = record.whole(4.0)
     assert time == pytest.approx(3.0)
     np.testing.assert_allclose(totals.stick_time, 0.6)
+
+
+@pytest.mark.parametrize(("drive", "count", "period"), [(0.5, 3, 1), (2, 1, 2), (0.7, 0, math.nan)])
+def test_what_a_clock_drives_comes_back_with_it(drive, count, period):
+    """One of few coordinates passes its first state by chance, at any phase of the drive."""
+    record = gathered(two_slips(5), system=Clocked(1.0, 0.5, drive_period=drive))
+    assert record.count == count
+    np.testing.assert_allclose(record.period, period)
 
 
 @pytest.mark.parametrize("drift", [0.01, -0.01])

@@ -77,8 +77,10 @@ class Hopf(Equations):
         where = chart(self.plane.at(place), facts.state, 0.0, self.where.regime, self.where.scale)
         start = np.concatenate([np.zeros(where.basis.shape[1]), place / self.plane.scale])
         moved = replace(self, where=where, start=start, weight=1.0)
-        row = moved.values(start)[1][-1]
-        return replace(moved, weight=1 / np.linalg.norm(row))
+        steepness = float(np.linalg.norm(moved.values(start)[1][-1]))
+        if steepness == 0:
+            raise Lost("no number changes the growth of oscillations there")
+        return replace(moved, weight=1 / steepness)
 
     def beyond(self, spot, test):
         if test.end != CurveEnd.CORNER:
@@ -88,7 +90,10 @@ class Hopf(Equations):
         if here.ends[k]:
             return None
         sides = tuple(-side if i == k else side for i, side in enumerate(self.sides))
-        other = replace(self, sides=sides).centred(spot.facts, spot.place)
+        try:
+            other = replace(self, sides=sides).centred(spot.facts, spot.place)
+        except Lost:
+            return None
         along = null(other.values(other.start)[1], np.ones(len(other.start)))
         found = solve(other, other.start, along)
         if found is None or np.linalg.norm(found.unknowns - other.start) > SAME:

@@ -108,9 +108,10 @@ class Returns(AbstractObserver):
         on = (e.time >= self.start) & (e.before != e.after)
         begins = on & (record.change < 0)
         state = (*e.position, *e.velocity)
-        back = on & (change == record.change) & _is_close(record, e.system, stop_gradient(state))
         sums = tuple(getattr(totals, name) for name in SUMS)
         here = Instant(jnp.asarray(e.time + e.duration, record.first.time.dtype), sums)
+        back = on & (change == record.change) & _is_close(record, e.system, stop_gradient(state))
+        back = back & _is_in_phase(e.system, stop_gradient(here.time - record.first.time))
         return record._replace(
             totals=totals,
             change=jnp.where(begins, change, record.change),
@@ -119,6 +120,15 @@ class Returns(AbstractObserver):
             last=where(back, here, record.last),
             count=record.count + back.astype(jnp.int32),
         )
+
+
+def _is_in_phase(system, time) -> Scalar:
+    """Whether what drives a system has come again after the ``time``, too: else a motion of few
+    coordinates passes its first state by chance, at any phase of the drive."""
+    if system.drive_period is None:
+        return True
+    turns = time / stop_gradient(system.drive_period)
+    return jnp.abs(turns - jnp.round(turns)) <= CLOSE
 
 
 def _is_close(record: Returned, system, state) -> Scalar:
