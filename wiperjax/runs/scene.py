@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import xarray as xr
 
-from ..engine.observers.reversal import statistics
+from ..engine.observers.reversal import totals_of
 from ..machine import provenance
 from ..numerics.runge_kutta import SOLVERS
 from ..specs.load import spec_of
@@ -64,7 +64,7 @@ def run_scene(
         max_steps=asked.max_steps,
         max_step=asked.max_step,
         zeno_time=asked.zeno_time,
-        observer=statistics(built.system, belt, spec.transient, limits.reversal_window),
+        observer=totals_of(built.system, belt, spec.transient, limits.reversal_window),
     )
     if built.wiper is not None:
         ds = as_lip(ds)

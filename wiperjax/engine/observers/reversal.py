@@ -144,9 +144,9 @@ class ReversalTotals(AbstractObserver):
         )
 
 
-def statistics(system, belt, start, window) -> RegimeTotals | ReversalTotals:
-    """Return what gathers the statistics of a motion of ``system`` on ``belt`` (None: on none) from
-    ``start`` [s] on: also within ``window`` [s] of a reversal, on one that turns."""
+def totals_of(system, belt, start, window) -> RegimeTotals | ReversalTotals:
+    """Return what gathers the totals of a motion of ``system`` on ``belt`` (None: on none) from
+    ``start`` [s] on: on one that turns also those within ``window`` [s] of a reversal."""
     blows = bool(system.stops)
     if isinstance(belt, SteadyBelt | None):
         return RegimeTotals(start, blows)

@@ -16,7 +16,7 @@ from ...engine.carry.problem import Integration, Recording, make_case
 from ...engine.lanes import Pool, run_pool
 from ...engine.observers.margins import watch
 from ...engine.observers.returns import Returns
-from ...engine.observers.reversal import statistics
+from ...engine.observers.reversal import totals_of
 from ...engine.observers.totals import RegimeTotals
 from ...engine.sampling.means import Samples, Signal
 from ...numerics.kept import Kept
@@ -233,7 +233,7 @@ def outcomes(system, position, velocity, count, run: Run, s: Settings, watched=F
     """Return what `run_pool` does of cells; to be called inside `jax.jit`. ``watched``: with
     `margins` in the record.
     """
-    totals = statistics(system, belt_of(system), run.transient, run.reversal_window)
+    totals = totals_of(system, belt_of(system), run.transient, run.reversal_window)
     steady = isinstance(totals, RegimeTotals)
     observer: Any = Returns(totals, len(position)) if watched and steady else totals
     if watched:

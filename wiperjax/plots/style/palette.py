@@ -65,6 +65,7 @@ NAMES = {
     "slip_neg": "slip backward",
     "stick_slip": "stick-slip",
     "self_excited_slip": "self-excited slip",
+    "vibro_impact": "vibro-impact",
     "stick_slip_and_flight": "stick, slip and flight",
 }
 BOUNDARY = "#000000"  # line at which steady slip loses its stability
