@@ -377,7 +377,7 @@ PRESSED = """
     begin = AsyncProcess.start
 
     def starting(process):
-        threading.Timer(0.7, press).start()  # meanwhile the process of a worker imports dask
+        threading.Timer(0.7, press).start()  # a worker imports dask, or sleeps where it is quick
         return begin(process)
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -385,6 +385,7 @@ PRESSED = """
         del sys.modules["distributed.comm.addressing"]
         sys.meta_path.insert(0, Importing())
     else:
+        cluster._DEAF = "import time; time.sleep(1)\\n" + cluster._DEAF
         AsyncProcess.start = starting
     try:
         with heeded(), cluster.connect(local=1):
