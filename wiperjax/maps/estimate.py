@@ -34,6 +34,8 @@ def columns(spec: Any) -> Iterator[Column]:
     absent: set[str] = set(OF_A_SYSTEM if spec.system == WIPER else OF_A_WIPER)
     if spec.belt_kind is None:
         absent.add("belt_speed_rms")
+    if not spec.family.has_stops:
+        absent.add("blow_count")
     turns = spec.belt_kind not in STEADY_KINDS
     if turns:
         absent.add("noise_period")

@@ -42,6 +42,10 @@ class Declared(Family):
     source: str
 
     @property
+    def has_stops(self) -> bool:
+        return bool(getattr(self.found, "stops", ()))
+
+    @property
     def per_metre(self) -> bool:
         """Whether its forces are per metre of blade."""
         return bool(getattr(self.found, "per_metre", False))

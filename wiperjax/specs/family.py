@@ -27,6 +27,8 @@ class Family(ABC):
     name: str
     coordinates: tuple[str, ...]
     """Names of its coordinates; empty where only its start tells how many there are."""
+    has_stops: bool = False
+    """Whether its motion strikes stops."""
     elsewhere: Mapping[str, Parameter] = MappingProxyType({})
     """Parameters that a file may state in tables of their own, by which a wrong key is answered."""
 

@@ -18,7 +18,9 @@ from wiperjax.cycles.branch.follow import follow
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.return_map import Found
 from wiperjax.cycles.shooting import shoot
+from wiperjax.maps import estimate
 from wiperjax.noise.run_class import assess
+from wiperjax.specs.load import parse_sweep
 from wiperjax.systems.numbers import direction, traceable
 from wiperjax.vocabulary.codes import MECHANISMS
 
@@ -210,7 +212,10 @@ def test_maps_and_runs_count_blows_and_name_what_they_make():
     mechanism of a map's cell and of the same motion as a run; where the walls are far, none."""
     common = {"system": DrivenBetweenWalls, "classes": {"quiet_velocity": 1e-3}}
     asked = {"transient": 2.0, "window": 3.0, "event_log": 100}
-    found = wiperjax.sweep(common | {"axes": {"play": {"values": [0.03, 0.5]}}, "run": asked})
+    spec = parse_sweep(common | {"axes": {"play": {"values": [0.03, 0.5]}}, "run": asked})
+    found = wiperjax.sweep(spec)
+    foretold = {column.name for column in estimate.columns(spec)}
+    assert foretold == set(found.data_vars)
     logged = (found.event_kind == wiperjax.Event.BLOW).sum("event").values
     assert logged[0] == pytest.approx(2 * 3.0 * 3, abs=2) and logged[1] == 0
     assert found.blow_count.values.tolist() == logged.tolist()
