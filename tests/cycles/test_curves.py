@@ -467,6 +467,22 @@ def test_hopf_curve_of_two_coordinates_has_an_imaginary_pair():
         assert spot.facts.test["bautin"] < 0  # the push falls with the speed: a soft onset
 
 
+@pytest.mark.slow
+def test_a_hopf_curve_ends_where_neither_number_changes_the_growth():
+    """At rest b and c have no part in a + b r^2 + c r^4, nor has the place, and what a step along
+    the curve divides by is 0: numpy said that a decomposition did not converge."""
+    names, bounds = ("b", "c"), np.array([[-1.0, 1.0], [0.5, 2.0]])
+    system = wiperjax.systems.numbers.traceable(Ring(a=0.0), *names)
+    plane = Plane(system, names, bounds[:, 0], bounds[:, 1])
+    rest, place = np.zeros(2), np.array([-0.5, 1.0])
+    where = chart(plane.at(place), rest, 0.0, 2, np.ones(2))
+    equations = Hopf(plane, np.append(rest, place / plane.scale), where, (), 1.0)
+    values, _, _ = equations.values(equations.start)
+    np.testing.assert_allclose(values, 0.0, atol=1e-15)  # a point of the curve all the same
+    with pytest.raises(Lost, match="^no number changes the growth of oscillations there$"):
+        equations.centred(Facts(rest, 0.0, 1.0, {}), place)
+
+
 @dataclass(frozen=True)
 class Circle(Equations):
     """A circle about the middle of the plane, which has no other unknowns."""
