@@ -530,6 +530,13 @@ def test_a_default_outside_its_own_range_is_refused_where_it_is_declared():
     ):
         with pytest.raises(ValueError, match=f"^{words}"):
             wiperjax.parameter(1.0, **ends)
+    # its ends may be meant in radians as well as its default in degrees: both units are said
+    words = r"default must lie inside \[-1.57, 1.57\] degrees, but was 0.3 rad \(17.19 degrees\)$"
+    with pytest.raises(ValueError, match=words):
+        wiperjax.parameter(0.3, "rad", low=-1.57, high=1.57)
+    words = r"default must lie inside \[0, 90\] degrees, but was 30 rad \(1719 degrees\)$"
+    with pytest.raises(ValueError, match=words):
+        wiperjax.parameter(30.0, "rad", low=0, high=90)
 
 
 def test_a_default_without_an_annotation_is_refused():
