@@ -121,7 +121,7 @@ CASES = {
             "observer": ["totals", wiperjax.RegimeTotals, 3],
             "statistics_start": [*NO_NUMBER[:-1], SEVERAL],
             "start": [*NO_NUMBER[:-1], SEVERAL],
-            "reverse": NO_FLAG,
+            "reverse": [*NO_FLAG, SEVERAL],
         },  # fmt: skip
     ),
     "simulate": (
@@ -169,8 +169,8 @@ CASES = {
         {
             "default": ["a", NAN, True, Odd()],
             "unit": [3, None],
-            "low": ["a", NAN, True],
-            "high": ["a", NAN, True],
+            "low": ["a", NAN, True, 10**400],
+            "high": ["a", NAN, True, -(10**400)],
             "above": ["a", NAN, True, Odd()],
             "below": ["a", NAN, True, Odd()],
             "long_name": [3],
@@ -207,12 +207,13 @@ CASES = {
             "cells": [*NO_COUNT, 0],
             "seed": NO_COUNT,
             "tolerance": [*NO_NUMBER, -1],
+            "spec": [3, {}, "map.toml", Odd()],
         },
     ),
     "open_map": (
         wiperjax.open_map,
         {"path": "no.h5"},
-        {"path": NO_PATH, "variables": ["label", 3, [3]]},
+        {"path": NO_PATH, "variables": ["label", 3, [3]], "check": NO_FLAG},
     ),
     "borders": (wiperjax.borders, {"path": "no.h5"}, {"path": NO_PATH}),
     "refine": (
@@ -232,7 +233,11 @@ CASES = {
         {"wiper": BLADE},
         {"wiper": ["w", 3, None, Odd()], "belt_speed": NO_NUMBER[:-1]},
     ),
-    "run_scene": (wiperjax.run_scene, {"spec": "no.toml"}, {"spec": [3, None, [], Odd(), BLADE]}),
+    "run_scene": (
+        wiperjax.run_scene,
+        {"spec": "no.toml"},
+        {"spec": [3, None, [], Odd(), BLADE], "varied": ["attack_angle", 3, None, [3]]},
+    ),
     "class_table": (
         wiperjax.class_table,
         {"ds": xr.Dataset({"label": ((), 0, {"flag_meanings": "a"}), "gap_max": ((), 0.0)})},
@@ -248,7 +253,7 @@ CASES = {
         },
     ),
     "configure": (wiperjax.configure, {}, {"cores": [*NO_COUNT, 0], "keep": [1, "no"]}),
-    "RegimeTotals": (wiperjax.RegimeTotals, {}, {"start": NO_NUMBER[:-1]}),
+    "RegimeTotals": (wiperjax.RegimeTotals, {}, {"start": NO_NUMBER[:-1], "blows": NO_FLAG}),
     "find_cycle": (
         cycles.find_cycle,
         {"system": BLADE, "settle": 0.1},

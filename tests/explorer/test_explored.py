@@ -88,6 +88,16 @@ def test_a_host_that_is_none_is_one_line(host, says, tmp_path, capsys):
     assert re.search(says, capsys.readouterr().err)
 
 
+@pytest.mark.parametrize("option", [("--port", "5006"), ("--host", "0.0.0.0")])
+def test_where_to_serve_is_refused_with_a_page_that_is_written(option, tmp_path, capsys):
+    path, page = tmp_path / "map.h5", tmp_path / "page.html"
+    driver.sweep(make_spec(), path, evaluate=evaluate, progress=False).close()
+    assert main(["explore", str(path), "--static", str(page), *option]) == 1
+    said = "wiperjax: --port and --host are for a page that is served, not for --static\n"
+    assert capsys.readouterr().err == said
+    assert not page.exists()
+
+
 @pytest.mark.parametrize(("message", "found"), [("{}", "'events'"), ('{"events": [{}]}', "'kind'")])
 def test_a_message_that_no_page_sends_is_one_line(message, found, caplog, monkeypatch):
     """A traceback of Bokeh's, in the terminal of who serves."""

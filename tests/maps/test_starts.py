@@ -250,6 +250,10 @@ WIPING = {"belt": {"kind": "wiping", "frequency": 2.0}}
         (wrong({"names": ["at_rest"], "along": "belt_speed"}), "starts.along: must be left out wi"),
         (wrong({"names": ["up"], "kick": 2}), "starts.kick: must lie inside [0, 0.1], was 2"),
         (wrong(BOX | {"random": 1}), "starts.random: must be a whole number in [2, 10000], was 1"),
+        (
+            wrong(BOX | {"x": [1e-3, 1e-3]}),
+            "starts.random: must have a [from, to] with from < to to be drawn from; all 9 starts",
+        ),
         (wrong({"random": 9}), "starts.x: is missing; random starts are drawn from [from, to]"),
         (wrong(BOX | {"x": [1e-3, 0]}), "starts.x: must be [from, to] with from <= to, was [0.001"),
         (wrong(BOX | {"x": [0, 0.5]}), "starts.x: must be shorter than the lip (0.006 m), was 0.5"),

@@ -20,7 +20,6 @@ from wiperjax.maps import estimate
 from wiperjax.maps.block import BLOCK_BYTES, block_size
 from wiperjax.maps.block import MOST_CELLS as BLOCK_CELLS
 from wiperjax.specs.load import SpecError, load_scene, load_sweep, parse_scene, parse_sweep
-from wiperjax.vocabulary.kinds import BELTS
 from wiperjax.vocabulary.parameters import PARAMETERS
 from wiperjax.vocabulary.ranges import MOST_CELLS, MOST_SAMPLES, MOST_VALUES, SETTINGS
 from wiperjax.vocabulary.thresholds import LIMITS
@@ -63,6 +62,38 @@ check = 0.1
 step = 1e-5
 grazing = 1e-4
 """
+OF_ANOTHER_SYSTEM = """
+system = "oscillator"
+[axes]
+stiffness = { values = [1, 2] }
+[parameters]
+friction = "stribeck"
+mu_static = 0.5
+stribeck_speed = 0.3
+[run]
+transient = 20
+window = 60
+[starts]
+random = 5
+seed = 1
+position = [[-1, 1]]
+velocity = [[0, 1]]
+"""
+REFINED = """
+[axes]
+attack_angle = { start = -40, stop = 40, num = 5 }
+[run]
+transient = 0.2
+window = 0.1
+[refine]
+on = "velocity_rms=0.1"
+resolution = 0.01
+box = { attack_angle = [-10, 10] }
+max_cells = 1000
+probes = 10
+lengthen = 2
+splits = 1
+"""
 BELTS_OF_FILES = {
     "steady": 'kind = "steady"\nspeed = 0.3\n',
     "wiping": 'kind = "wiping"\namplitude = 0.3\nfrequency = 0.7\nphase = 10\n',
@@ -86,6 +117,7 @@ GOOD = {
     for kind, text in (("sweep", SWEEP), ("scene", SCENE))
     for belt, keys in BELTS_OF_FILES.items()
 }
+GOOD |= {("sweep", "another"): OF_ANOTHER_SYSTEM, ("sweep", "refined"): REFINED}
 PARSE = {"sweep": parse_sweep, "scene": parse_scene}
 LOAD = {"sweep": load_sweep, "scene": load_scene}
 
@@ -110,10 +142,16 @@ KEYS = [
     "gravity", "restitution", "num", "axes", "run",
 ]  # fmt: skip
 KNOWN = {"axes", "belt", "blade", "run", "start", "classes", "sensitivities", "title", "model"}
+KNOWN |= {"system", "parameters", "starts", "refine"}
 plausible = st.one_of(st.floats(1e-3, 1e2), st.integers(1, 4000), st.floats(0, 1))
 values = st.one_of(
     plausible, plausible, st.floats(), st.integers(), st.sampled_from(VALUES), st.text(max_size=9)
 )
+
+
+def others(kind):
+    """What tells the good files of a kind apart."""
+    return sorted(other for of, other in GOOD if of == kind)
 
 
 def tables(document, route=()):
@@ -127,7 +165,7 @@ def tables(document, route=()):
 @st.composite
 def mutated(draw, kind):
     """A document with one to three mutations, and the keys that they touched."""
-    document = tomllib.loads(GOOD[kind, draw(st.sampled_from(sorted(BELTS)))])
+    document = tomllib.loads(GOOD[kind, draw(st.sampled_from(others(kind)))])
     routes = list(tables(document))
     touched = []
     for _ in range(draw(st.sampled_from([1, 1, 2, 3]))):
@@ -180,7 +218,7 @@ def check_sweep(spec):
     cells = spec.cells(np.array([0, spec.size - 1]))
     for name, value in cells.items():
         assert np.all(np.isfinite(value)), name
-        assert PARAMETERS[name].argument_problem(np.asarray(value)) is None, name
+        assert spec.parameter_table[name].argument_problem(np.asarray(value)) is None, name
 
 
 def check_scene(spec):
@@ -192,7 +230,7 @@ def check_scene(spec):
 
 CHECK = {"sweep": check_sweep, "scene": check_scene}
 OFTEN = settings(
-    max_examples=250,
+    max_examples=400,
     deadline=None,
     derandomize=True,
     suppress_health_check=list(HealthCheck),
@@ -290,7 +328,7 @@ CHUNKS = [
 @st.composite
 def garbled(draw, kind):
     """The text of a file with one to three pieces put in, taken out or replaced."""
-    text = GOOD[kind, draw(st.sampled_from(sorted(BELTS)))]
+    text = GOOD[kind, draw(st.sampled_from(others(kind)))]
     for _ in range(draw(st.integers(1, 3))):
         at = draw(st.integers(0, len(text)))
         length = draw(st.sampled_from([0, 0, 1, 1, 5, 20]))

@@ -264,6 +264,17 @@ def test_a_key_that_does_not_suit_the_system_is_one_line(key):
         wiperjax.parse_sweep(SWEEP | {"axes": {"stiffness": {"values": [1.0]}}, key: value})
 
 
+def test_a_number_in_place_of_a_law_is_one_line():
+    given = {"friction": 0.3}
+    words = r"parameters.friction: must be the name of a law in quotes, was 0.3$"
+    with pytest.raises(SpecError, match=words):
+        wiperjax.parse_sweep(SWEEP | {"parameters": given})
+    with pytest.raises(SpecError, match=words):
+        wiperjax.parse_scene(
+            {"system": SWEEP["system"], "run": {"duration": 1}} | {"parameters": given}
+        )
+
+
 def test_numbers_of_a_law_that_do_not_go_together_are_refused_before_anything_is_stored(tmp_path):
     damped = SWEEP | {"system": "own_systems:Damped"}
     words = r"must be at most mu_static \(0.2\) with this friction, was 1"
@@ -519,6 +530,13 @@ def test_a_default_outside_its_own_range_is_refused_where_it_is_declared():
     ):
         with pytest.raises(ValueError, match=f"^{words}"):
             wiperjax.parameter(1.0, **ends)
+    # its ends may be meant in radians as well as its default in degrees: both units are said
+    words = r"default must lie inside \[-1.57, 1.57\] degrees, but was 0.3 rad \(17.19 degrees\)$"
+    with pytest.raises(ValueError, match=words):
+        wiperjax.parameter(0.3, "rad", low=-1.57, high=1.57)
+    words = r"default must lie inside \[0, 90\] degrees, but was 30 rad \(1719 degrees\)$"
+    with pytest.raises(ValueError, match=words):
+        wiperjax.parameter(30.0, "rad", low=0, high=90)
 
 
 def test_a_default_without_an_annotation_is_refused():

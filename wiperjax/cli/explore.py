@@ -8,6 +8,8 @@ import typer
 
 from .options import Force, check_source, check_target, configure, cuts
 
+HERE = "127.0.0.1"  # this computer alone
+
 
 def explore(
     file: Annotated[Path, typer.Argument(metavar="MAP.h5", help="A finished map.")],
@@ -42,18 +44,20 @@ def explore(
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="Address to listen on. Any but 127.0.0.1 lets other computers see the map and "
+            help=f"Address to listen on. Any but {HERE} lets other computers see the map and "
             "have cells computed on this one, without a password.",
         ),
-    ] = "127.0.0.1",
+    ] = HERE,
 ) -> None:
     """Look into a map in a browser: click on a cell, see and hear its motion."""
     check_source(file)
     cells = [dict(cuts(one.split(","), "--cell") or {}) for one in cell] if cell else None
     if static is None and (cells or force):
         raise ValueError("--cell and --force are for --static PAGE.html")
+    if static is not None and (port or host != HERE):
+        raise ValueError("--port and --host are for a page that is served, not for --static")
     if not host.strip():  # sockets take it for every address
-        raise ValueError("--host must be an address, such as 127.0.0.1, but was empty")
+        raise ValueError(f"--host must be an address, such as {HERE}, but was empty")
     if static is not None:
         check_target(static, (".html",), force, file)
     configure(None)

@@ -34,6 +34,7 @@ def check_integration(solver, rtol, zeno_time, max_steps, reverse=False) -> None
     checks.numbers("rtol", rtol, SETTINGS["rtol"], arrays=False)
     checks.numbers("zeno_time", zeno_time, NON_NEGATIVE, arrays=False)
     checks.numbers("max_steps", max_steps, COUNT, arrays=False)
+    checks.flag("reverse", reverse)
     if reverse and checks.is_traced(max_steps):  # there is room for so many
         raise ValueError("max_steps must be known with reverse=True (static), but was traced")
 
@@ -45,7 +46,6 @@ def longest_step(max_step) -> float | None:
 
 def check_observation(sample_times, max_events, max_step, observer, start, reverse) -> None:
     """Raises ValueError for what `solve` cannot keep of a motion."""
-    checks.flag("reverse", reverse)
     if reverse and sample_times is not None:
         raise ValueError("sample_times must be left out with reverse=True, but was given")
     checks.numbers("start", start, FINITE, arrays=False)

@@ -13,6 +13,7 @@ import xarray as xr
 from ..datasets import map_dataset
 from ..machine import provenance
 from ..machine.files import StoreError
+from ..specs.sweep import SweepSpec
 from ..store.levels import read_levels
 from ..store.swept import check_made_from, check_swept, sweep_of
 from ..store.whole import open_finished
@@ -70,7 +71,7 @@ def verify(
     seed: int = 0,
     *,
     tolerance: float = 1e-9,
-    spec: Any = None,
+    spec: SweepSpec | None = None,
     evaluate: Evaluate | None = None,
 ) -> VerifyReport:
     """Recomputes a random sample of the cells of a map and compares all their columns. Before that,
@@ -93,6 +94,8 @@ def verify(
     cells = checks.whole("cells", cells, Range(1, MOST_CELLS, whole=True))
     seed = checks.whole("seed", seed, Range(0, whole=True))
     tolerance = checks.number("tolerance", tolerance, NON_NEGATIVE)
+    if spec is not None:
+        checks.instance("spec", spec, SweepSpec, "a sweep of wiperjax.load_sweep or parse_sweep")
     with open_finished(path, check=True) as ds:
         if spec is None:
             spec = sweep_of(ds, path)

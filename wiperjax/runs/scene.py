@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -27,7 +27,7 @@ from .simulate import simulate
 def run_scene(
     spec: SceneSpec | Mapping[str, Any] | str | os.PathLike,
     *,
-    varied: Iterable[str] = (),
+    varied: Sequence[str] = (),
 ) -> xr.Dataset:
     """Return the trajectory of a scene file, labelled as `simulate` does.
 
@@ -40,6 +40,7 @@ def run_scene(
 
     Raises ValueError for anything else, and for a start that is impossible for these parameters.
     """
+    checks.names("varied", varied)
     begun, spec = time.perf_counter(), spec_of(SceneSpec, spec)
     such_as = "a scene, a mapping shaped like a scene file, or the path of one"
     checks.instance("spec", spec, SceneSpec, such_as)

@@ -67,6 +67,9 @@ class Declared(Family):
         asked = spec.given.get("friction")
         if self.default_law is None or asked is None or asked == self.default_law.name:
             return self.default_law
+        if not isinstance(asked, str):
+            must = "must be the name of a law in quotes"
+            raise Fault("parameters.friction", f"{must}, was {show(asked)}")
         return law_of("parameters.friction", asked)
 
     def parameters(self, spec: Any) -> dict[str, Parameter]:
@@ -116,13 +119,9 @@ class Declared(Family):
             raise Fault("classes.quiet_velocity", must)
 
     def _check_given(self, spec: Any) -> None:
-        if (law := spec.given.get("friction")) is not None:
-            if self.default_law is None:
-                must = f"must be left out with system = {spec.system!r}: it has no field for it"
-                raise Fault("parameters.friction", must)
-            if not isinstance(law, str):
-                must = "must be the name of a law in quotes"
-                raise Fault("parameters.friction", f"{must}, was {show(law)}")
+        if "friction" in spec.given and self.default_law is None:
+            must = f"must be left out with system = {spec.system!r}: it has no field for it"
+            raise Fault("parameters.friction", must)
         numbers = {name: value for name, value in spec.given.items() if name != "friction"}
         check_given(numbers, self.parameters(spec), self.elsewhere)
 

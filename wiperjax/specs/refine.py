@@ -121,7 +121,7 @@ class Refine(Table):
             return self.levels
         assert self.resolution is not None
         steps = min((a.count - 1) / a.steps().max() for a in axes.values() if a.count > 1)
-        needed = max(0, math.ceil(math.log2(1 / (self.resolution * steps)) - 1e-9))
+        needed = max(0, math.ceil(-math.log2(self.resolution) - math.log2(steps) - 1e-9))
         if needed > MOST_LEVELS:
             must = f"must need at most {MOST_LEVELS} halvings of the map's spacing"
             raise Fault("resolution", f"{must}; {self.resolution:g} needs {needed}")

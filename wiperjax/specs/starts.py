@@ -68,17 +68,19 @@ class Starts(Table):
         """
         if self.random is None:
             return {}
+        low, high = self.box().T
+        shares = np.random.default_rng(self.seed).random((self.count, len(low)))
+        drawn = low + (high - low) * shares
         if self.position is None:
-            box = np.array([getattr(self, key) or (0.0, 0.0) for key in _BOX])
-            return dict(zip(_BOX, self._drawn(box).T, strict=True))
-        rest = [(0.0, 0.0)] * len(self.position)
-        drawn = self._drawn(np.array([*self.position, *(self.velocity or rest)]))
-        return dict(zip(("position", "velocity"), np.split(drawn, 2, axis=1), strict=True))
+            return dict(zip(_BOX, drawn.T, strict=True))
+        return dict(zip(_STATE, np.split(drawn, 2, axis=1), strict=True))
 
-    def _drawn(self, box: np.ndarray) -> np.ndarray:
-        """Random points (count, n) of a box (n, 2)."""
-        shares = np.random.default_rng(self.seed).random((self.count, len(box)))
-        return box[:, 0] + (box[:, 1] - box[:, 0]) * shares
+    def box(self) -> np.ndarray:
+        """Ends (n, 2) of what random starts are drawn from: each place, then each velocity."""
+        if self.position is None:
+            return np.array([getattr(self, key) or (0.0, 0.0) for key in _BOX])
+        rest = [(0.0, 0.0)] * len(self.position)
+        return np.array([*self.position, *(self.velocity or rest)])
 
 
 def swept_last(axes: Any, starts: Any) -> Any:
@@ -108,6 +110,9 @@ def check_starts(spec: Any) -> None:
     _check_names(spec, starts)
     if starts.random is not None:
         _check_box(spec, starts) if spec.system == WIPER else _check_state(spec, starts)
+        if not np.ptp(starts.box(), axis=1).any():
+            must = "must have a [from, to] with from < to to be drawn from"
+            raise Fault("starts.random", f"{must}; all {starts.count} starts would be the same")
     each = max(spec.run.raster or 0, spec.run.event_log or 0)
     if each * starts.count > MOST_NUMBERS:
         must = f"times the number of starts ({starts.count}) must be at most {MOST_NUMBERS}"

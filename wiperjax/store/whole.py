@@ -67,6 +67,7 @@ def open_map(
     checks.path("path", path)
     if variables is not None:
         checks.names("variables", variables)
+    checks.flag("check", check)
     if level is not None:
         checks.whole("level", level, Range(0, whole=True))
     path = Path(path)

@@ -58,6 +58,9 @@ def parameter(
         return dataclasses.field(kw_only=True, metadata={KEY: found})
     default = checks.number("default", default, FINITE)
     if problem := found.argument_problem(default):
+        if unit == "rad":  # either of the two may have been meant in the unit of the other
+            was = f"{default:g} rad ({math.degrees(default):.4g} degrees)"
+            problem = f"{found.must}, but was {was}"
         raise ValueError(f"default {problem}")
     found = dataclasses.replace(found, reference=default)
     return dataclasses.field(default=default, metadata={KEY: found})

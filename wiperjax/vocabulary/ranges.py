@@ -69,8 +69,8 @@ class Range:
         above = x > self.low if self.low_open else x >= self.low  # False for NaN
         below = x < self.high if self.high_open else x <= self.high
         fine = above & below
-        if not self.infinite:
-            fine = fine & (abs(x) <= sys.float_info.max)  # so is a whole number of 400 digits
+        if not self.infinite or isinstance(x, int):  # one of 400 digits is no float at all
+            fine = fine & (abs(x) <= sys.float_info.max)
         if self.whole:
             fine = fine & (x % 1 == 0) if isinstance(x, int | float) else fine & (np.mod(x, 1) == 0)
         return fine

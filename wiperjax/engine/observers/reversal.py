@@ -46,6 +46,7 @@ class ReversalTotals(AbstractObserver):
     def __check_init__(self):
         checks.numbers("start", self.start, FINITE)
         checks.numbers("window", self.window, NON_NEGATIVE)
+        checks.flag("blows", self.blows)
 
     @property
     def begin(self):

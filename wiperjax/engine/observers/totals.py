@@ -74,6 +74,7 @@ class RegimeTotals(AbstractObserver):
 
     def __check_init__(self):
         checks.numbers("start", self.start, FINITE)
+        checks.flag("blows", self.blows)
 
     @property
     def begin(self):
