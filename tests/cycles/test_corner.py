@@ -21,7 +21,7 @@ from systems import (
     turn,
 )
 
-from wiperjax import SteadyBelt, Stribeck, WipingBelt
+from wiperjax import Coulomb, SteadyBelt, Stribeck, WipingBelt
 from wiperjax.cycles.branch import corner, walk
 from wiperjax.cycles.branch.bifurcations import corner_kind, told_once
 from wiperjax.cycles.branch.follow import follow
@@ -30,6 +30,7 @@ from wiperjax.cycles.cycle import Cycle, same_word
 from wiperjax.cycles.find import find_cycle
 from wiperjax.cycles.return_map import Found, Shooting
 from wiperjax.systems.oscillator import Oscillator
+from wiperjax.systems.soft_lip import SoftLip
 from wiperjax.vocabulary.codes import CurveEnd, Regime
 
 
@@ -290,6 +291,32 @@ def test_doubled_branch_ends_where_its_halves_are_alike(two_impacts):
     assert np.all(np.diff(branch.parameters) > 0)
 
 
+@pytest.mark.long
+def test_a_doubled_branch_ends_there_too_where_its_start_moves_to_the_other_half():
+    """Of a lip on soft glass: called a branch point, and walked over. Without a clock the start of
+    a cycle moves on where an event comes to it."""
+
+    def branch(degrees):
+        lip = SoftLip(
+            belt=SteadyBelt(0.5),
+            friction=Coulomb(1.0),
+            contact_stiffness=3000.0,
+            attack_angle=math.radians(degrees),
+            support_damping=0.1,
+            neck_stiffness=0.15,
+            shoulder_stiffness=0.15,
+        )
+        cycle = find_cycle(lip, settle=0.5, over="attack_angle")
+        return follow(cycle, *map(math.radians, (6.0, 13.0)), step=0.1)
+
+    twice, once = branch(10.0), branch(12.5)
+    assert [special.kind for special in twice.special][-2:] == ["fold", "period_doubling"]
+    assert twice.ends[1] == "a period doubling: half of the cycle is one"
+    doubling = next(s for s in once.special if s.kind == "period_doubling")
+    assert twice.special[-1].parameter == pytest.approx(doubling.parameter, abs=1e-6)
+    assert math.degrees(doubling.parameter) == pytest.approx(11.68022, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("places", "kinds"),
     [
@@ -320,7 +347,7 @@ def test_a_fold_may_be_the_doubling_at_which_a_branch_ends(begun, special, end, 
     def step(apart):
         states = np.array([[0.0], [2.0], [apart], [-2.0], [0.0]])
         cycle = SimpleNamespace(motion=SimpleNamespace(samples=states))
-        return SimpleNamespace(cycle=cycle, point=SimpleNamespace(parameter=1.0))
+        return SimpleNamespace(cycle=cycle, begin=0, point=SimpleNamespace(parameter=1.0))
 
     here, fold, ahead = step(begun), step(0.02 * begun), step(-begun)
     one_way = walk.Walk(None, 0.0, 2.0, 0.1, 9, 1.0)
@@ -534,7 +561,7 @@ def test_a_fold_of_cycles_whose_halves_are_merely_alike_ends_no_branch(monkeypat
         states = [np.array([[0.0], [2.0], [a], [-2.0], [0.0]]) for a in (begun, here, fold, ahead)]
         cycles = [SimpleNamespace(motion=SimpleNamespace(samples=s)) for s in states]
         point = SimpleNamespace(parameter=1.0)
-        first, *rest = (SimpleNamespace(cycle=cycle, point=point) for cycle in cycles)
+        first, *rest = (SimpleNamespace(cycle=cycle, begin=0, point=point) for cycle in cycles)
         way = walk.Walk(nothing, 0.0, 2.0, 0.1, 9, 1.0)
         way.points.append(first)
         way._take(rest[0], rest[2], [(0.05, "fold", "", rest[1])], 0.1)

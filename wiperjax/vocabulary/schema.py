@@ -226,8 +226,8 @@ _OF_DERIVATIVES = (
         comment="not fine: the derivatives are NaN",
     ),
     Column("noise_period", "float64", "s", "period of the noise",
-        comment="mean time between returns to the first event of the window; shares and means have "
-        "the derivatives of whole periods; NaN: none returned, and they have those of the window",
+        comment="mean, by returns to the first event of the window; shares and means have the "
+        "derivatives of whole periods; NaN: no returns, or uneven ones: those of the window",
     ),
     Column("grazing_margin", "float64", "1", "smallest depth or clearance of an event guard",
         comment="relative to the size of the guard; 0: an event just grazed",

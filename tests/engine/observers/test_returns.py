@@ -10,10 +10,11 @@ import pytest
 from systems import Block
 
 import wiperjax
-from wiperjax import Regime
+from wiperjax import Regime, SteadyBelt, Stribeck
 from wiperjax.engine.observers.base import Happening
 from wiperjax.engine.observers.returns import SUMS, Returns
 from wiperjax.engine.observers.totals import RegimeTotals, Totals
+from wiperjax.systems.chain import Chain3
 
 STICK, SLIP = Regime.STICK, Regime.SLIP_NEG
 
@@ -79,6 +80,45 @@ def test_a_motion_that_is_still_on_its_way_does_not_come_back(drift):
     totals, time = record.whole(4.0)
     assert math.isnan(record.period) and time == 4.0
     assert totals == record.totals
+
+
+def returning_after(*periods):
+    """The record of a motion of 1 s that is off, but for some of its periods."""
+    off = {k: 0.3 if k in (0, *periods) else 0.3 + 0.01 * (k + 1) for k in range(20)}
+    return gathered([(1.1 + k, STICK, SLIP, place) for k, place in off.items()])
+
+
+def test_a_period_at_whose_end_a_motion_was_off_is_one_of_those_counted():
+    """It spirals to its end, passes its first state, and was said to have a longer period."""
+    record = returning_after(1, 4, 5, 7)
+    assert record.count == 7 and record.period == pytest.approx(1.0)
+    assert record.whole(19.0)[1] == pytest.approx(7.0)
+    record = returning_after(4, 5, 6)  # the shortest time comes later
+    assert record.count == 6 and record.period == pytest.approx(1.0)
+
+
+def test_what_comes_back_at_uneven_times_has_no_period():
+    record = returning_after(2, 5, 6)
+    totals, time = record.whole(19.0)
+    assert record.count == 0 and math.isnan(record.period) and time == 19.0
+    assert totals == record.totals
+
+
+@pytest.mark.long
+def test_blocks_that_still_settle_have_the_period_that_they_settle_to():
+    """Three blocks, 300 s and 6000 s after their start: it was 1.105 times as long."""
+    speed, damping = 2 / 13, 0.06
+    chain = Chain3(damping=damping, friction=Stribeck(1.0, 0.4, 0.3), belt=SteadyBelt(speed))
+
+    @jax.jit
+    @jax.vmap
+    def found(begin):
+        rule = Returns(RegimeTotals(begin), 3)
+        run = wiperjax.solve(chain, begin + 200.0, observer=rule, max_events=0)
+        return run.statistics.period
+
+    early, late = found(jnp.array([300.0, 6000.0]))
+    np.testing.assert_allclose(early, late, rtol=1e-5)
 
 
 def test_rounding_of_what_stands_is_no_motion():

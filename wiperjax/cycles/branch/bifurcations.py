@@ -55,11 +55,12 @@ def _products(step: BranchStep) -> float:
     return float(np.real(np.prod(pairs))) if pairs else np.nan
 
 
-def halves_apart(cycle: Cycle) -> np.ndarray:
-    """How far the state after half of a period is from that at its start, of its ranges, (2n,)."""
+def halves_apart(cycle: Cycle, begin: int = 0) -> np.ndarray:
+    """How far the state half of a period after a sample is from it, of its ranges, (2n,)."""
     assert cycle.motion is not None
-    states = cycle.motion.samples
-    apart, size = states[(len(states) - 1) // 2] - states[0], np.ptp(states, axis=0)
+    states = cycle.motion.samples[:-1]
+    half, size = (begin + len(states) // 2) % len(states), np.ptp(states, axis=0)
+    apart = states[half] - states[begin]
     return np.divide(apart, size, out=np.zeros_like(apart), where=size > 0)
 
 
@@ -68,13 +69,15 @@ def doubled(cycle: Cycle, alike: float = ALIKE) -> bool:
     return bool(np.all(np.abs(halves_apart(cycle)) <= alike))
 
 
-def exchanged(begun: Cycle, one: Cycle, two: Cycle) -> bool:
-    """Whether halves of cycles change places from ``one`` to ``two``: a doubling lies between them.
+def exchanged(begun: Cycle, here: BranchStep, ahead: BranchStep) -> bool:
+    """Whether halves of cycles change places from ``here`` to the step taken from there: a doubling
+    lies between them.
 
     At a fold of cycles whose halves are merely alike they do not; of a branch that has ``begun`` on
     a cycle passed twice all are, so that only rounding tells their halves apart.
     """
-    return not doubled(begun, TWICE) and bool(halves_apart(one) @ halves_apart(two) < 0)
+    before, after = halves_apart(here.cycle, here.begin), halves_apart(ahead.cycle)
+    return not doubled(begun, TWICE) and bool(before @ after < 0)
 
 
 def turning(cycle: Cycle) -> bool:

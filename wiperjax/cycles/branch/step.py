@@ -23,6 +23,7 @@ class BranchStep:
     cycle: Cycle
     tangent: np.ndarray  # of the unknowns, in the point's own chart
     sense: float  # derivative of the parameter along the branch
+    begin: int = 0  # sample of the cycle's motion at which the point's chart is
 
     @property
     def determinant(self) -> float:
@@ -139,7 +140,8 @@ def centred(shooting: Shooting, here: BranchStep) -> BranchStep:
     point = replace(
         point, where=where, phase=start.phase, unknowns=np.append(unknowns, point.unknowns[d:])
     )
-    return replace(here, point=point, tangent=tangent / np.linalg.norm(tangent))
+    tangent = tangent / np.linalg.norm(tangent)
+    return replace(here, point=point, tangent=tangent, begin=start.index)
 
 
 def _shifted(shooting: Shooting, here: BranchStep, index: int) -> np.ndarray:

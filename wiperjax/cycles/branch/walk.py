@@ -136,7 +136,7 @@ class Walk(AbstractWalk[BranchStep]):
     def _take(self, here, ahead, found: Located, length) -> None:
         for number, (distance, kind, _, step) in enumerate(found):
             alike = kind in ("fold", "branch_point") and doubled(step.cycle)
-            if alike and exchanged(self.points[0].cycle, here.cycle, ahead.cycle):
+            if alike and exchanged(self.points[0].cycle, here, ahead):
                 length, ahead = distance, step  # beyond, they are the same again
                 detail = "the cycle is one of half its period, twice"
                 found = [*found[:number], (distance, "period_doubling", detail, step)]

@@ -27,6 +27,7 @@ SUMS = (  # of `Totals`: what adds up over time, and has a derivative
 )
 CLOSE = 1e-3  # of the range of each coordinate and velocity: a state so near has come back
 STILL = 1e-6  # of its scale: a smaller range is no motion
+WHOLE = 1e-2  # of the shortest time between two returns, to which others are multiples of it
 
 
 class Instant(NamedTuple):
@@ -44,14 +45,14 @@ class Returned(NamedTuple):
     state: tuple[Scalar, ...]  # position and velocity behind that event
     first: Instant
     last: Instant  # the last event of that kind in whose state the motion is back
-    count: Scalar  # of those
+    shortest: Scalar  # time between two returns; inf before the first, NaN of uneven times
     low: tuple[Scalar, ...]  # ends of the range of each number of the state
     high: tuple[Scalar, ...]
 
     def whole(self, window) -> tuple[Totals, Scalar]:
         """The totals of whole periods and the time [s] they took; where the motion did not come
         back, those of the ``window`` [s]. Counts and extremes are always those of the window."""
-        back = self.count > 0
+        back = jnp.isfinite(self.shortest)
         sums = {
             name: jnp.where(back, last - first, getattr(self.totals, name))
             for name, first, last in zip(SUMS, self.first.sums, self.last.sums, strict=True)
@@ -60,8 +61,14 @@ class Returned(NamedTuple):
 
     @property
     def period(self) -> Scalar:
-        """Mean time [s] from one return to the next; NaN where there was none."""
+        """Mean period [s]; NaN where there was no return, or they came at uneven times."""
         return jnp.where(self.count > 0, self._time / larger(self.count, 1), jnp.nan)
+
+    @property
+    def count(self) -> Scalar:
+        """Periods, those too after which a motion that still settles was not near enough."""
+        back = jnp.isfinite(self.shortest)
+        return jnp.where(back, jnp.round(self._time / self.shortest), 0).astype(jnp.int32)
 
     @property
     def _time(self) -> Scalar:
@@ -88,7 +95,8 @@ class Returns(AbstractObserver):
         instant, numbers = Instant(zero, (zero,) * len(SUMS)), 2 * self.coordinates
         ends = (zero - jnp.inf,) * numbers
         totals, low = self.observer.init(dtype, shape), tuple(-x for x in ends)
-        return Returned(totals, none, (zero,) * numbers, instant, instant, none + 1, low, ends)
+        state, never = (zero,) * numbers, zero + jnp.inf
+        return Returned(totals, none, state, instant, instant, never, low, ends)
 
     def stretch(self, record, stretch):
         nodes = stop_gradient([(*node.position, *node.velocity) for node in stretch.nodes])
@@ -117,9 +125,19 @@ class Returns(AbstractObserver):
             change=jnp.where(begins, change, record.change),
             state=where(begins, stop_gradient(state), record.state),
             first=where(begins, here, record.first),
-            last=where(back, here, record.last),
-            count=record.count + back.astype(jnp.int32),
+            last=where(begins | back, here, record.last),
+            shortest=where(back, _shortest(record, stop_gradient(here.time)), record.shortest),
         )
+
+
+def _shortest(record: Returned, time) -> Scalar:
+    """The shortest time between two returns, after one at a ``time``; NaN where times are no whole
+    multiples of it: a motion that settles comes back after some of its periods and is off after
+    others, an irregular one comes back whenever it does."""
+    before, gap = stop_gradient(record.shortest), time - stop_gradient(record.last.time)
+    turns = jnp.maximum(before, gap) / jnp.minimum(before, gap)
+    uneven = jnp.isfinite(before) & (jnp.abs(turns - jnp.round(turns)) > WHOLE)
+    return jnp.where(uneven, jnp.nan, jnp.minimum(before, gap))
 
 
 def _is_in_phase(system, time) -> Scalar:
