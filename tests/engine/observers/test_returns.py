@@ -97,6 +97,14 @@ def test_a_period_at_whose_end_a_motion_was_off_is_one_of_those_counted():
     assert record.count == 6 and record.period == pytest.approx(1.0)
 
 
+def test_events_of_one_instant_are_no_return():
+    """The time between them is rounding, of which every other is a multiple."""
+    at = np.arange(1.1, 6.0)
+    twice = [(t, STICK, SLIP, 0.3) for time in at for t in (time, time * (1 + 1e-15))]
+    record = gathered(twice)
+    assert record.count == 4 and record.period == pytest.approx(1.0)
+
+
 def test_what_comes_back_at_uneven_times_has_no_period():
     record = returning_after(2, 5, 6)
     totals, time = record.whole(19.0)

@@ -27,6 +27,7 @@ SUMS = (  # of `Totals`: what adds up over time, and has a derivative
 )
 CLOSE = 1e-3  # of the range of each coordinate and velocity: a state so near has come back
 STILL = 1e-6  # of its scale: a smaller range is no motion
+INSTANT = 1e-9  # of the time: events no farther apart are of one instant
 WHOLE = 1e-2  # of the shortest time between two returns, to which others are multiples of it
 
 
@@ -120,6 +121,7 @@ class Returns(AbstractObserver):
         here = Instant(jnp.asarray(e.time + e.duration, record.first.time.dtype), sums)
         back = on & (change == record.change) & _is_close(record, e.system, stop_gradient(state))
         back = back & _is_in_phase(e.system, stop_gradient(here.time - record.first.time))
+        back = back & (here.time - record.last.time > INSTANT * here.time)
         return record._replace(
             totals=totals,
             change=jnp.where(begins, change, record.change),
