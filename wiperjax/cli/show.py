@@ -40,9 +40,19 @@ from .tables import (
     print_special,
 )
 
+
+def print_map_doubts(dataset: Any) -> None:
+    """A note of each number of a map that no sweep has; nothing else."""
+    from ..datasets.map_fit import doubts
+
+    for doubt in doubts(dataset):
+        print(f"note: {doubt}", file=sys.stderr)
+
+
 TOLD: Mapping[str, Sequence[Callable[[Any], None]]] = {
     "map": (
         print_stated,
+        print_map_doubts,
         print_classes,
         print_open,
         print_anatomy,

@@ -61,6 +61,18 @@ def column_of(name: str) -> Column:
     return SCHEMA[name]
 
 
+def misnamed(column: str, names: Mapping[int, str]) -> str:
+    """How ``names`` of codes of a column say another thing than ours, `1 (quiet) for 0 (quiet)`;
+    empty if they do not. What has no name or no code here, another version may have.
+    """
+    known = column in SCHEMA and SCHEMA[column].flags or {}
+    for code, name in names.items():
+        for other, own in known.items():
+            if (code == own) != (name == other):
+                return f"{code} ({name}) for {own} ({other})"
+    return ""
+
+
 def ordered(names: Iterable[str]) -> list[str]:
     """Those of `names` that are columns, in the order of maps: as in `SCHEMA`, then derivatives by
     outcome and, in it, by parameter as `PARAMETERS` has them and then as they are given."""
