@@ -130,7 +130,8 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
     linear = np.zeros(0)
     if "linear_frequency" in line:
         linear = np.asarray(line["linear_frequency"], dtype=float)
-        if np.isfinite(linear).any():
+        turns = linear > 0  # what creeps away has no frequency
+        if (turns[1:] & turns[:-1]).any():  # of one cell alone there is no line
             (drawn,) = ax.plot(
                 across, np.where(linear > 0, linear, np.nan), color=BOUNDARY, linewidth=0.9,
                 label="steady slip, linearised",
