@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wiperjax.cli.show import print_map_doubts
+from wiperjax.cli.options import print_doubts
 from wiperjax.datasets.borders import unfit
 from wiperjax.datasets.map_fit import doubts
 from wiperjax.vocabulary.cf import flags
@@ -75,7 +75,7 @@ def test_what_a_sweep_makes_is_not_doubted():
 )
 def test_what_no_sweep_makes_is_noted(ds, line, capsys):
     """`info` told it as it was."""
-    print_map_doubts(ds)
+    print_doubts(ds)
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert re.match(f"note: {line}", said)

@@ -110,9 +110,8 @@ def read(path: Path, wanted: Collection[str], use: str) -> tuple[Any, str]:
     with open_map(path) as dataset:
         kind = check_kind(dataset, wanted, use, path)
         dataset.load()
-    if kind == "run":
-        print_stated(dataset)
-        print_doubts(dataset)
+    print_stated(dataset)
+    print_doubts(dataset)
     return dataset, kind
 
 
@@ -126,11 +125,13 @@ def print_stated(dataset: Any) -> None:
         print(f"note: its attribute {why}: another program changed it", file=sys.stderr)
 
 
-def print_doubts(run: Any) -> None:
-    """A note of each of the variables of a run that can be told with gaps only; nothing else."""
-    from ..datasets.run_fit import doubts
+def print_doubts(dataset: Any) -> None:
+    """A note of each thing that a file holds and cannot be, or can be told with gaps only; nothing
+    else.
+    """
+    from ..datasets.kinds import doubts
 
-    for doubt in doubts(run):
+    for doubt in doubts(dataset):
         print(f"note: {doubt}", file=sys.stderr)
 
 

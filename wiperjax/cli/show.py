@@ -40,19 +40,10 @@ from .tables import (
     print_special,
 )
 
-
-def print_map_doubts(dataset: Any) -> None:
-    """A note of each number of a map that no sweep has; nothing else."""
-    from ..datasets.map_fit import doubts
-
-    for doubt in doubts(dataset):
-        print(f"note: {doubt}", file=sys.stderr)
-
-
 TOLD: Mapping[str, Sequence[Callable[[Any], None]]] = {
     "map": (
         print_stated,
-        print_map_doubts,
+        print_doubts,
         print_classes,
         print_open,
         print_anatomy,
@@ -60,7 +51,7 @@ TOLD: Mapping[str, Sequence[Callable[[Any], None]]] = {
         print_events,
     ),
     "run": (print_stated, print_doubts, print_class),
-    "branch": (print_stated, print_special, print_curves),
+    "branch": (print_stated, print_doubts, print_special, print_curves),
     "curves": (print_curves,),
     "modes": (print_modes,),
     "modes_over": (print_modes_over,),

@@ -11,6 +11,7 @@ import xarray as xr
 from ..machine.files import StoreError
 from ..vocabulary import checks
 from ..vocabulary.products import PRODUCTS
+from . import branch_dataset, map_fit, run_fit
 from .run_fit import unfit
 
 
@@ -38,6 +39,12 @@ def why_none(ds: xr.Dataset) -> str:
     if not lost:
         return unfit(ds)
     return f"it has no {lost[0]}, which a run has" if len(lost) == 1 else ""
+
+
+def doubts(ds: xr.Dataset) -> list[str]:
+    """What a dataset holds that its kind cannot, or of which no more can be told, in words."""
+    of = {"run": run_fit.doubts, "map": map_fit.doubts, "branch": branch_dataset.doubts}
+    return list(of.get(kind_of(ds), lambda ds: ())(ds))
 
 
 def check_kind(ds: xr.Dataset, wanted: Iterable[str], use: str, path: str | Path = "") -> str:
