@@ -20,7 +20,7 @@ import xarray as xr
 from .datasets.kinds import check_argument
 from .datasets.run_dataset import between, is_quiet, is_steady, pitch, settled, signal
 from .machine.files import check_output, write_bytes
-from .noise.samples import sample_interval
+from .noise.samples import finite, sample_interval
 from .vocabulary import checks
 from .vocabulary.ranges import FINITE, POSITIVE, Range
 
@@ -141,7 +141,7 @@ def sound(
     if seconds is not None and not asked:
         part = settled(part)
     values = signal(part, None if quantity == "velocity" else quantity)
-    numbers = np.asarray(values, dtype=float)
+    numbers = finite(values)
     samples = resample(numbers - numbers.mean(), sample_interval(part)) / full
     if seconds is not None:
         samples = _repeat(samples, max(1, round(seconds * RATE)), RATE * _period(part))

@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 from wiperjax.datasets.branch_dataset import rest, with_rest
+from wiperjax.datasets.kinds import doubts
 
 
 def held(parameter, position, stable):
@@ -46,3 +47,27 @@ def test_no_equilibria_are_none():
     parameter = np.linspace(0.0, 1.0, 3)
     p, x, holds = held(parameter, np.full((3, 5), np.nan), np.zeros((3, 5), bool))
     assert len(p) == len(x) == len(holds) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "line"),
+    [
+        ("belt_speed", np.nan, "its belt_speed must be finite numbers up to 1e+150 in size, but"),
+        (
+            "maximum",
+            1e300,
+            "its maximum must be finite numbers up to 1e+150 in size, but had",
+        ),
+        ("period", -1.0, "its period must be > 0, but had -1"),
+        ("stable", 7, "its stable must be 0 or 1, but had 7"),
+    ],
+)
+def test_what_no_cycle_has_is_doubted(name, number, line):
+    """`info` counted a stable of 7 as a stable cycle, and told no more."""
+    names = ("belt_speed", "period", "maximum", "minimum", "stable")
+    branch = xr.Dataset({n: ("point", np.ones(3)) for n in names}, attrs={"over": "belt_speed"})
+    branch["special_kind"] = ("special", np.zeros(0))
+    assert doubts(branch) == []
+    branch[name][1] = number
+    (found,) = doubts(branch)
+    assert found.startswith(line)

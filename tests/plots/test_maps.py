@@ -681,6 +681,27 @@ def _is_marks(collection):
     return not matplotlib.colors.same_color(collection.get_facecolor()[0], "#333333")
 
 
+def test_a_scale_without_speeds_has_no_negative_ones(small_map):
+    """All failed, or all at rest: -0.1 to 0.1 m/s."""
+    for label, speed in (("failed", np.nan), ("quiet", 0.0)):
+        still = small_map.copy(deep=True)
+        still["label"][:] = codes.LABELS[label]
+        still["velocity_rms"][:] = speed
+        mesh = plots.value_map(still, "velocity_rms").collections[0]
+        assert (mesh.norm.vmin, mesh.norm.vmax) == (0.0, 1.0)
+
+
+def test_a_line_that_nobody_sees_is_not_named(small_map):
+    """Of steady slip that turns in one cell alone, and creeps away in its neighbours."""
+    for place, named in (([2], 0), ([2, 4], 0), ([2, 3], 1)):
+        some = small_map.isel(attack_angle=0, normal_load=0, drop=True).copy(deep=True)
+        linear = np.zeros(some.sizes["belt_speed"])
+        linear[place] = 500.0
+        some["linear_frequency"] = ("belt_speed", linear)
+        texts = plots.along_axis(some)[0].figure.legends[0].get_texts()
+        assert sum(text.get_text() == "steady slip, linearised" for text in texts) == named
+
+
 def test_a_line_without_a_tone_has_a_scale_that_can_be_read(small_map):
     """All quiet: 0.0005 to 2000 Hz, the marks over each other."""
     for quiet, lowest in ((True, 80.0), (False, 0.6)):

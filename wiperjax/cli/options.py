@@ -109,7 +109,30 @@ def read(path: Path, wanted: Collection[str], use: str) -> tuple[Any, str]:
     sound(path)
     with open_map(path) as dataset:
         kind = check_kind(dataset, wanted, use, path)
-        return dataset.load(), kind
+        dataset.load()
+    print_stated(dataset)
+    print_doubts(dataset)
+    return dataset, kind
+
+
+def print_stated(dataset: Any) -> None:
+    """A note if what a file states of itself, parameters or borders of the classes, cannot be what
+    it was made with; nothing else.
+    """
+    from ..datasets.stated import wrong_attribute
+
+    if why := wrong_attribute(dataset):
+        print(f"note: its attribute {why}: another program changed it", file=sys.stderr)
+
+
+def print_doubts(dataset: Any) -> None:
+    """A note of each thing that a file holds and cannot be, or can be told with gaps only; nothing
+    else.
+    """
+    from ..datasets.kinds import doubts
+
+    for doubt in doubts(dataset):
+        print(f"note: {doubt}", file=sys.stderr)
 
 
 def of_file(command: Callable[..., Any]) -> Callable[..., Any]:

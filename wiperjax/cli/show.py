@@ -21,7 +21,10 @@ from .options import (
     check_source,
     check_target,
     cuts,
+    print_doubts,
+    print_stated,
     read,
+    told_of,
 )
 from .refine import print_borders
 from .tables import (
@@ -37,30 +40,18 @@ from .tables import (
     print_special,
 )
 
-
-def print_limits(dataset: Any) -> None:
-    """A note if borders of the classes that a map states cannot be those its classes were told by;
-    nothing else.
-    """
-    from ..noise.classes import stored
-
-    try:
-        stored(dataset.attrs)
-    except ValueError as error:
-        print(f"note: its attribute {error}: another program changed it", file=sys.stderr)
-
-
 TOLD: Mapping[str, Sequence[Callable[[Any], None]]] = {
     "map": (
-        print_limits,
+        print_stated,
+        print_doubts,
         print_classes,
         print_open,
         print_anatomy,
         print_sensitivities,
         print_events,
     ),
-    "run": (print_class,),
-    "branch": (print_special, print_curves),
+    "run": (print_stated, print_doubts, print_class),
+    "branch": (print_stated, print_doubts, print_special, print_curves),
     "curves": (print_curves,),
     "modes": (print_modes,),
     "modes_over": (print_modes_over,),
@@ -208,9 +199,10 @@ def listen(
     from ..sound import sound
 
     run, _ = read(file, ["run"], "heard ('wiperjax simulate')")
-    heard = sound(
-        run, quantity=quantity, reference=reference, start=start, stop=stop, seconds=seconds
-    )
+    with told_of(file):
+        heard = sound(
+            run, quantity=quantity, reference=reference, start=start, stop=stop, seconds=seconds
+        )
     heard.write(output, force)
     print(f"sound    {output}: {heard.describe()}")
     whose = "lip" if run.attrs.get("of_a_blade", True) else "system"
@@ -237,7 +229,7 @@ def info(
     ],
 ) -> None:
     """Show what a file holds, its classes, and how it was made."""
-    from ..datasets.kinds import holds, kind_of
+    from ..datasets.kinds import holds, kind_of, why_none
     from ..store.levels import is_refined
     from ..store.whole import borders, open_map, sound
 
@@ -247,6 +239,8 @@ def info(
             print(f"note: {file} does not say that wiperjax made it", file=sys.stderr)
         kind, sizes = kind_of(dataset), (f"{n} {count}" for n, count in dataset.sizes.items())
         print(f"{holds(kind)}: {', '.join(sizes)}")
+        if not kind and (why := why_none(dataset)):
+            print(f"note: it is no run, for {why}", file=sys.stderr)
         _print_cut(dataset)
         print(f"checksums: {'the file is as it was written' if checked else 'none in the file'}")
         for tell in TOLD.get(kind, ()):

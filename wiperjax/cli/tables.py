@@ -126,13 +126,13 @@ def print_class(run: Any) -> None:
 
 def print_end(run: Any) -> None:
     """A note if a run did not reach its end, and why; nothing else."""
-    from ..vocabulary.codes import RESULTS
+    from ..vocabulary.codes import RESULTS, result_name
 
-    names = {code: name for name, code in RESULTS.items()}
     if (code := int(run.get("result", RESULTS["finished"]))) != RESULTS["finished"]:
         where = f"{float(run['final_time']):.4g} of {float(run.attrs['duration']):.4g} s"
-        how = names.get(code, f"with code {code}, of another version or program")
-        print(f"note: the run ended at {where}, {how}: {run.result_message}", file=sys.stderr)
+        known = code in RESULTS.values()  # of another the message is that of another end
+        how = f"{result_name(code)}: {run.result_message}" if known else f"with {result_name(code)}"
+        print(f"note: the run ended at {where}, {how}", file=sys.stderr)
 
 
 def print_attributes(dataset: Any) -> None:

@@ -10,6 +10,7 @@ import xarray as xr
 
 from ..vocabulary.cf import flag_names
 from ..vocabulary.codes import CROSSINGS
+from ..vocabulary.columns import misnamed
 from ..vocabulary.ranges import FINITE, POSITIVE, SHARE, Range
 from ..vocabulary.wording import digits, shown
 
@@ -51,6 +52,8 @@ def _of_points(borders: xr.Dataset) -> Iterator[str]:
         except ValueError as error:
             yield f"codes without names: {error}"
             return
+        if name.startswith("side_") and (why := misnamed(str(borders.attrs["on"]), names)):
+            yield f"{name} of {borders.attrs['on']} with {why}"
         for code in set(borders[name].values.tolist()) - set(names):
             yield f"{name} {code:g}, which is none of {', '.join(names.values())}"
     for code, name in flag_names(borders["axis"]).items():

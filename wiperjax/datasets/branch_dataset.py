@@ -4,10 +4,12 @@ curves in two parameters.
 Pure xarray, without jax, since pictures read it.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import xarray as xr
+
+from ..noise.samples import LARGEST, untold
 
 _SIMULATED = "simulated_"
 _KEPT = ("settle", "window")
@@ -48,6 +50,20 @@ def check_fixed(names: Iterable[str]) -> None:
             raise ValueError(
                 f"{must} {name!r}, which is that of an attribute of branches: rename it"
             )
+
+
+def doubts(branch: xr.Dataset) -> Iterator[str]:
+    """What of a branch no cycle has, in words: another program changed it."""
+    for name in (str(branch.attrs.get("over")), "period", "maximum", "minimum"):
+        values = branch[name].values if name in branch else np.zeros(0)
+        if (wrong := untold(values)).any():
+            must = f"must be finite numbers up to {LARGEST:g} in size"
+            yield f"its {name} {must}, but had {values[wrong][0]:g}"
+        elif name == "period" and (wrong := values <= 0).any():
+            yield f"its period must be > 0, but had {values[wrong][0]:g}"
+    stable = branch["stable"].values if "stable" in branch else np.zeros(0)
+    if (strange := stable[~np.isin(stable, (0, 1))]).size:
+        yield f"its stable must be 0 or 1, but had {strange[0]:g}"
 
 
 def with_simulations(branch: xr.Dataset, brute: xr.Dataset) -> xr.Dataset:

@@ -11,7 +11,8 @@ import xarray as xr
 from ..machine.files import StoreError
 from ..vocabulary import checks
 from ..vocabulary.products import PRODUCTS
-from .run_dataset import unfit
+from . import branch_dataset, map_fit, run_fit
+from .run_fit import unfit
 
 
 def kind_of(ds: xr.Dataset) -> str:
@@ -32,6 +33,20 @@ def holds(kind: str) -> str:
     return f"holds {PRODUCTS[kind].words if kind else 'something else'}"
 
 
+def why_none(ds: xr.Dataset) -> str:
+    """Why a dataset of no kind is no run, in words; empty of what has little of one."""
+    lost = [name for name in PRODUCTS["run"].told_by if name not in ds.variables]
+    if not lost:
+        return unfit(ds)
+    return f"it has no {lost[0]}, which a run has" if len(lost) == 1 else ""
+
+
+def doubts(ds: xr.Dataset) -> list[str]:
+    """What a dataset holds that its kind cannot, or of which no more can be told, in words."""
+    of = {"run": run_fit.doubts, "map": map_fit.doubts, "branch": branch_dataset.doubts}
+    return list(of.get(kind_of(ds), lambda ds: ())(ds))
+
+
 def check_kind(ds: xr.Dataset, wanted: Iterable[str], use: str, path: str | Path = "") -> str:
     """The kind of a dataset, from the file at `path` if it is from one.
 
@@ -42,8 +57,7 @@ def check_kind(ds: xr.Dataset, wanted: Iterable[str], use: str, path: str | Path
         *others, last = (PRODUCTS[name].words for name in wanted)
         only = f"{', '.join(others)} or {last}" if others else last
         where = f"{path}: " if path else ""
-        no_run = PRODUCTS["run"].told_by
-        why = f", for {unfit(ds)}" if not kind and set(no_run) <= {*map(str, ds.variables)} else ""
+        why = f", for {why}" if not kind and (why := why_none(ds)) else ""
         raise StoreError(f"{where}{holds(kind)}{why}; only {only} can be {use}")
     return kind
 
@@ -53,6 +67,6 @@ def check_argument(name: str, value: Any, wanted: Iterable[str]) -> str:
     such = " or ".join(PRODUCTS[one].such_as for one in wanted)
     checks.instance(name, value, xr.Dataset, such)
     if (kind := kind_of(value)) not in wanted:
-        why = "" if kind else unfit(value)
+        why = "" if kind else why_none(value)
         raise ValueError(f"{name} must be {such}, but {why or holds(kind)}")
     return kind

@@ -11,39 +11,12 @@ from ..noise.classes import stored
 from ..noise.samples import judged, sample_interval
 from ..noise.spectrum import interval_means, strongest_lines
 from ..vocabulary.cf import flag_names
-from ..vocabulary.codes import REGIMES
 from ..vocabulary.thresholds import FEWEST_PERIODS, silence
 from ..vocabulary.wording import not_there
 
 ROUNDING = 1e-13  # of velocities, relative to what they are sums of
 FEWEST = 8  # samples of a part of a run
 MOST_SPANS = 24  # stretches of regime that a picture of usual width shows apart
-
-
-def unfit(ds: xr.Dataset) -> str:
-    """Why what has the variables of a run is none any more, in words; empty if it is one."""
-    if not ds.sizes.get("time"):
-        return "holds no samples over time"
-    for name, own in (("regime", ("time",)), ("event_time", ("event",))):
-        if name in ds and ds[name].dims != own:
-            part = "run.sel(time=slice(...)) takes a part of a run, run.where and xr.concat do not"
-            return f"its {name} lies along {' and '.join(map(str, ds[name].dims))}: {part}"
-    if (unit := str(ds["time"].attrs.get("units", "s"))) != "s":  # that of its events, too
-        return f"its time must be in s, but is in {unit}"
-    for name, variable in ds.variables.items():  # a person may add words, which have no unit
-        measured = "units" in variable.attrs and {"time", "event"} & {*variable.dims}
-        if (measured or name == "time") and variable.dtype.kind not in "biuf":
-            return f"its {name} must be numbers, but is of {variable.dtype}"
-    if not np.isfinite(times := np.asarray(ds["time"], dtype=float)).all():
-        return f"its time must be finite numbers, but had {times[~np.isfinite(times)][0]:g}"
-    codes = np.asarray(ds["regime"]) if "regime" in ds else np.zeros(1)
-    if codes.dtype.kind == "f" and (between := codes[codes != np.round(codes)]).size:
-        part = "it was averaged or interpolated; run.sel takes whole samples"
-        return f"its regime must be whole codes, but had {between[0]:g}: {part}"
-    if (strange := codes[~np.isin(codes, list(REGIMES.values()))]).size:
-        known = ", ".join(f"{code} ({name})" for name, code in REGIMES.items())
-        return f"its regime must be {known}, but had {strange[0]:g}"
-    return ""
 
 
 def check_quantity(ds: xr.Dataset, quantity: str) -> xr.DataArray:

@@ -16,6 +16,7 @@ from ..datasets.run_dataset import (
     signal,
     usual_axis,
 )
+from ..datasets.stated import is_own
 from ..noise.classes import class_bands, stored
 from ..plots.runs.bands import pieces
 from ..plots.runs.friction import law_over
@@ -23,7 +24,7 @@ from ..plots.runs.history import MARKED
 from ..plots.runs.levels import levels, lines
 from ..plots.runs.portrait import orbit
 from ..plots.style.axes import label, shown
-from ..plots.style.caption import is_own, quantity_words
+from ..plots.style.caption import quantity_words
 from ..plots.style.palette import CLASSES, EVENT_NAMES, EVENTS, REGIMES, UNKNOWN
 from ..vocabulary.cf import flag_names
 from .explored import plain

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 FEWEST_EVEN = 8  # samples that tell their step
+LARGEST = 1e150  # number of which a level can be told: its square is one, too
 
 
 def sample_interval(run: xr.Dataset) -> float:
@@ -25,13 +26,21 @@ def sample_interval(run: xr.Dataset) -> float:
         raise ValueError("the samples of the run must be evenly spaced in time")
     if not steps[0] > 0:
         raise ValueError("the time of the run must rise, but falls; run.sortby('time') sorts it")
-    end, unit = float(run.get("final_time", np.inf)), str(run["time"].attrs.get("units", "s"))
-    if unit != "s":
+    if (unit := str(run["time"].attrs.get("units", "s"))) != "s":
         raise ValueError(f"the time of the run must be in s, but is in {unit}")
-    if time[-1] > end + steps[0]:
-        must = f"must be in s and end at its final_time, {end:g} s"
-        raise ValueError(f"the time of the run {must}, but ends at {time[-1]:g}")
+    if why := beyond_its_end(run):
+        raise ValueError(f"the time of the run {why}")
     return float(steps.mean())
+
+
+def beyond_its_end(run: xr.Dataset) -> str:
+    """That the samples of a run do not end with it, as the end of `its time ...`; empty if they do,
+    or nothing tells its end."""
+    time, end = np.asarray(run["time"], dtype=float), float(run.get("final_time", np.inf))
+    step = abs(time[1] - time[0]) if time.size > 1 else 0.0
+    if time[-1] <= end + step:
+        return ""
+    return f"must be in s and end at its final_time, {end:g} s, but ends at {time[-1]:g}"
 
 
 def judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
@@ -48,16 +57,25 @@ def judged(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
             raise ValueError(f"the run {must}, but holds {' and '.join(map(str, names))}")
         along = names.index("x") if "x" in names else 0
         tip = run.isel(axis=along) if "axis" in run.dims else run
-        return _finite(tip, "position"), _finite(tip, "velocity")
+        return finite(tip["position"]), finite(tip["velocity"])
     from scipy.interpolate import CubicSpline  # half a second, which a map's picture does not need
 
-    velocity = _finite(run, "output")
+    velocity = finite(run["output"])
     spline = CubicSpline(np.asarray(run["time"], dtype=float), velocity)
     return spline.antiderivative()(run["time"]), velocity
 
 
-def _finite(run: xr.Dataset, name: str) -> np.ndarray:
-    values = np.asarray(run[name], dtype=float)
-    if (broken := values[~np.isfinite(values)]).size:
-        raise ValueError(f"the {name} of the run must be finite numbers, but had {broken[0]:g}")
+def finite(variable: xr.DataArray) -> np.ndarray:
+    """Numbers of a variable of a run. Raises: `ValueError` where they are none, or so large that
+    nothing is told of them.
+    """
+    values = np.asarray(variable, dtype=float)
+    if (broken := values[untold(values)]).size:
+        must = f"must be finite numbers up to {LARGEST:g} in size"
+        raise ValueError(f"the {variable.name} of the run {must}, but had {broken[0]:g}")
     return values
+
+
+def untold(values: np.ndarray) -> np.ndarray:
+    """Which of some numbers are none, or have a square that is none."""
+    return ~(np.abs(values) <= LARGEST)

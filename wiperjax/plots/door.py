@@ -14,7 +14,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from ..datasets.map_starts import from_start
-from ..datasets.run_dataset import unfit
+from ..datasets.run_fit import unfit
 from ..vocabulary import checks
 from ..vocabulary.pictures import DOTS, PLAYED
 from ..vocabulary.products import PRODUCTS

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ..datasets.kinds import check_kind, holds
+from ..datasets.stated import wrong_attribute
 from ..machine.files import StoreError, check_output, replacing
 from ..machine.interrupt import heeded
-from ..noise.classes import stored
 from ..store.levels import is_refined
 from ..store.partial import open_partial
 from ..store.whole import borders, open_map, sound
@@ -79,7 +79,10 @@ def plot_file(
         _check_ending(output, name == "animation")
         if curves is not None:
             ds = _with_curves(ds, kind, path, curves)
-        drawn = draw(ds, kind, name, chosen, path, options)
+        try:
+            drawn = draw(ds, kind, name, chosen, path, options)
+        except ValueError as error:  # of samples that tell no spectrum, say
+            raise ValueError(f"{path}: {error}") if kind == "run" else error from None
         if curves is not None and isinstance(drawn, Figure):
             check_drawn(ds, drawn, name)
         check_output(output, force, path)  # after what is wrong with the picture itself
@@ -171,24 +174,17 @@ def opened(path: str | Path, raster: bool = False) -> Iterator[tuple[xr.Dataset,
 
     Of an unfinished sweep, which is read into memory, only with `raster` what is large.
 
-    Raises: `StoreError` if it is none of these, or damaged.
+    Raises: `StoreError` if it is none of these, or damaged, or states what cannot be.
     """
     sound(path)  # else HDF5 may hang in what is damaged, or show what is wrong
     parts = Path(path).is_dir()
     with open_partial(path, wide=raster) if parts else open_map(path) as ds:
-        _check_thresholds(path, ds)
         kind = check_kind(ds, PICTURES, "drawn", path)
+        if why := wrong_attribute(ds):
+            raise StoreError(f"{path}: its attribute {why}")
         if kind == "map" and is_refined(path):
             ds = with_borders(ds, borders(path))
         yield ds if kind == "map" else ds.load(), kind
-
-
-def _check_thresholds(path: Any, ds: xr.Dataset) -> None:
-    """Raises `StoreError` for borders of the classes that another program made texts of, say."""
-    try:
-        stored(ds.attrs)
-    except ValueError as error:
-        raise StoreError(f"{path}: its attribute {error}") from None
 
 
 def _check_ending(output: Path, moving: bool) -> None:

@@ -4,11 +4,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from ..datasets.stated import is_own
 from .maps.numbers import SIGNED, suited
 from .maps.planes import check_order, usual_plane
 from .maps.stability import BETWEEN, NOTE, boundary_legend, stability_boundary
 from .style.axes import edges, label, legend_below, long_name, page, set_axis, shown
-from .style.caption import is_own, set_caption
+from .style.caption import set_caption
 from .style.palette import BOUNDARY, UNKNOWN
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#000000")

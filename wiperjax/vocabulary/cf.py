@@ -41,6 +41,12 @@ def units_text(units: Mapping[str, str]) -> str:
     return "; ".join(f"{name}: {unit}" for name, unit in units.items())
 
 
+def units_of(attrs: Mapping[str, Any]) -> dict[str, str]:
+    """Parameter -> unit, of those that `units_text` has put into ``parameter_units``."""
+    pairs = (each.rpartition(": ") for each in str(attrs.get("parameter_units", "")).split("; "))
+    return {name: unit for name, _, unit in pairs if name}
+
+
 def flags(codes: Mapping[str, int], dtype: Any = np.int8) -> dict[str, Any]:
     """CF attributes of a categorical variable (`flag_values`, `flag_meanings`): name -> code."""
     return {

@@ -76,6 +76,13 @@ FAIR = (Result.FINISHED, Result.PAINLEVE_INDETERMINATE)
 
 RESULTS = {result.name.lower(): int(result) for result in Result}
 
+
+def result_name(code: int) -> str:
+    """Name of a result in files; of a code that nobody knows that it is one."""
+    known = {int(result): name for name, result in RESULTS.items()}
+    return known.get(code, f"code {code}, of another version or program")
+
+
 ADVICE = {
     Result.FINISHED: "reached the end of the time asked for",
     Result.COLLAPSED: "the lip reached collapse_angle: a result of the model, not an error",

@@ -4,7 +4,7 @@ have the names of parameters in theirs: d_velocity_rms_d_attack_angle."""
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from .cf import quotient
+from .cf import quotient, units_of
 from .kinds import STEADY_KINDS
 from .parameters import PARAMETERS
 from .schema import SCHEMA, Column
@@ -61,6 +61,18 @@ def column_of(name: str) -> Column:
     return SCHEMA[name]
 
 
+def misnamed(column: str, names: Mapping[int, str]) -> str:
+    """How ``names`` of codes of a column say another thing than ours, `1 (quiet) for 0 (quiet)`;
+    empty if they do not. What has no name or no code here, another version may have.
+    """
+    known = column in SCHEMA and SCHEMA[column].flags or {}
+    for code, name in names.items():
+        for other, own in known.items():
+            if (code == own) != (name == other):
+                return f"{code} ({name}) for {own} ({other})"
+    return ""
+
+
 def ordered(names: Iterable[str]) -> list[str]:
     """Those of `names` that are columns, in the order of maps: as in `SCHEMA`, then derivatives by
     outcome and, in it, by parameter as `PARAMETERS` has them and then as they are given."""
@@ -107,10 +119,8 @@ def _said(text: str, of: Mapping[str, Any], of_others: Iterable[tuple[str, str]]
 
 
 def _of_derivative(outcome: str, parameter: str, of: Mapping[str, Any]) -> dict[str, Any]:
-    stated = (each.rpartition(": ") for each in of.get("parameter_units", "").split("; "))
-    units = {name: unit for name, _, unit in stated}
     known = PARAMETERS.get(parameter)
-    unit = units.get(parameter, known.edge_unit if known else "1")
+    unit = units_of(of).get(parameter, known.edge_unit if known else "1")
     words = known.long_name if known and SYSTEM not in of else parameter.replace("_", " ")
     what = SCHEMA[outcome]
     return {

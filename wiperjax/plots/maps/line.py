@@ -7,11 +7,12 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from ...datasets.stated import is_own
 from ...noise.class_counts import unsettled
 from ...noise.classes import class_bands, stored
 from ...vocabulary.cf import flag_names
 from ..style.axes import axes_or_page, edges, legend_below, page, plain_log, set_axis, shown
-from ..style.caption import is_own, moving, set_caption, start_text
+from ..style.caption import moving, set_caption, start_text
 from ..style.palette import BOUNDARY, CLASSES, HATCHES, REGIMES, UNKNOWN, readable
 from .numbers import TONE, told
 from .planes import At, check_dim, check_order, class_names, cut, long_axes
@@ -129,7 +130,8 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
     linear = np.zeros(0)
     if "linear_frequency" in line:
         linear = np.asarray(line["linear_frequency"], dtype=float)
-        if np.isfinite(linear).any():
+        turns = linear > 0  # what creeps away has no frequency
+        if (turns[1:] & turns[:-1]).any():  # of one cell alone there is no line
             (drawn,) = ax.plot(
                 across, np.where(linear > 0, linear, np.nan), color=BOUNDARY, linewidth=0.9,
                 label="steady slip, linearised",

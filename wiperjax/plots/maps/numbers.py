@@ -118,11 +118,14 @@ def suited(
     Numbers of both signs, or `signed` ones whatever these are, have two colours that part at zero,
     as far to one side as to the other; beyond thirty times the typical size the scale is
     logarithmic on either side. Positive ones that span three decades have a logarithmic scale, of
-    four decades at most: what quiet cells leave is rounding noise. All others: None and `cmap`.
+    four decades at most: what quiet cells leave is rounding noise. Of
+    zeros alone, or no number, it ends at 1. All others: None and `cmap`.
     """
-    if not values.count():
+    if not values.count() and signed:
         return None, cmap
-    low, high = float(values.min()), float(values.max())
+    low, high = (float(values.min()), float(values.max())) if values.count() else (0.0, 0.0)
+    if low == high == 0 and not signed:  # matplotlib's own has negative speeds then
+        return Normalize(0.0, 1.0), cmap
     if low > 0 and high > 1e3 * low and not signed:
         return LogNorm(max(low, 1e-4 * high), high), cmap
     if not (signed or low < 0 < high):

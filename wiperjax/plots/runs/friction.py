@@ -5,9 +5,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from ...datasets.stated import is_own
 from ...vocabulary.kinds import FRICTION_KINDS
 from ..style.axes import axes_or_page, label, legend_below, page, shown
-from ..style.caption import is_own, set_caption
+from ..style.caption import set_caption
 from ..style.palette import REGIMES, UNKNOWN, readable
 from .portrait import regime_masks
 

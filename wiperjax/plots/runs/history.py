@@ -6,8 +6,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ...datasets.run_dataset import check_quantity, contact_axis, event_times, signal
+from ...datasets.stated import is_own
 from ..style.axes import axes_or_page, label, legend_below, shown
-from ..style.caption import direction, is_own, partner, quantity_words, set_caption
+from ..style.caption import direction, partner, quantity_words, set_caption
 from ..style.palette import BELT, EVENT_NAMES, EVENTS
 from .bands import regime_bands, regime_legend
 

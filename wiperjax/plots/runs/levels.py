@@ -7,7 +7,7 @@ import xarray as xr
 
 from ...datasets.run_dataset import is_steady, pitch, signal
 from ...noise.classes import stored
-from ...noise.samples import sample_interval
+from ...noise.samples import finite, sample_interval
 from ...noise.spectrum import HEARD, dominant_frequency
 
 FEWEST_LINES = 4  # of a spectrum: the first two are skirts of the mean
@@ -68,7 +68,7 @@ def lines(ds: xr.Dataset, quantity: str | None = None, component: int | None = N
 
     values = signal(ds, quantity, component)
     step = sample_interval(ds)
-    numbers = np.asarray(values, dtype=float)
+    numbers = finite(values)
     tone = pitch(ds)
     heard = np.isfinite(tone)  # rounding noise has a strongest line too
     lowest, highest = HEARD
@@ -112,7 +112,7 @@ def quiet_level(ds: xr.Dataset, values: xr.DataArray) -> float:
         return limits.quiet_velocity
     if values.name in VELOCITIES and "belt_velocity" in ds:
         scale = ds["belt_velocity"]
-    rms = float(np.sqrt(np.mean(np.square(np.asarray(scale, dtype=float)))))
+    rms = float(np.sqrt(np.mean(np.square(finite(scale)))))
     return limits.quiet_velocity_ratio * rms
 
 
@@ -128,7 +128,7 @@ def levels(
     """
     values = signal(ds, quantity, component)
     step = sample_interval(ds)
-    numbers = np.asarray(values, dtype=float)
+    numbers = finite(values)
     tone = pitch(ds)
     span = step * numbers.size
     if window is None:

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ...datasets.run_dataset import last_periods, on_belt, regime_spans, settled, usual_axis
+from ...datasets.stated import is_own
 from ..style.axes import legend_below, page, time_text
-from ..style.caption import is_own, partner, set_caption, with_noise
+from ..style.caption import partner, set_caption, with_noise
 from ..style.palette import BELT
 from .bands import regime_legend
 from .friction import friction_curve

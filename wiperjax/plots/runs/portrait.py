@@ -70,7 +70,8 @@ def phase_portrait(
         speed, words = float(ds["belt_velocity"][0]), f"speed of the {partner(ds)}"
         ax.axhline(speed, color=BELT, linestyle="--", linewidth=1.0, label=words)
     for axis, values in (("x", x), ("y", v)):
-        low, high = values.min(), values.max()
+        known = values[np.isfinite(values)]  # of others there is no point
+        low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
         room = 0.08 * (high - low) or 0.5 * abs(high) or 1.0
         getattr(ax, f"set_{axis}lim")(low - room, high + room)
     if component == 0 and "lip_length" in ds.attrs:
@@ -100,6 +101,8 @@ def _with_jumps(ds: xr.Dataset, component: int) -> tuple[np.ndarray, np.ndarray,
     place, speed = (
         np.asarray(signal(ds, name, component), dtype=float) for name in ("position", "velocity")
     )
+    # an infinite number is no point either, and would be reckoned with
+    place, speed = (np.where(np.isfinite(values), values, np.nan) for values in (place, speed))
     sample, time = np.arange(place.size), np.asarray(ds["time"], dtype=float)
     events = event_times(ds)
     moments = np.sort(np.concatenate([events.get(name, []) for name in ("impact", "blow")]))

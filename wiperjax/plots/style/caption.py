@@ -9,9 +9,12 @@ from matplotlib.figure import Figure, SubFigure
 
 from ...datasets.kinds import kind_of
 from ...datasets.run_dataset import pitch
+from ...datasets.run_fit import doubts
+from ...datasets.stated import BLADES, is_own
 from ...noise.run_class import assess, is_of_a_scene, why_no_frequency, words
 from ...noise.samples import sample_interval
-from ...vocabulary.codes import Result
+from ...vocabulary.cf import units_of
+from ...vocabulary.codes import Result, result_name
 from ...vocabulary.columns import SYSTEM
 from ...vocabulary.kinds import BELTS
 from ...vocabulary.parameters import PARAMETERS
@@ -21,7 +24,6 @@ from .palette import readable
 
 ALWAYS = ("attack_angle", "normal_load", "belt_speed")
 DIRECTIONS = {"x": "along the glass", "y": "normal to the glass"}
-BLADES = {"Wiper": "lip", "Bar": "bar", "Block": "block"}  # as runs and branches name their models
 UNSAID = ("", "steady", "lip", "stribeck")  # kinds that a caption leaves out
 
 
@@ -32,7 +34,7 @@ def parameters_text(ds: xr.Dataset) -> str:
 
     Of a system of one's own every one.
     """
-    own, stated = is_own(ds), _units(ds)
+    own, stated = is_own(ds), units_of(ds.attrs)
     words = []
     for name in stated if own else dict.fromkeys([*ALWAYS, *PARAMETERS, *stated]):
         entry = None if own else PARAMETERS.get(name)
@@ -76,15 +78,6 @@ def _kinds(ds: xr.Dataset) -> list[str]:
     return kinds_said + [f"{long_name(c)} {c.item()}" for c in scalars if not is_numeric(c)]
 
 
-def is_own(ds: xr.Dataset) -> bool:
-    """Whether a map, run or branch is of a system that is no blade: one's own, or another one of
-    the package. A run or branch knows; of a map the name of its system tells."""
-    if "of_a_blade" in ds.attrs:
-        return not ds.attrs["of_a_blade"]
-    system = str(ds.attrs.get(SYSTEM, "Wiper"))
-    return ":" in system or system not in BLADES and "lip_length" not in {*ds.attrs, *ds.variables}
-
-
 def moving(ds: xr.Dataset) -> str:
     """What vibrates in a map or run: `tip velocity`, of a system of one's own `output velocity`."""
     return "output velocity" if is_own(ds) else "tip velocity"
@@ -111,18 +104,10 @@ def quantity_words(ds: xr.Dataset, values: xr.DataArray) -> str:
     return f"{words} {axis.item()}" if axis is not None and axis.ndim == 0 and is_own(ds) else words
 
 
-def _units(ds: xr.Dataset) -> dict[str, str]:
-    """Units of the parameters among the attributes: angles are radians from Python, degrees from
-    files.
-    """
-    pairs = (pair.split(": ") for pair in str(ds.attrs.get("parameter_units", "")).split("; "))
-    return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
-
-
 def set_caption(figure: Figure | SubFigure, ds: xr.Dataset, *notes: str) -> None:
     """Heads a page with the title of a dataset, its parameters, the noise of a run, and notes."""
     title = str(ds.attrs.get("title", "")) or str(ds.attrs.get("system", ""))
-    lines = [parameters_text(ds), noise_text(ds), *notes, _fault(ds)]
+    lines = [parameters_text(ds), noise_text(ds), *notes, _fault(ds), *_doubts(ds)]
     width = 12.5 * figure.get_figwidth() if isinstance(figure, Figure) else 120
     title = textwrap.fill(title, int(0.9 * width)).replace("$", r"\$")  # no formula
     text = "\n".join(wrapped(line, width) for line in lines if line)
@@ -193,9 +178,14 @@ def _fault(ds: xr.Dataset) -> str:
     if "cells_done" in ds.attrs:
         return f"unfinished sweep: {ds.attrs['cells_done']:,} of {ds.attrs['cells']:,} cells"
     if "result_message" in ds.attrs and int(ds["result"]) != Result.FINISHED:
-        name = Result(int(ds["result"])).name.lower().replace("_", " ")
+        name = result_name(int(ds["result"])).replace("_", " ")
         return f"ended at {float(ds['final_time']):.4g} s: {name}"
     return ""
+
+
+def _doubts(ds: xr.Dataset) -> list[str]:
+    """What of the run that is drawn can be told with gaps only."""
+    return doubts(ds) if kind_of(ds) == "run" else []
 
 
 def start_text(ds: xr.Dataset) -> str:
