@@ -133,7 +133,7 @@ def _frequencies(line: xr.Dataset, ax: Axes, across: np.ndarray, names: np.ndarr
         turns = linear > 0  # what creeps away has no frequency
         if (turns[1:] & turns[:-1]).any():  # of one cell alone there is no line
             (drawn,) = ax.plot(
-                across, np.where(linear > 0, linear, np.nan), color=BOUNDARY, linewidth=0.9,
+                across, np.where(turns, linear, np.nan), color=BOUNDARY, linewidth=0.9,
                 label="steady slip, linearised",
             )  # fmt: skip
             handles.append(drawn)

@@ -118,8 +118,8 @@ def suited(
     Numbers of both signs, or `signed` ones whatever these are, have two colours that part at zero,
     as far to one side as to the other; beyond thirty times the typical size the scale is
     logarithmic on either side. Positive ones that span three decades have a logarithmic scale, of
-    four decades at most: what quiet cells leave is rounding noise. Of
-    zeros alone, or no number, it ends at 1. All others: None and `cmap`.
+    four decades at most: what quiet cells leave is rounding noise. Of zeros alone, or no number, it
+    ends at 1. All others: None and `cmap`.
     """
     if not values.count() and signed:
         return None, cmap
