@@ -15,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from ..machine.interrupt import end_as_by_ctrl_c
 from ..machine.memory import seek_garbage_less
 from .compute import sweep, verify
 from .example import example
@@ -51,13 +52,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Arguments:
         arguments: words after the program's name; those of the process if None.
 
-    Returns: exit status, 0 if all went well, 2 for a wrong command line, 130 after Ctrl-C, else 1.
+    Returns: exit status, 0 if all went well, 2 for a wrong command line, 130 after Ctrl-C (143 and
+        129 after SIGTERM and SIGHUP), else 1.
     """
-    if arguments is None:  # the process is ours
-        seek_garbage_less()
-        if sys.stderr is None:  # closed: lines for it would go to standard output
-            sys.stderr = open(os.devnull, "w", encoding="utf-8")
-    words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    if arguments is not None:
+        return _run(arguments)
+    seek_garbage_less()  # the process is ours
+    ended = end_as_by_ctrl_c()
+    if sys.stderr is None:  # closed: lines for it would go to standard output
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    try:
+        status = _run(sys.argv[1:])
+    finally:
+        _end_timers()
+    return ended() if status == INTERRUPTED else status
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """`main`, but for what is the process's."""
+    words = list(arguments) or ["--help"]
     if hasattr(sys.stdout, "reconfigure"):  # what a terminal cannot show must not end the work
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     try:
@@ -77,9 +90,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "WIPERJAX_TRACEBACK" in os.environ:
             traceback.print_exc()
         return _complain(_one_line(error), 1)
-    finally:
-        if arguments is None:
-            _end_timers()
 
 
 def _end_timers() -> None:

@@ -1,5 +1,6 @@
 """Ctrl-C, heard also where Python drops it: in callbacks of weak references, and destructors; and
-put off while a module is being imported, or where it would leave a heap of tracebacks.
+put off while a module is being imported, or where it would leave a heap of tracebacks. What else
+ends a process can be heard as one.
 """
 
 import contextlib
@@ -57,6 +58,35 @@ def heeded() -> Iterator[Callable[[], None]]:
         yield handler.check
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+class _Ending:
+    """A handler of what ends a process, which remembers what did."""
+
+    def __init__(self) -> None:
+        self.number = signal.SIGINT
+
+    def __call__(self, number, frame) -> None:
+        self.number = signal.Signals(number)
+        signal.signal(number, signal.SIG_DFL)  # another one ends the process at once
+        heard = signal.getsignal(signal.SIGINT)
+        # ignored in what a shell runs in the background, where this one is not
+        (heard if callable(heard) else signal.default_int_handler)(signal.SIGINT, frame)
+
+
+def end_as_by_ctrl_c() -> Callable[[], int]:
+    """Has SIGTERM (of `kill`, and of batch systems) and SIGHUP (of a terminal that is closed) heard
+    as a Ctrl-C is, for the rest of the process: else files that are being written would stay under
+    their temporary names, and nothing would be said. What is ignored, or heeded otherwise, stays
+    so. Returns what gives the exit status that shells report of the one that was heard, that of a
+    Ctrl-C if none was.
+    """
+    handler = _Ending()
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, handler)
+    return lambda: 128 + handler.number
 
 
 @contextlib.contextmanager
