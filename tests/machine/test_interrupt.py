@@ -76,6 +76,21 @@ def test_a_module_that_is_being_imported_is_imported_first(tmp_path, monkeypatch
         importlib.import_module("pressed_meanwhile")
 
 
+def test_who_insists_hears_it_when_the_import_is_done(tmp_path, monkeypatch, pythons_own):
+    """Of 40 Ctrl-C while `verify` began one crashed it, and one was dropped."""
+    pressed = "import signal\nsignal.raise_signal(signal.SIGINT)\nwhole = True\n"
+    (tmp_path / "pressed_inside.py").write_text(pressed)
+    (tmp_path / "around_it.py").write_text("import pressed_inside\nwhole = pressed_inside.whole\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    profiler = sys.getprofile()
+    with heeded(insists=True), pytest.raises(KeyboardInterrupt):
+        with heeded():
+            importlib.import_module("around_it")
+    assert sys.modules["around_it"].whole and sys.getprofile() is profiler
+    for name in ("around_it", "pressed_inside"):
+        monkeypatch.delitem(sys.modules, name)
+
+
 @pytest.fixture
 def ending(pythons_own):
     """As in a process of ours: what ends it is heard."""

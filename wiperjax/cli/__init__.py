@@ -15,7 +15,7 @@ from typing import Annotated
 
 import typer
 
-from ..machine.interrupt import end_as_by_ctrl_c
+from ..machine.interrupt import end_as_by_ctrl_c, heeded
 from ..machine.memory import seek_garbage_less
 from .compute import sweep, verify
 from .example import example
@@ -68,6 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return ended() if status == INTERRUPTED else status
 
 
+@heeded(insists=True)
 def _run(arguments: Sequence[str]) -> int:
     """`main`, but for what is the process's."""
     words = list(arguments) or ["--help"]

@@ -14,13 +14,16 @@ from multiprocessing import resource_tracker
 class _Heeding:
     """A handler of Ctrl-C that remembers it."""
 
-    def __init__(self) -> None:
+    def __init__(self, insists: bool) -> None:
         self.pressed = self.waits = False
+        self.insists = insists
 
     def __call__(self, number, frame) -> None:
         again, self.pressed = self.pressed, True
         if again or not (self.waits or _importing(frame)):
             signal.default_int_handler(number, frame)
+        if self.insists and not self.waits:
+            sys.setprofile(_once_imported)
 
     def check(self) -> None:
         if self.pressed:
@@ -38,14 +41,22 @@ def _importing(frame) -> bool:
     return False
 
 
+def _once_imported(frame, event: str, argument) -> None:
+    """As a profiler: raises KeyboardInterrupt when no module is being imported any more."""
+    if event == "return" and _importing(frame) and not _importing(frame.f_back):
+        sys.setprofile(None)
+        raise KeyboardInterrupt
+
+
 @contextlib.contextmanager
-def heeded() -> Iterator[Callable[[], None]]:
+def heeded(insists: bool = False) -> Iterator[Callable[[], None]]:
     """Yields what raises KeyboardInterrupt if Ctrl-C was pressed in the `with` statement, or one
     around it, and is not known yet: to be called between pieces of work. During an import nothing
-    else hears it, unless it is pressed again. Where another handler than Python's own is there,
-    which knows what to do, or in another thread than the main one, nothing is heard.
+    else hears it, unless it is pressed again, or the outermost statement `insists`: that hears it
+    when the import is done. Where another handler than Python's own is there, which knows what to
+    do, or in another thread than the main one, nothing is heard.
     """
-    before, handler = signal.getsignal(signal.SIGINT), _Heeding()
+    before, handler = signal.getsignal(signal.SIGINT), _Heeding(insists)
     main = threading.current_thread() is threading.main_thread()
     if main and isinstance(before, _Heeding):
         yield before.check
