@@ -6,6 +6,7 @@ import sys
 import threading
 
 import pytest
+from processes import drop_ctrl_c
 
 from wiperjax.machine.files import replacing
 from wiperjax.machine.interrupt import deaf, end_as_by_ctrl_c, heeded
@@ -89,6 +90,15 @@ def test_who_insists_hears_it_when_the_import_is_done(tmp_path, monkeypatch, pyt
     assert sys.modules["around_it"].whole and sys.getprofile() is profiler
     for name in ("around_it", "pressed_inside"):
         monkeypatch.delitem(sys.modules, name)
+
+
+def test_who_insists_hears_what_python_drops(pythons_own):
+    """Of 40 SIGTERM while `verify` began one was dropped by the callback of a weak reference."""
+    hook, after = sys.unraisablehook, []
+    with heeded(insists=True), pytest.raises(KeyboardInterrupt):
+        drop_ctrl_c()
+        after.append(len(after))
+    assert not after and sys.unraisablehook is hook
 
 
 @pytest.fixture

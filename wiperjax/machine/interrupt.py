@@ -16,14 +16,21 @@ class _Heeding:
 
     def __init__(self, insists: bool) -> None:
         self.pressed = self.waits = False
-        self.insists = insists
+        self.insists, self.hook = insists, sys.unraisablehook
 
     def __call__(self, number, frame) -> None:
         again, self.pressed = self.pressed, True
         if again or not (self.waits or _importing(frame)):
             signal.default_int_handler(number, frame)
         if self.insists and not self.waits:
-            sys.setprofile(_once_imported)
+            sys.setprofile(_soon)
+
+    def dropped(self, told) -> None:
+        """In place of `sys.unraisablehook`: has a Ctrl-C that Python drops heard once more."""
+        if isinstance(told.exc_value, KeyboardInterrupt):
+            sys.setprofile(_soon)
+        else:
+            self.hook(told)
 
     def check(self) -> None:
         if self.pressed:
@@ -41,9 +48,11 @@ def _importing(frame) -> bool:
     return False
 
 
-def _once_imported(frame, event: str, argument) -> None:
-    """As a profiler: raises KeyboardInterrupt when no module is being imported any more."""
-    if event == "return" and _importing(frame) and not _importing(frame.f_back):
+def _soon(frame, event: str, argument) -> None:
+    """As a profiler: raises KeyboardInterrupt as soon as no module is being imported any more."""
+    if frame.f_code is _Heeding.dropped.__code__:  # from which it would be dropped again
+        return
+    if not _importing(frame.f_back if event == "return" else frame):
         sys.setprofile(None)
         raise KeyboardInterrupt
 
@@ -53,8 +62,8 @@ def heeded(insists: bool = False) -> Iterator[Callable[[], None]]:
     """Yields what raises KeyboardInterrupt if Ctrl-C was pressed in the `with` statement, or one
     around it, and is not known yet: to be called between pieces of work. During an import nothing
     else hears it, unless it is pressed again, or the outermost statement `insists`: that hears it
-    when the import is done. Where another handler than Python's own is there, which knows what to
-    do, or in another thread than the main one, nothing is heard.
+    when the import is done, and at once one that Python drops. Where another handler than Python's
+    own is there, which knows what to do, or in another thread than the main one, nothing is heard.
     """
     before, handler = signal.getsignal(signal.SIGINT), _Heeding(insists)
     main = threading.current_thread() is threading.main_thread()
@@ -66,9 +75,13 @@ def heeded(insists: bool = False) -> Iterator[Callable[[], None]]:
         return
     try:
         signal.signal(signal.SIGINT, handler)
+        if insists:
+            sys.unraisablehook = handler.dropped
         yield handler.check
     finally:
         signal.signal(signal.SIGINT, before)
+        if insists:
+            sys.unraisablehook = handler.hook
 
 
 class _Ending:
