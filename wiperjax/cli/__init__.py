@@ -5,6 +5,7 @@ xarray, matplotlib) are imported inside the commands, after `machine.jax_setting
 two reasons: `--help` stays fast, and the settings of XLA have to precede `import jax`.
 """
 
+import contextlib
 import importlib.metadata
 import os
 import sys
@@ -62,10 +63,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if sys.stderr is None:  # closed: lines for it would go to standard output
         sys.stderr = open(os.devnull, "w", encoding="utf-8")
     try:
-        status = _run(sys.argv[1:])
+        return ended(_run(sys.argv[1:]))
     finally:
         _end_timers()
-    return ended() if status == INTERRUPTED else status
 
 
 @heeded(insists=True)
@@ -103,7 +103,8 @@ def _end_timers() -> None:
 
 
 def _complain(text: str, status: int) -> int:
-    print(f"wiperjax: {' '.join(text.split())}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # of a terminal that is closed
+        print(f"wiperjax: {' '.join(text.split())}", file=sys.stderr)
     return status
 
 

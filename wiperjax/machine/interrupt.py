@@ -88,29 +88,29 @@ class _Ending:
     """A handler of what ends a process, which remembers what did."""
 
     def __init__(self) -> None:
-        self.number = signal.SIGINT
+        self.number = 0
 
     def __call__(self, number, frame) -> None:
-        self.number = signal.Signals(number)
+        self.number = number
         signal.signal(number, signal.SIG_DFL)  # another one ends the process at once
         heard = signal.getsignal(signal.SIGINT)
         # ignored in what a shell runs in the background, where this one is not
         (heard if callable(heard) else signal.default_int_handler)(signal.SIGINT, frame)
 
 
-def end_as_by_ctrl_c() -> Callable[[], int]:
+def end_as_by_ctrl_c() -> Callable[[int], int]:
     """Has SIGTERM (of `kill`, and of batch systems) and SIGHUP (of a terminal that is closed) heard
     as a Ctrl-C is, for the rest of the process: else files that are being written would stay under
     their temporary names, and nothing would be said. What is ignored, or heeded otherwise, stays
-    so. Returns what gives the exit status that shells report of the one that was heard, that of a
-    Ctrl-C if none was.
+    so. Returns what makes of an exit status that which shells report of the one that was heard, if
+    one was and the work is not done.
     """
     handler = _Ending()
     for name in ("SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)  # Windows has no SIGHUP
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, handler)
-    return lambda: 128 + handler.number
+    return lambda status: 128 + handler.number if status and handler.number else status
 
 
 @contextlib.contextmanager
