@@ -767,16 +767,45 @@ def test_memory_is_that_of_this_process_alone():
 def test_follow_computes_what_it_is_asked_to(words, values, folder, stubs, monkeypatch):
     asked = []
 
-    def follow_scene(spec, over, low, high, *others):
+    def follow_scene(spec, over, low, high, *others, keep):
         asked.append(others)
         raise ValueError("far enough")
 
+    followed_by(monkeypatch, follow_scene)
+    assert main([*FOLLOW, *words]) == 1
+    assert asked == [values]
+
+
+FOLLOW = "follow scene.toml --over belt_speed --from 0.2 --to 0.4 -o b.h5".split()
+
+
+def followed_by(monkeypatch, follow_scene):
     piece = types.ModuleType("wiperjax.cycles.branch.from_scene")
     piece.follow_scene = follow_scene  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "wiperjax.cycles.branch.from_scene", piece)
-    line = "follow scene.toml --over belt_speed --from 0.2 --to 0.4 -o b.h5"
-    assert main([*line.split(), *words]) == 1
-    assert asked == [values]
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [(KeyboardInterrupt(), 130, "interrupted"), (RuntimeError("of a curve"), 1, "of a curve")],
+)
+def test_a_branch_is_kept_whatever_ends_what_comes_after_it(
+    error, status, said, folder, stubs, monkeypatch, capsys
+):
+    """Nothing was written before curves and simulations were done."""
+
+    def follow_scene(*_, keep):
+        for done, lacks in enumerate(("curves and simulations", "simulations")):
+            keep(xr.Dataset(attrs={"done": done}), lacks)
+        raise error
+
+    followed_by(monkeypatch, follow_scene)
+    assert main(FOLLOW) == status
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["note: b.h5 holds the branch, without its simulations", f"wiperjax: {said}"]
+    with whole.open_map("b.h5", check=True) as ds:
+        assert ds.attrs["done"] == 1
+    assert files(folder) == ["b.h5", "s.toml", "scene.toml"]
 
 
 def test_help_keeps_its_brackets(capsys, monkeypatch):

@@ -100,6 +100,41 @@ def test_the_step_is_that_of_the_curves_too(step, given, monkeypatch):
     assert taken == [given, given]
 
 
+def test_what_is_finished_is_handed_on_before_what_takes_long_is_begun(scene, monkeypatch):
+    """Curves and simulations take as long again: an error in them lost the branch."""
+    from wiperjax.cycles.branch import from_scene
+
+    cycle = SimpleNamespace(found=0, period=1e-3)
+    monkeypatch.setattr(from_scene, "find_cycle", lambda *_, **__: cycle)
+    monkeypatch.setattr(from_scene, "follow", lambda *_, **__: None)
+    monkeypatch.setattr(from_scene, "branch_dataset", lambda _: xr.Dataset())
+    monkeypatch.setattr(from_scene, "_with_steady_slip", lambda found, *_: found)
+
+    def lost(*_, **__):
+        raise RuntimeError("lost")
+
+    kept = []
+
+    def keep(found, lacks):
+        kept.append((lacks, found.attrs["title"]))
+
+    monkeypatch.setattr(from_scene, "up_and_down", lost)
+    monkeypatch.setattr(from_scene, "follow_curves", lambda *_, **__: [])
+    second = ("normal_load", 10.0, 20.0)
+    asked = {"simulate": 3, "second": second, "keep": keep}
+    with pytest.raises(RuntimeError, match="lost"):
+        follow_scene(scene, "belt_speed", 0.2, 0.4, **asked)
+    lacks = ["curves and simulations", "simulations"]
+    assert kept == [(each, f"squeal (unfinished: without {each})") for each in lacks]
+    kept.clear()
+    monkeypatch.setattr(from_scene, "follow_curves", lost)
+    with pytest.raises(RuntimeError, match="lost"):
+        follow_scene(scene, "belt_speed", 0.2, 0.4, second=second, keep=keep)
+    assert [lacks for lacks, _ in kept] == ["curves"]
+    assert follow_scene(scene, "belt_speed", 0.2, 0.4, keep=keep).attrs["title"] == "squeal"
+    assert len(kept) == 1
+
+
 @pytest.mark.parametrize("name", ["period", "amplitude"])
 def test_a_parameter_named_as_a_variable_of_branches_is_refused_before_any_work(name, monkeypatch):
     """Its values took the place of the cycles' own, without a word."""

@@ -6,8 +6,10 @@ import sys
 import threading
 
 import pytest
+from processes import drop_ctrl_c
 
-from wiperjax.machine.interrupt import heeded
+from wiperjax.machine.files import replacing
+from wiperjax.machine.interrupt import deaf, end_as_by_ctrl_c, heeded
 
 
 def test_a_handler_of_somebody_elses_is_left_alone():
@@ -73,3 +75,68 @@ def test_a_module_that_is_being_imported_is_imported_first(tmp_path, monkeypatch
         importlib.import_module("pressed_meanwhile")
         monkeypatch.delitem(sys.modules, "pressed_meanwhile")
         importlib.import_module("pressed_meanwhile")
+
+
+def test_who_insists_hears_it_when_the_import_is_done(tmp_path, monkeypatch, pythons_own):
+    """Of 40 Ctrl-C while `verify` began one crashed it, and one was dropped."""
+    pressed = "import signal\nsignal.raise_signal(signal.SIGINT)\nwhole = True\n"
+    (tmp_path / "pressed_inside.py").write_text(pressed)
+    (tmp_path / "around_it.py").write_text("import pressed_inside\nwhole = pressed_inside.whole\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    profiler = sys.getprofile()
+    with heeded(insists=True), pytest.raises(KeyboardInterrupt):
+        with heeded():
+            importlib.import_module("around_it")
+    assert sys.modules["around_it"].whole and sys.getprofile() is profiler
+    for name in ("around_it", "pressed_inside"):
+        monkeypatch.delitem(sys.modules, name)
+
+
+def test_who_insists_hears_what_python_drops(pythons_own):
+    """Of 40 SIGTERM while `verify` began one was dropped by the callback of a weak reference."""
+    hook, after = sys.unraisablehook, []
+    with heeded(insists=True), pytest.raises(KeyboardInterrupt):
+        drop_ctrl_c()
+        after.append(len(after))
+    assert not after and sys.unraisablehook is hook
+
+
+@pytest.fixture
+def ending(pythons_own):
+    """As in a process of ours: what ends it is heard."""
+    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in map(signal.Signals.__getitem__, names)}
+    for number in before:
+        signal.signal(number, signal.SIG_DFL)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("ignored", [False, True])  # as in a shell's background
+def test_what_ends_a_process_leaves_no_file_under_a_temporary_name(ending, ignored, tmp_path):
+    ended = end_as_by_ctrl_c()
+    assert [ended(status) for status in (0, 1, 130)] == [0, 1, 130]
+    if ignored:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with pytest.raises(KeyboardInterrupt), replacing(tmp_path / "a.png") as temporary:
+        temporary.write_text("half")
+        signal.raise_signal(signal.SIGTERM)
+    assert list(tmp_path.iterdir()) == []
+    assert [ended(status) for status in (0, 1, 130)] == [0, 143, 143]
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL  # a second one is not waited for
+
+
+def test_what_ends_a_process_waits_where_a_ctrl_c_does(ending):
+    end_as_by_ctrl_c()
+    with heeded(), pytest.raises(KeyboardInterrupt), deaf():
+        signal.raise_signal(signal.SIGTERM)
+        waited = True
+    assert waited
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="there is no SIGHUP")
+def test_what_is_ignored_stays_so(ending):
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # by nohup
+    end_as_by_ctrl_c()
+    signal.raise_signal(signal.SIGHUP)

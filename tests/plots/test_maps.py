@@ -5,6 +5,7 @@ they cannot draw.
 import matplotlib
 import numpy as np
 import pytest
+import stub_sweep
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
@@ -20,6 +21,7 @@ matplotlib.use("Agg")
 
 from wiperjax import plots
 from wiperjax.datasets import map_dataset
+from wiperjax.machine.files import StoreError
 from wiperjax.noise import classes
 from wiperjax.plots import files
 from wiperjax.plots.catalogue import usual_of_map
@@ -961,3 +963,20 @@ def test_borders_are_drawn_as_curves_over_the_classes_of_each_slice(tmp_path):
         assert "border (located)" in words
     plots.plot_file(path, tmp_path / "map.png", picture="classes")
     assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_a_picture_that_appears_meanwhile_is_not_replaced(tmp_path, monkeypatch):
+    """Of two commands that draw into one new file the later replaced the other's picture."""
+    path, picture = tmp_path / "map.h5", tmp_path / "map.png"
+    stub_sweep.run(stub_sweep.make_spec(), path).close()
+
+    def save(figure, temporary, **_):
+        picture.write_bytes(b"precious")
+        temporary.touch()
+
+    monkeypatch.setattr(Figure, "savefig", save)
+    options = {"picture": "line", "x": "belt_speed"}
+    with pytest.raises(StoreError, match="was made by another program meanwhile"):
+        plots.plot_file(path, picture, **options)
+    assert picture.read_bytes() == b"precious"
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["map.h5", "map.png"]

@@ -207,6 +207,37 @@ def test_ctrl_c_stops_cleanly_and_says_how_to_go_on(tmp_path):
     assert_same_map(path, make_spec())
 
 
+PRESSED = """
+import os, sys
+from matplotlib.figure import Figure
+from wiperjax.cli import main
+
+drawn, number = Figure.savefig, int(sys.argv.pop())
+
+def save(figure, path, **options):
+    drawn(figure, path, **options)
+    os.kill(os.getpid(), number)
+
+Figure.savefig = save
+sys.exit(main())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGHUP", 129), ("SIGINT", 130)])
+def test_what_ends_a_process_leaves_no_half_picture(name, status, tmp_path):
+    """SIGTERM left `.map.PID.png` beside the map, and said nothing."""
+    run(make_spec(), tmp_path / "map.h5").close()
+    number = getattr(signal, name)
+    words = ["plot", "map.h5", "-o", "map.png", "-p", "line", "--x", "belt_speed"]
+    ran = subprocess.run(
+        [sys.executable, "-c", PRESSED, *words, str(int(number))],
+        cwd=tmp_path, env=environment(), capture_output=True, text=True,
+    )  # fmt: skip
+    assert (ran.returncode, ran.stderr) == (status, "wiperjax: interrupted\n")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["map.h5"]
+
+
 def test_kill_between_the_finished_map_and_the_removal_of_its_parts(tmp_path):
     spec, path = make_spec(), tmp_path / "map.h5"
     half_done(path, spec, 3)

@@ -5,6 +5,7 @@ xarray, matplotlib) are imported inside the commands, after `machine.jax_setting
 two reasons: `--help` stays fast, and the settings of XLA have to precede `import jax`.
 """
 
+import contextlib
 import importlib.metadata
 import os
 import sys
@@ -15,6 +16,7 @@ from typing import Annotated
 
 import typer
 
+from ..machine.interrupt import end_as_by_ctrl_c, heeded
 from ..machine.memory import seek_garbage_less
 from .compute import sweep, verify
 from .example import example
@@ -51,13 +53,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Arguments:
         arguments: words after the program's name; those of the process if None.
 
-    Returns: exit status, 0 if all went well, 2 for a wrong command line, 130 after Ctrl-C, else 1.
+    Returns: exit status, 0 if all went well, 2 for a wrong command line, 130 after Ctrl-C (143 and
+        129 after SIGTERM and SIGHUP), else 1.
     """
-    if arguments is None:  # the process is ours
-        seek_garbage_less()
-        if sys.stderr is None:  # closed: lines for it would go to standard output
-            sys.stderr = open(os.devnull, "w", encoding="utf-8")
-    words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    if arguments is not None:
+        return _run(arguments)
+    seek_garbage_less()  # the process is ours
+    ended = end_as_by_ctrl_c()
+    if sys.stderr is None:  # closed: lines for it would go to standard output
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    try:
+        return ended(_run(sys.argv[1:]))
+    finally:
+        _end_timers()
+
+
+@heeded(insists=True)
+def _run(arguments: Sequence[str]) -> int:
+    """`main`, but for what is the process's."""
+    words = list(arguments) or ["--help"]
     if hasattr(sys.stdout, "reconfigure"):  # what a terminal cannot show must not end the work
         sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     try:
@@ -77,9 +91,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "WIPERJAX_TRACEBACK" in os.environ:
             traceback.print_exc()
         return _complain(_one_line(error), 1)
-    finally:
-        if arguments is None:
-            _end_timers()
 
 
 def _end_timers() -> None:
@@ -92,7 +103,8 @@ def _end_timers() -> None:
 
 
 def _complain(text: str, status: int) -> int:
-    print(f"wiperjax: {' '.join(text.split())}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # of a terminal that is closed
+        print(f"wiperjax: {' '.join(text.split())}", file=sys.stderr)
     return status
 
 

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 
 import typer
 
-from ..machine.interrupt import heeded
 from ..vocabulary.pictures import STILLS
 from .options import (
     MAP_SUFFIXES,
@@ -51,7 +50,6 @@ Finer = Annotated[
 ]
 
 
-@heeded()
 def sweep(
     file: Annotated[Path, typer.Argument(metavar="SWEEP.toml", help="What to sweep.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="MAP.h5", help="Map to make.")],

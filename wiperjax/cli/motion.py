@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -98,8 +98,20 @@ def follow(
     from ..plots import plot_file
     from ..store.whole import write_dataset
 
-    branch = follow_scene(spec, over, low, high, step, simulate or 0, plane)  # type: ignore[arg-type]
-    write_dataset(branch.assign_attrs(command=command_line()), output, force)
+    kept = ""
+
+    def keep(branch: Any, lacks: str = "") -> None:
+        nonlocal kept
+        write_dataset(branch.assign_attrs(command=command_line()), output, force or bool(kept))
+        kept = f"note: {output} holds the branch, without its {lacks}"
+
+    try:
+        branch = follow_scene(spec, over, low, high, step, simulate or 0, plane, keep=keep)  # type: ignore[arg-type]
+        keep(branch)
+    except BaseException:
+        if kept:
+            print(kept, file=sys.stderr)
+        raise
     print_special(branch)
     print_curves(branch)
     print(f"branch   {output}: {branch.sizes['point']} cycles")

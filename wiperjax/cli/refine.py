@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from ..machine.interrupt import heeded
 from .options import check_once, check_source, interrupted
 from .tables import cost
 from .who import Processes, Scheduler, Who, Workers, check_who
@@ -21,7 +20,6 @@ Levels = Annotated[
 ]
 
 
-@heeded()
 def refine(
     file: Annotated[Path, typer.Argument(metavar="MAP.h5", help="A finished map.")],
     levels: Levels = None,

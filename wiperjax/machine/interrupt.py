@@ -1,5 +1,6 @@
 """Ctrl-C, heard also where Python drops it: in callbacks of weak references, and destructors; and
-put off while a module is being imported, or where it would leave a heap of tracebacks.
+put off while a module is being imported, or where it would leave a heap of tracebacks. What else
+ends a process can be heard as one.
 """
 
 import contextlib
@@ -13,13 +14,23 @@ from multiprocessing import resource_tracker
 class _Heeding:
     """A handler of Ctrl-C that remembers it."""
 
-    def __init__(self) -> None:
+    def __init__(self, insists: bool) -> None:
         self.pressed = self.waits = False
+        self.insists, self.hook = insists, sys.unraisablehook
 
     def __call__(self, number, frame) -> None:
         again, self.pressed = self.pressed, True
         if again or not (self.waits or _importing(frame)):
             signal.default_int_handler(number, frame)
+        if self.insists and not self.waits:
+            sys.setprofile(_soon)
+
+    def dropped(self, told) -> None:
+        """In place of `sys.unraisablehook`: has a Ctrl-C that Python drops heard once more."""
+        if isinstance(told.exc_value, KeyboardInterrupt):
+            sys.setprofile(_soon)
+        else:
+            self.hook(told)
 
     def check(self) -> None:
         if self.pressed:
@@ -37,14 +48,24 @@ def _importing(frame) -> bool:
     return False
 
 
+def _soon(frame, event: str, argument) -> None:
+    """As a profiler: raises KeyboardInterrupt as soon as no module is being imported any more."""
+    if frame.f_code is _Heeding.dropped.__code__:  # from which it would be dropped again
+        return
+    if not _importing(frame.f_back if event == "return" else frame):
+        sys.setprofile(None)
+        raise KeyboardInterrupt
+
+
 @contextlib.contextmanager
-def heeded() -> Iterator[Callable[[], None]]:
+def heeded(insists: bool = False) -> Iterator[Callable[[], None]]:
     """Yields what raises KeyboardInterrupt if Ctrl-C was pressed in the `with` statement, or one
     around it, and is not known yet: to be called between pieces of work. During an import nothing
-    else hears it, unless it is pressed again. Where another handler than Python's own is there,
-    which knows what to do, or in another thread than the main one, nothing is heard.
+    else hears it, unless it is pressed again, or the outermost statement `insists`: that hears it
+    when the import is done, and at once one that Python drops. Where another handler than Python's
+    own is there, which knows what to do, or in another thread than the main one, nothing is heard.
     """
-    before, handler = signal.getsignal(signal.SIGINT), _Heeding()
+    before, handler = signal.getsignal(signal.SIGINT), _Heeding(insists)
     main = threading.current_thread() is threading.main_thread()
     if main and isinstance(before, _Heeding):
         yield before.check
@@ -54,9 +75,42 @@ def heeded() -> Iterator[Callable[[], None]]:
         return
     try:
         signal.signal(signal.SIGINT, handler)
+        if insists:
+            sys.unraisablehook = handler.dropped
         yield handler.check
     finally:
         signal.signal(signal.SIGINT, before)
+        if insists:
+            sys.unraisablehook = handler.hook
+
+
+class _Ending:
+    """A handler of what ends a process, which remembers what did."""
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def __call__(self, number, frame) -> None:
+        self.number = number
+        signal.signal(number, signal.SIG_DFL)  # another one ends the process at once
+        heard = signal.getsignal(signal.SIGINT)
+        # ignored in what a shell runs in the background, where this one is not
+        (heard if callable(heard) else signal.default_int_handler)(signal.SIGINT, frame)
+
+
+def end_as_by_ctrl_c() -> Callable[[int], int]:
+    """Has SIGTERM (of `kill`, and of batch systems) and SIGHUP (of a terminal that is closed) heard
+    as a Ctrl-C is, for the rest of the process: else files that are being written would stay under
+    their temporary names, and nothing would be said. What is ignored, or heeded otherwise, stays
+    so. Returns what makes of an exit status that which shells report of the one that was heard, if
+    one was and the work is not done.
+    """
+    handler = _Ending()
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, handler)
+    return lambda status: 128 + handler.number if status and handler.number else status
 
 
 @contextlib.contextmanager

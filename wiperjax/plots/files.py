@@ -87,7 +87,7 @@ def plot_file(
             check_drawn(ds, drawn, name)
         check_output(output, force, path)  # after what is wrong with the picture itself
         shows = subject(name, ds.attrs.get("specification_digest", "no map"))
-        _write(drawn, output, dpi, shows)
+        _write(drawn, output, force, dpi, shows)
 
 
 def usual_of_file(path: str | Path) -> str:
@@ -145,7 +145,7 @@ def plot_all(
                     raise  # what was asked for does not fit
                 why = why or f": {error}"
                 continue
-            _write(drawn, target, None if name == "animation" else dpi)
+            _write(drawn, target, force, None if name == "animation" else dpi)
             made.append(target)
     if not made:
         raise ValueError(f"{path}: has nothing to draw{why}")
@@ -214,11 +214,11 @@ def is_usual_of(spec: Any, path: Path) -> bool:
     return subject_of(path) == subject(usual_of_map(spec.shape), spec.digest())
 
 
-def _write(drawn: Drawn, output: Path, dpi: int | None, shows: str = "") -> None:
+def _write(drawn: Drawn, output: Path, force: bool, dpi: int | None, shows: str = "") -> None:
     ending = output.suffix.lower()
     # writers of animations know a format by its ending only
     hidden = output.with_name(f".{output.stem}.{os.getpid()}{ending}")
-    with heeded() as check, replacing(output, hidden) as temporary:
+    with heeded() as check, replacing(output, hidden, force) as temporary:
         if isinstance(drawn, FuncAnimation):
             animation.save(drawn, temporary, dpi=dpi or DPI_MOVING)
         else:

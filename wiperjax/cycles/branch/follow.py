@@ -57,7 +57,8 @@ def follow(
 
     **Returns** a `Branch`; stable and unstable parts alike, since Newton's method does not mind.
     Where a period has more events than are told apart (`shooting.EVENTS`), the walk goes on over a
-    change of them without a special point, if the branch does so gently.
+    change of them without a special point, if the branch does so gently. Over a number that is
+    named as a variable of branches (``amplitude``) it makes no `branch_dataset`: rename that first.
 
     Raises ValueError for a cycle that was not found, is varied over nothing, or outside the range.
     """

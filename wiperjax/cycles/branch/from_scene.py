@@ -51,6 +51,7 @@ def follow_scene(
     step: float | None = None,
     simulate: int = 0,
     second: tuple[str, float, float] | None = None,
+    keep: Callable[[xr.Dataset, str], None] = lambda branch, lacks: None,
 ) -> xr.Dataset:
     """Return the branch through the motion that a scene settles on, as `branch_dataset`.
 
@@ -58,8 +59,10 @@ def follow_scene(
     (degrees); ``step``, that of `follow` and of `follow_curves` (None: the default of each);
     ``simulate``, number of values in the range at which motions are simulated on the way up and on
     the way down (`up_and_down`; 0: none); ``second``, another parameter and its range, in which the
-    folds and Hopf points of the branch are followed as curves. The motion is taken after
-    ``run.duration`` of the scene. Of a wiper on a steady belt, all steady slip is added.
+    folds and Hopf points of the branch are followed as curves; ``keep(branch, lacks)``, told what
+    is finished before anything else that takes long is begun, and what that still lacks, which its
+    title says too. The motion is taken after ``run.duration`` of the scene. Of a wiper on a steady
+    belt, all steady slip is added.
 
     Raises ValueError if there is no such parameter or its name is taken, no cycle at the scene's
     own value, that value lies outside the range, or the scene is on a poorer model than the lip.
@@ -67,45 +70,54 @@ def follow_scene(
     if spec.model != "lip":
         raise ValueError(f"model must be 'lip' to follow its cycles, but was {spec.model!r}")
     begun = time.perf_counter()
-    built, table = build(spec, spec.parameters()), spec.parameter_table
+    built = build(spec, spec.parameters())
     system = built.system
     ranges, stated = _ranges(spec, system, (over, low, high), second), _stated(spec, over)
     check_fixed(stated)
-    bounds = ranges[over]
     period = _clock(system)
     position, velocity = (tuple(np.asarray(x, float) for x in part) for part in start(spec, built))
-    cycle = find_cycle(
-        system,
-        settle=spec.run.duration,
-        initial_state=(position, velocity),
-        period=period,
-        over=over,
-        max_step=spec.run.max_step,
-    )
+    alike: dict[str, Any] = {
+        "settle": spec.run.duration,
+        "initial_state": (position, velocity),
+        "period": period,
+        "max_step": spec.run.max_step,
+    }
+    cycle = find_cycle(system, over=over, **alike)
     if cycle.found != Found.FOUND:
         why = f" ({cycle.why})" if cycle.why else ""
         raise ValueError(f"the scene has no cycle to follow: {_ADVICE[cycle.found]}{why}")
     steps: dict[str, Any] = {} if step is None else {"step": step}
-    branch = follow(cycle, *bounds, **steps)
-    found = branch_dataset(branch)
-    if second is not None and (
-        lines := follow_curves(branch, second[0], *ranges[second[0]], **steps)
-    ):
-        fixed = {name: value for name, value in stated.items() if name != second[0]}
-        found = with_curves(found, curves_dataset(lines).assign_attrs(fixed=json.dumps(fixed)))
+    branch = follow(cycle, *ranges[over], **steps)
+    found = branch_dataset(branch).assign_attrs(_attributes(spec, over, stated))
+    if period is None and built.wiper is not None:
+        found = _with_steady_slip(found, built.wiper, over, (low, high), ranges[over])
+
+    def so_far(lacks: str = "") -> xr.Dataset:
+        title = found.attrs["title"] + (f" (unfinished: without {lacks})" if lacks else "")
+        made = provenance.record(None, time.perf_counter() - begun)
+        return found.assign_attrs(title=title, **made)
+
+    def keep_without(*later: str) -> None:
+        lacks = " and ".join(later)
+        keep(so_far(lacks), lacks)
+
+    simulations = ("simulations",) if simulate else ()
+    if second is not None:
+        keep_without("curves", *simulations)
+        if lines := follow_curves(branch, second[0], *ranges[second[0]], **steps):
+            fixed = {name: value for name, value in stated.items() if name != second[0]}
+            found = with_curves(found, curves_dataset(lines).assign_attrs(fixed=json.dumps(fixed)))
     if simulate:
-        brute = up_and_down(
-            system,
-            over,
-            np.linspace(*bounds, simulate),
-            settle=spec.run.duration,
-            window=10 * cycle.period,
-            initial_state=(position, velocity),
-            period=period,
-            max_step=spec.run.max_step,
-        )
+        keep_without(*simulations)
+        values = np.linspace(*ranges[over], simulate)
+        brute = up_and_down(system, over, values, window=10 * cycle.period, **alike)
         found = with_simulations(found, brute)
-    law = spec.family.law(spec)
+    return so_far()
+
+
+def _attributes(spec: SceneSpec, over: str, stated: dict[str, float]) -> dict[str, Any]:
+    """Return what a branch says of its scene."""
+    table, law = spec.parameter_table, spec.family.law(spec)
     attrs = {
         "title": spec.title or f"cycles over {table[over].long_name}",
         "belt_kind": spec.belt_kind or "",
@@ -114,13 +126,20 @@ def follow_scene(
         **stated,
         "specification_text": spec.text,
         "specification": json.dumps(spec.document()),
-        **provenance.record(None, time.perf_counter() - begun),
     }
-    found = found.assign_attrs(cf.plain_attributes(attrs))
-    if period is not None or built.wiper is None:
-        return found
-    fine = np.linspace(low, high, 200)
-    varied: Any = numbers.replaced(built.wiper, over, np.linspace(*bounds, len(fine)))
+    return cf.plain_attributes(attrs)
+
+
+def _with_steady_slip(
+    found: xr.Dataset,
+    wiper: Any,
+    over: str,
+    ends: tuple[float, float],
+    bounds: tuple[float, float],
+) -> xr.Dataset:
+    """Return a branch with all steady slip between the ``ends`` of its range, in SI ``bounds``."""
+    fine = np.linspace(*ends, 200)
+    varied: Any = numbers.replaced(wiper, over, np.linspace(*bounds, len(fine)))
     slip = steady_slip_branches(varied)
     return with_rest(found, fine, np.asarray(slip.x), np.asarray(slip.growth_rate) < 0)
 

@@ -60,6 +60,8 @@ def follow_curves(
 
     **Returns** one `Curve` for each ``hopf``, ``fold`` and ``..._fold`` in ``branch.special``; two
     that lie on one curve give it once. Where one can not be followed, or not on, its ends say so.
+    Over a number named as a variable of branches (``amplitude``) they make no `curves_dataset`:
+    rename that first.
 
     Raises ValueError for arguments that cannot be meant.
     """
