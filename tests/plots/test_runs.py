@@ -670,7 +670,7 @@ def test_all_pictures_of_a_file(folder, squeal, tmp_path, monkeypatch):
     assert all(path.stat().st_size > 1000 for path in made)
     with pytest.raises(StoreError, match="p-overview.png: exists already"):
         plots.plot_all(tmp_path / "run.h5", tmp_path / "p.png")
-    monkeypatch.setattr(files, "_write", lambda drawn, output, dpi: None)
+    monkeypatch.setattr(files, "_write", lambda drawn, output, force, dpi: None)
     # of what lacks a velocity of the glass, all but friction and animation
     made = plots.plot_all(folder / "run.h5", tmp_path / "q.pdf", dpi=30)
     assert {path.stem for path in made} == {

@@ -208,7 +208,7 @@ def test_ctrl_c_stops_cleanly_and_says_how_to_go_on(tmp_path):
 
 
 PRESSED = """
-import os, sys
+import os, signal, sys
 from matplotlib.figure import Figure
 from wiperjax.cli import main
 
@@ -219,6 +219,9 @@ def save(figure, path, **options):
     os.kill(os.getpid(), number)
 
 Figure.savefig = save
+for each in ("SIGTERM", "SIGHUP"):  # as at a terminal: whoever runs the tests may ignore them
+    signal.signal(getattr(signal, each), signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.exit(main())
 """
 
