@@ -42,6 +42,16 @@ def test_a_statement_inside_another_hears_what_that_heard(pythons_own):
             check()
 
 
+def test_what_python_drops_is_told_by_no_traceback(pythons_own, monkeypatch):
+    """One in a heap of tests' runs was pressed in the callback of a weak reference."""
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    with heeded() as check, pytest.raises(KeyboardInterrupt):
+        drop_ctrl_c()
+        assert not told
+        check()
+
+
 def test_in_another_thread_nothing_is_heard(pythons_own):
     raised = []
 

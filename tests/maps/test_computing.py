@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from stub_sweep import evaluate, make_spec
 
+from wiperjax.machine import interrupt
 from wiperjax.machine.phases import account, during
 from wiperjax.maps import block, driver
 from wiperjax.maps.computing import computing
@@ -165,6 +166,7 @@ def test_a_second_ctrl_c_while_blocks_end_is_not_dropped_with_a_traceback(
 
     monkeypatch.setattr(where, name, press)
     monkeypatch.setattr(sys, "unraisablehook", dropped.append)
+    monkeypatch.setattr(interrupt._Heeding, "dropped", lambda _, told: dropped.append(told))
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
     try:
         with pytest.raises(KeyboardInterrupt):

@@ -26,11 +26,13 @@ class _Heeding:
             sys.setprofile(_soon)
 
     def dropped(self, told) -> None:
-        """In place of `sys.unraisablehook`: has a Ctrl-C that Python drops heard once more."""
-        if isinstance(told.exc_value, KeyboardInterrupt):
-            sys.setprofile(_soon)
-        else:
+        """In place of `sys.unraisablehook`, which would print a traceback of a Ctrl-C that Python
+        drops: it is known, and raised by `check`, or at once.
+        """
+        if not isinstance(told.exc_value, KeyboardInterrupt):
             self.hook(told)
+        elif self.insists:
+            sys.setprofile(_soon)
 
     def check(self) -> None:
         if self.pressed:
@@ -75,13 +77,11 @@ def heeded(insists: bool = False) -> Iterator[Callable[[], None]]:
         return
     try:
         signal.signal(signal.SIGINT, handler)
-        if insists:
-            sys.unraisablehook = handler.dropped
+        sys.unraisablehook = handler.dropped
         yield handler.check
     finally:
         signal.signal(signal.SIGINT, before)
-        if insists:
-            sys.unraisablehook = handler.hook
+        sys.unraisablehook = handler.hook
 
 
 class _Ending:
