@@ -334,7 +334,7 @@ BAD = {
         "box": {"attack_angle": (-50, 5)},
     },
     "refine.resolution: must need at most 20 halvings": {"resolution": 1e-12},
-    "refine.resolution: .* spacing; 4.94066e-324 needs 1072": {"resolution": 5e-324},
+    "refine.resolution: .* spacing; 4.94066e-324 needs 1071": {"resolution": 5e-324},
     "refine.levels: must leave axes.attack_angle at most 1000000 values": {"levels": 20},
     "refine.on: must be of what finer points have too; event_count is": {
         "levels": 2,
