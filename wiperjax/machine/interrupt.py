@@ -101,9 +101,10 @@ class _Ending:
 def end_as_by_ctrl_c() -> Callable[[int], int]:
     """Has SIGTERM (of `kill`, and of batch systems) and SIGHUP (of a terminal that is closed) heard
     as a Ctrl-C is, for the rest of the process: else files that are being written would stay under
-    their temporary names, and nothing would be said. What is ignored, or heeded otherwise, stays
-    so. Returns what makes of an exit status that which shells report of the one that was heard, if
-    one was and the work is not done.
+    their temporary names, and nothing would be said. Like a Ctrl-C the first waits for what XLA
+    compiles or computes in one call; a second one does not. What is ignored, or heeded otherwise,
+    stays so. Returns what makes of an exit status that which shells report of the one that was
+    heard, if one was and the work is not done.
     """
     handler = _Ending()
     for name in ("SIGTERM", "SIGHUP"):
