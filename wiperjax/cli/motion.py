@@ -103,7 +103,7 @@ def follow(
     def keep(branch: Any, lacks: str = "") -> None:
         nonlocal kept
         write_dataset(branch.assign_attrs(command=command_line()), output, force or bool(kept))
-        kept = f"note: {output} holds the branch, without its {lacks}"
+        kept = f"note: {output} holds the branch, without its {lacks}" if lacks else ""
 
     try:
         branch = follow_scene(spec, over, low, high, step, simulate or 0, plane, keep=keep)  # type: ignore[arg-type]

@@ -30,13 +30,15 @@ def doubts(ds: xr.Dataset) -> Iterator[str]:
         if entry and name in ds.coords and ds[name].dtype.kind in "iuf":
             if problem := entry.problem(ds[name].values):
                 yield f"its axis {name} {problem}"
+    classed = ds["label"].isin(_CLASSES)
     for name, variable in ds.data_vars.items():
         column = SCHEMA.get(str(name))
         if column is None or column.along or variable.dtype.kind not in "iuf":
             continue
         variable = variable[...]  # else all of a large map is kept in memory
-        values = variable.values[~np.isnan(variable.values)]
-        if name in _RESTS_ON and bool((variable.isnull() & ds["label"].isin(_CLASSES)).any()):
+        none = variable.isnull()
+        values = variable.values[~none.values]
+        if name in _RESTS_ON and bool((none & classed).any()):
             yield f"its {name} must be a number where a cell has a class, but had nan"
         if column.flags is not None:
             yield from _of_codes(variable, values)
